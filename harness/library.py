@@ -193,6 +193,11 @@ class Library:
         """True if its systems are robots' files, each the truth itself, which holds more than the dynamics needs and has no energies."""
         return False
 
+    @property
+    def reads_files(self) -> bool:
+        """True where engines are handed files as their users do, and not models of mechanisms."""
+        return False
+
     def engine_folders(self) -> list[Path]:
         """The folders of the engines that can be asked; of two engines with one name the later one's is taken."""
         return [Library.built_in().engines, self.engines]

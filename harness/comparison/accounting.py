@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.certify.compare import compare
-from harness.comparison.questions import Answers
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
+from harness.engines.request import Answers
 from harness.explain.changes.readings import Reading
 from harness.results.comparison import FELT, Effect
 from harness.robots.robot import Robot

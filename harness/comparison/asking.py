@@ -3,10 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
 
-from harness.comparison.callers import CallersLibrary
-from harness.comparison.questions import Answers, Question
-from harness.engines import Subject, Unsupported, installed_version, load_engine, runs_elsewhere, select_subjects
+from harness.engines import (
+    Engine,
+    Subject,
+    Unsupported,
+    file_engine,
+    file_engines,
+    installed_version,
+    load_engine,
+    runs_elsewhere,
+    select_subjects,
+)
+from harness.engines.request import Answers, Question
+from harness.library import Library
+
+
+@dataclass(frozen=True)
+class FilesLibrary(Library):
+    """A library whose files engines read by themselves, as their users hand them over."""
+
+    @classmethod
+    def without_files(cls) -> Self:
+        """The engines alone."""
+        folder = Library.built_in().engines
+        return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
+
+    @property
+    def reads_files(self) -> bool:
+        return True
+
+    def native(self, formats: Sequence[str]) -> Sequence[str]:
+        """All: a user has one file, and asks about every engine that reads it."""
+        return formats
+
+
+def engine_of(name: str) -> Engine:
+    """An engine that users' files are handed to, or a version of it, ``engine@version``, by whose name it goes then."""
+    return file_engine(FilesLibrary.without_files(), name)
+
+
+def engines_of_files() -> dict[str, Engine]:
+    """All of them by name, sorted."""
+    return file_engines(FilesLibrary.without_files())
 
 
 def robot_subjects(names: Sequence[str] = ()) -> list[Subject]:
@@ -15,7 +56,7 @@ def robot_subjects(names: Sequence[str] = ()) -> list[Subject]:
     Raises:
         InvalidRequest: a name no subject has, or whose version no environment holds.
     """
-    return select_subjects(CallersLibrary.without_files(), names)
+    return select_subjects(FilesLibrary.without_files(), names)
 
 
 def ask_engine(engine: str, question: Question) -> Answers:
@@ -23,11 +64,11 @@ def ask_engine(engine: str, question: Question) -> Answers:
 
     What its version has no interface for is a refusal, and so is an engine that is installed nowhere.
     """
-    found = load_engine(CallersLibrary.without_files(), engine)
+    found: Any = load_engine(FilesLibrary.without_files(), engine)
     if installed_version(found) is None:
         return Answers(refusal=f"{found.requires[1]} is not installed; harness engines add {engine}")
     try:
-        answers: Answers = found.evaluate("ask", question) if runs_elsewhere(found) else found.ask(question)  # type: ignore[attr-defined]
+        answers: Answers = found.evaluate("ask", question) if runs_elsewhere(found) else found.ask(question)
     except Unsupported as missing:
         return Answers(refusal=str(missing))
     return answers

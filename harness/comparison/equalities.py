@@ -19,9 +19,10 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.comparison.accounting import fold
 from harness.comparison.asking import ask_engine
-from harness.comparison.questions import Answers, Caller, Held, Question
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
+from harness.engines import Engine
+from harness.engines.request import Answers, Held, Question
 from harness.equations.constraint_forces import Softness, softened_program
 from harness.equations.constraints import RESIDUAL
 from harness.equations.kernels import BallKernel
@@ -44,13 +45,13 @@ _HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
 _UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
 
 
-def judge_equalities(meant: Meant, caller: Caller) -> EqualitiesRecord:
+def judge_equalities(meant: Meant, caller: Engine) -> EqualitiesRecord:
     """The record of a plain engine on a file with equalities."""
     robot = meant.robot
-    about: dict[str, Any] = {"path": str(robot.path), "engine": caller.engine, "format": robot.format}
+    about: dict[str, Any] = {"path": str(robot.path), "engine": caller.name, "format": robot.format}
     if caller.why_no_equalities:
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=caller.why_no_equalities)
-    read = read_as(meant, fold(robot, find_readings(caller.engine, robot.format, caller.reader)).robot)
+    read = read_as(meant, fold(robot, find_readings(caller.name, robot.format, caller.reader)).robot)
     why_not = {number: reason for number, one in enumerate(robot.equalities) if (reason := _why_not(one, read.robot))}
     judged = [number for number in range(len(robot.equalities)) if number not in why_not]
     free = _asked(meant, caller, ())
@@ -98,12 +99,12 @@ def _why_not(equality: Equality, read: Robot) -> str:
     return f"is about {missing}, which the engine does not have" if missing else ""
 
 
-def _asked(meant: Meant, caller: Caller, switched_on: Sequence[int], most: int | None = None) -> Answers:
+def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int], most: int | None = None) -> Answers:
     """Accelerations of the plain engine with some of the equalities."""
-    request = request_of(meant.robot, aided=False)
-    states = spread(meant.robot, meant.states[np.arange(len(meant.states))[:most]], request.joints)
     held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
-    return ask_engine(caller.engine, Question(**(vars(request) | {"held": held}), q=states.q, v=states.v, tau=states.tau))
+    request = replace(request_of(meant.robot, aided=False), held=held)
+    states = spread(meant.robot, meant.states[np.arange(len(meant.states))[:most]], request.joints)
+    return ask_engine(caller.name, Question(request, states.q, states.v, states.tau))
 
 
 def _effect(read: Meant, answers: Answers) -> float | None:
@@ -113,7 +114,7 @@ def _effect(read: Meant, answers: Answers) -> float | None:
     return largest_change(truth, found, truth.certified)
 
 
-def _declared_truth(read: Meant, caller: Caller, numbers: Sequence[int]) -> Reference:
+def _declared_truth(read: Meant, caller: Engine, numbers: Sequence[int]) -> Reference:
     """The certified optimum at the states of ``read`` with these equalities."""
     robot, states = read.robot, read.states
     chosen = {f"{robot.equalities[number].kind} {number}": robot.equalities[number] for number in numbers}

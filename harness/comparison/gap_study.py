@@ -12,15 +12,16 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.accounting import fold
-from harness.comparison.callers import CallersLibrary, find_callers
+from harness.comparison.asking import FilesLibrary, engines_of_files
 from harness.comparison.gap import Motion, shares_of
 from harness.comparison.matching import match, renamed_to
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
-from harness.comparison.questions import Refused
 from harness.comparison.same_states import SameStates
-from harness.comparison.states import asked_joints, request_of
-from harness.engines import installed_version, load_engine, runs_elsewhere
+from harness.comparison.states import request_of
+from harness.engines import NotOffered, installed_version, load_engine, runs_elsewhere
+from harness.engines.request import Refused
+from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.changes.readings import find_readings
@@ -62,10 +63,10 @@ class By:
             form = None
         if form is None or (length is not None and not 0 < length < np.inf):
             raise InvalidRequest(f"{text!r}: expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS, as mujoco/RK4@0.001")
-        if form["engine"] not in (known := find_callers()):
+        if form["engine"] not in (known := engines_of_files()):
             raise InvalidRequest(f"no engine is called {form['engine']!r}; {nearest(form['engine'], known)}")
         # Its steps are taken in this process, state by state.
-        engine = load_engine(CallersLibrary.without_files(), form["engine"])
+        engine = load_engine(FilesLibrary.without_files(), form["engine"])
         if runs_elsewhere(engine) or installed_version(engine) is None:
             raise InvalidRequest(
                 f"{form['engine']} is not installed beside the harness, where steps are taken; install {engine.requires[1]}"
@@ -184,12 +185,12 @@ def _given(text: str, nq: int, nv: int) -> tuple[Array, Array]:
 
 
 def _rule(robot: Robot, by: By) -> StepRule:
-    caller = find_callers()[by.engine]
-    own = getattr(caller, "step_rules", None)
-    rules = OWN_RULES if own is None else own(read_any(robot.path, "a model").root, robot.format)
+    caller = engines_of_files()[by.engine]
+    own = caller.own_rules(read_any(robot.path, "a model").root, robot.format)
+    rules = own or OWN_RULES
     known = {rule.name: rule for rule in rules}
     if by.integrator not in known:
-        whose = "" if own is not None else f" of one's own by {by.engine}'s accelerations"
+        whose = "" if own else f" of one's own by {by.engine}'s accelerations"
         raise InvalidRequest(f"no integrator{whose} is called {by.integrator!r}; {nearest(by.integrator, known)}")
     rule = known[by.integrator]
     return rule if by.length is None else replace(rule, length=by.length)
@@ -231,13 +232,13 @@ def _move(case: _Case, q: Array, v: Array, names: Sequence[str], note: Callable[
     positions = [place for joint in joints for place in own[joint.name].positions]
     velocities = [place for joint in joints for place in own[joint.name].velocities]
     try:
-        loaded = find_callers()[case.engine].load(request_of(case.robot, aided=False))
+        loaded = engines_of_files()[case.engine].read(request_of(case.robot, aided=False))
     except Refused as refusal:
         raise InvalidRequest(f"{case.engine} refuses {case.robot.path.name}: {refusal}") from refusal
     given = q[positions], v[velocities]
-    if hasattr(loaded, "advanced"):
+    try:
         after_q, after_v = loaded.advanced(*given, case.rule, case.steps)
-    else:
+    except NotOffered:
         after_q, after_v = advanced(loaded, joints, *given, case.rule, case.steps)
     found_q, found_v = np.empty_like(q), np.empty_like(v)
     found_q[positions], found_v[velocities] = after_q, after_v

@@ -14,9 +14,10 @@ import numpy as np
 from harness.certify.compare import Comparison, compare
 from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
 from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
-from harness.comparison.questions import Answers, Caller
 from harness.comparison.rest import is_explained_by_number, unexplained, why_refused
 from harness.comparison.truth import Meant, read_as
+from harness.engines import Engine
+from harness.engines.request import Answers
 from harness.explain.changes.readings import find_readings
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
@@ -27,7 +28,7 @@ ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution
 _NOWHERE = "at no state is an acceleration certain, for M is singular or not positive definite there"
 
 
-def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> SubjectRecord:
+def judge(meant: Meant, answers: Answers, caller: Engine, aided: bool) -> SubjectRecord:
     """The record of a subject that returned something."""
     about: dict[str, Any] = {**subject_of(meant, caller, aided), "notes": answers.notes}
     if answers.refusal:
@@ -35,7 +36,7 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
-    readings = find_readings(caller.engine, meant.robot.format, caller.reader)
+    readings = find_readings(caller.name, meant.robot.format, caller.reader)
     folded = fold(meant.robot, (one for one in readings if not (aided and one.supplied)))
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)
@@ -59,7 +60,7 @@ def judge(meant: Meant, answers: Answers, caller: Caller, aided: bool) -> Subjec
     return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, answers))
 
 
-def _cause_of_lost_digits(read: Meant, answers: Answers, after: Comparison, caller: Caller) -> str:
+def _cause_of_lost_digits(read: Meant, answers: Answers, after: Comparison, caller: Engine) -> str:
     """Why digits are lost in what the readings leave; "" where they are not, or a number of the file explains it."""
     accelerations = answers.of(read.robot.joints)
     if is_explained_by_number(read, accelerations):
@@ -81,12 +82,12 @@ def _of_undetermined(meant: Meant, answers: Answers) -> str:
     return f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
 
 
-def subject_of(meant: Meant, caller: Caller, aided: bool) -> dict[str, Any]:
+def subject_of(meant: Meant, caller: Engine, aided: bool) -> dict[str, Any]:
     """What a record says of its subject."""
     model_format = meant.robot.format
     return {
         "path": str(meant.robot.path),
-        "engine": caller.engine,
+        "engine": caller.name,
         "format": model_format,
         "aided": aided,
         "call": caller.call[model_format],

@@ -11,8 +11,9 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.coordinates import multiplied
-from harness.comparison.questions import Asked, Loaded, by_joint
+from harness.engines.coordinates import multiplied
+from harness.engines.loaded_file import LoadedFile
+from harness.engines.request import Asked, by_joint
 from harness.models.step_rule import StepRule
 
 LENGTH = 0.002
@@ -27,7 +28,7 @@ RUNGE_KUTTA = StepRule(
 OWN_RULES = (EULER, RUNGE_KUTTA)
 
 
-def advanced(loaded: Loaded, joints: Sequence[Asked], q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
+def advanced(loaded: LoadedFile, joints: Sequence[Asked], q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
     """q (nq,) and v (nv,) over ``joints`` after so many steps by a rule of ``OWN_RULES``, without applied forces.
 
     Raises:
@@ -45,11 +46,9 @@ def advanced(loaded: Loaded, joints: Sequence[Asked], q: Array, v: Array, rule: 
     return q, v
 
 
-def _accelerations_of(loaded: Loaded, joints: Sequence[Asked]) -> Callable[[Array, Array], Array]:
+def _accelerations_of(loaded: LoadedFile, joints: Sequence[Asked]) -> Callable[[Array, Array], Array]:
     def accelerations(q: Array, v: Array) -> Array:
-        run = loaded.prepare(q[None], v[None], np.zeros((1, len(v))))
-        run.compute()
-        found = by_joint(loaded.joints, run.accelerations())
+        found = by_joint(loaded.joints, loaded.forward_dynamics(q[None], v[None], np.zeros((1, len(v)))))
         return np.concatenate([found[joint.name][0] for joint in joints])
 
     return accelerations

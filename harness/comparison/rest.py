@@ -14,8 +14,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
-from harness.comparison.questions import Answers
 from harness.comparison.truth import Meant, reference_of
+from harness.engines.request import Answers
 from harness.explain.fit import left_by
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.results.table import error_text

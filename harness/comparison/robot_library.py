@@ -1,7 +1,7 @@
 """Robots' files as a library: what makes whatever works on a mechanism work on a robot.
 
 A file is a system of this library under its path as it was given, so that what is printed can be typed again. Its mechanism is what the
-harness reads in the file, and its engines are those that read it, aided; see ``harness.comparison.callers``.
+harness reads in the file, and its engines are those that read it, aided; see ``harness.engines.engine``.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from harness.comparison.asking import robot_subjects
-from harness.comparison.callers import CallersLibrary, caller_of
+from harness.comparison.asking import FilesLibrary, engine_of, robot_subjects
 from harness.comparison.meshes import compiled_meshes
+from harness.comparison.states import request_of
 from harness.comparison.truth import joints_without_inertia
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
@@ -28,7 +28,7 @@ from harness.robots.robot import read_robot
 
 
 @dataclass(frozen=True)
-class RobotLibrary(CallersLibrary):
+class RobotLibrary(FilesLibrary):
     """Robots' files, each a system with a model in one format.
 
     Attributes:
@@ -55,9 +55,9 @@ class RobotLibrary(CallersLibrary):
             )
         (folder,) = folders.values()
         names = ", ".join(Path(path).name for path in formats)
-        callers = cls.without_files()
+        engines = cls.without_files()
         return replace(
-            callers,
+            engines,
             name=names,
             systems=folder,
             models=folder,
@@ -136,7 +136,7 @@ class RobotLibrary(CallersLibrary):
         for model_format in dict.fromkeys(self.formats.values()):
             for subject in robot_subjects():
                 if subject.format == model_format:
-                    yield f"{subject}, aided: {caller_of(subject.engine).supplied[model_format]}"
+                    yield f"{subject}, aided: {engine_of(subject.engine).supplied[model_format]}"
 
     def _likenesses(self) -> Iterator[str]:
         for path, model_format in self.formats.items():
@@ -165,7 +165,7 @@ def _(library: RobotLibrary, name: str) -> Mechanism:
         what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
         raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
     digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
-    return replace(mechanism_of(robot), name=library.label(name), digest=digest)
+    return replace(mechanism_of(robot), name=library.label(name), digest=digest, request=request_of(robot, aided=True))
 
 
 def resolved(library: Library, names: Sequence[str], floating_base: bool = False) -> Library:

@@ -14,9 +14,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.canonical import Node, canonical
-from harness.comparison.coordinates import LINEAR, multiplied, of_linear, quaternion_of, rotations
-from harness.comparison.questions import Asked
-from harness.comparison.states import asked_joints
+from harness.engines.coordinates import LINEAR, multiplied, of_linear, quaternion_of, rotations
+from harness.engines.request import Asked
+from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.robots.robot import Robot
 

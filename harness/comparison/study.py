@@ -11,15 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from harness.comparison.asking import ask_engine, robot_subjects
-from harness.comparison.callers import caller_of
+from harness.comparison.asking import ask_engine, engine_of, robot_subjects
 from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
 from harness.comparison.meshes import compiled_meshes
-from harness.comparison.questions import Answers, Question
 from harness.comparison.sameness import hold_against
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import Meant, meant
+from harness.engines.request import Answers, Question
 from harness.errors import InvalidInput, InvalidModel
 from harness.results.comparison import (
     EqualitiesRecord,
@@ -109,7 +108,7 @@ class RobotComparison(Inquiries):
 
     def _asked(self, found: Meant, engine: str, aided: bool) -> Inquiry[None]:
         """One engine in one stance on a file, judged beside the file's truth."""
-        path, about = found.robot.path, subject_of(found, caller_of(engine), aided)
+        path, about = found.robot.path, subject_of(found, engine_of(engine), aided)
         outcome = yield from ask(_ask, engine, question_of(found, aided))
         answers: Answers = outcome.value
         if failure := self.failure(outcome):
@@ -148,7 +147,7 @@ def question_of(found: Meant, aided: bool) -> Question:
     """What a plain or aided engine is asked about a file whose truth is known."""
     request = request_of(found.robot, aided)
     states = spread(found.robot, found.states, request.joints)
-    return Question(**vars(request), q=states.q, v=states.v, tau=states.tau)
+    return Question(request, states.q, states.v, states.tau)
 
 
 def _file_record(found: Meant) -> FileRecord:
@@ -184,11 +183,11 @@ def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answer
 
 
 def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
-    return judge(found, answers, caller_of(engine), aided)
+    return judge(found, answers, engine_of(engine), aided)
 
 
 def _judge_equalities(found: Meant, engine: str, note: Callable[[str], None]) -> EqualitiesRecord:
-    return judge_equalities(found, caller_of(engine))
+    return judge_equalities(found, engine_of(engine))
 
 
 def _hold(first: Meant, second: Robot, renamed: Mapping[str, str], note: Callable[[str], None]) -> PairRecord:

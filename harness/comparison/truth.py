@@ -13,9 +13,10 @@ from harness.certify.certified import Flags
 from harness.certify.reference import Reference, energy_norm
 from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
-from harness.comparison.questions import Asked
 from harness.comparison.same_states import SameStates
-from harness.comparison.states import asked_joints, spread
+from harness.comparison.states import spread
+from harness.engines.request import Asked
+from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.files.tree import Joint, Tree
 from harness.robots.bounds import bounded

@@ -14,9 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from harness.arrays import Array
+from harness.engines.engine import Engine as Engine
+from harness.engines.engine import require_model as require_model
 from harness.engines.files import EQUATIONS as EQUATIONS
 from harness.engines.files import FORMATS as FORMATS
 from harness.engines.files import LOADING_SECONDS as LOADING_SECONDS
@@ -24,6 +26,8 @@ from harness.engines.files import EngineFile as EngineFile
 from harness.engines.files import describe_engines as describe_engines
 from harness.engines.files import engine_files as engine_files
 from harness.engines.files import engine_paths as engine_paths
+from harness.engines.files import file_engine as file_engine
+from harness.engines.files import file_engines as file_engines
 from harness.engines.files import installed_version as installed_version
 from harness.engines.files import load_engine as load_engine
 from harness.engines.files import runs_elsewhere as runs_elsewhere
@@ -73,38 +77,6 @@ class Model(Protocol):
 
         A rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both behind the
         position of a free joint.
-        """
-
-
-class Engine(Protocol):
-    """The ``ENGINE`` of an engine file.
-
-    Attributes:
-        requires: importable module and distribution name of the program behind it.
-        formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``. The first is its
-            native one. What a reader of another passes over, the engine file supplies from the same file or refuses.
-
-    An engine that gives the linear velocity of a free joint in the body's own frame says so by an
-    attribute ``linear_velocity_in_body = True``; without it the joint's frame is meant. One that solves for accelerations by a
-    factorisation of M says so by ``factorises_mass_matrix = True``; without it no error is excused by M's condition.
-    One that computes in float32 says so by ``unit_roundoff = 2.0**-24``: it is asked at states rounded to float32, and judged in data
-    roundoffs of float32.
-    One that not everybody installs has ``optional = True``: where it is installed nowhere, it is asked by name alone.
-    One that says which versions of its program it knows has ``oldest``, the oldest by format, and ``companions``: what versions need
-    beside what they require themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
-    One that documents that it does not hold constraints rigid has ``constraint_laws(file) -> Mapping[str, ConstraintLaw]``, by the
-    names of the constraints. One that documents its integrators has ``step_rules(file) -> tuple[StepRule, ...]``.
-    """
-
-    requires: tuple[str, str]
-    formats: tuple[str, ...]
-
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
-        """Load once; ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for formats that hold none.
-
-        Raises:
-            Unsupported: the engine cannot express the mechanism, or a reader that is not its native one refuses the model.
-            ValueError: the engine refuses the model; the message is the engine's.
         """
 
 
@@ -202,7 +174,11 @@ def subjects_of(library: Library, engine: str) -> list[Subject]:
 
 
 def _all_subjects(library: Library) -> list[Subject]:
-    return sorted(Subject(name, model_format) for name, file in engine_files(library).items() for model_format in file.formats)
+    return sorted(
+        Subject(name, model_format)
+        for name, file in engine_files(library).items()
+        for model_format in (file.of_users if library.reads_files else file.formats)
+    )
 
 
 def asked_of(library: Library, name: str, among: Sequence[Subject], more: Collection[str] = ()) -> list[Subject]:
@@ -235,10 +211,3 @@ def select_subjects(library: Library, names: Sequence[str], native_only: bool = 
     if chosen or not native_only:
         return chosen or subjects(library)
     return [one for one in subjects_beside(library) if is_native(library, one)]
-
-
-def require_model(source: Any, engine: str) -> ModelFile:
-    """``source`` as a model file; the error of an engine that was handed equations."""
-    if not isinstance(source, ModelFile):
-        raise TypeError(f"{engine} reads model files, not {type(source).__name__}")
-    return source

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import copy
 import functools
 import importlib
 import importlib.util
@@ -11,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from harness.engines.elsewhere.engine import EngineElsewhere
 from harness.environments.folders import environment_of, find_environments, split_name
@@ -38,6 +39,7 @@ class EngineFile:
 
     Attributes:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
+        of_users: the formats in which files of users are handed to it.
         version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
         oldest, companions: as of ``Engine``.
         optional: as of ``Engine``.
@@ -47,6 +49,7 @@ class EngineFile:
 
     requires: tuple[str, str]
     formats: tuple[str, ...]
+    of_users: tuple[str, ...] = ()
     version: str | None = None
     oldest: Mapping[str, str] = field(default_factory=dict)
     companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -133,6 +136,7 @@ def _describe(library: Library, name: str, note: object = None) -> dict[str, Any
     return {
         "requires": (engine.requires[0], engine.requires[1]),
         "formats": tuple(dict.fromkeys(engine.formats)),
+        "of_users": tuple(getattr(engine, "call", ())),
         "version": installed_version(engine),
         "optional": bool(getattr(engine, "optional", False)),
         "oldest": dict(getattr(engine, "oldest", {})),
@@ -161,9 +165,25 @@ def load_engine(library: Library, name: str) -> Engine:
     """
     name, version = split_name(name)
     engine = _load_file(library, name)
+    if library.reads_files:
+        engine = engine.for_files()
     if version or (installed_version(engine) is None and find_environments(name)):
         path = _path_of(library, name)
-        return EngineElsewhere(engine, path, _module_name(path) if _is_own(path) else "", environment_of(name, version))
+        module = _module_name(path) if _is_own(path) else ""
+        return cast("Engine", EngineElsewhere(engine, path, module, environment_of(name, version)))
+    return engine
+
+
+def file_engines(library: Library) -> dict[str, Engine]:
+    """The engines that files of users are handed to, by name, sorted."""
+    engines = {name: _load_file(library, name) for name in engine_paths(library)}
+    return {name: engine for name, engine in engines.items() if engine.call}
+
+
+def file_engine(library: Library, name: str) -> Engine:
+    """Such an engine, or a version of it, ``engine@version``, by whose name it goes then; what it says of itself needs no environment."""
+    engine = copy.copy(_load_file(library, split_name(name)[0]))
+    engine.name = name
     return engine
 
 
@@ -176,6 +196,7 @@ def _load_file(library: Library, name: str) -> Engine:
         line = next((number for number, text in enumerate(lines, start=1) if text.startswith("ENGINE")), None)
         raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
     assert engine is not None
+    engine.name = name
     return engine
 
 

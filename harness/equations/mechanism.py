@@ -6,7 +6,7 @@ import functools
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -76,6 +76,11 @@ class Mechanism:
     moving_loads: tuple[float, ...] = ()
     energies_text: str = ""
     constraints: Constraints | None = None
+
+    @property
+    def handed_to_engines(self) -> Any:
+        """What an engine that takes equations is given; of a user's file, the request to load it."""
+        return self
 
     @property
     def nv(self) -> int:

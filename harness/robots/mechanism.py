@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Any
 
 from harness.equations.applied_forces import forces_of
 from harness.equations.mechanism import Mechanism
@@ -31,10 +32,16 @@ class RobotMechanism(Mechanism):
 
     Attributes:
         digest: of the file's content, which an engine may make more of than its equations hold; "" where no engine reads it.
+        request: what an engine that reads the file by itself is to load; None where none does.
     """
 
     robot: Robot
     digest: str = ""
+    request: Any = None
+
+    @property
+    def handed_to_engines(self) -> Any:
+        return self.request or self
 
     @property
     def key(self) -> Hashable:

@@ -15,10 +15,10 @@ from harness.bench.methods import find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.parts import BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
-from harness.comparison.questions import JointForces
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
+from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.motion.integrators import MECHANISMS, ROBOTS, integrators, select_integrators

@@ -13,7 +13,7 @@ from support import Done, harness
 
 import harness as public
 from harness.arrays import Array
-from harness.comparison.questions import JointForces
+from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
 from harness.robots.robot import read_robot
 

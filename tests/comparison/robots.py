@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.comparison.callers import find_callers
+from harness.comparison.asking import engines_of_files
 from harness.comparison.judgement import judge
 from harness.comparison.meshes import compiled_meshes
-from harness.comparison.questions import ask
 from harness.comparison.study import question_of
 from harness.comparison.truth import Meant, meant
 from harness.results.comparison import SubjectRecord
@@ -24,8 +23,8 @@ def meant_by(path: Path, floating_base: bool = False) -> Meant:
 def record_of(path: Path, engine: str, aided: bool = False, floating_base: bool = False) -> SubjectRecord:
     """The record of a subject, asked in this process."""
     found = meant_by(path, floating_base)
-    caller = find_callers()[engine]
-    return judge(found, ask(caller, question_of(found, aided)), caller, aided)
+    asked = engines_of_files()[engine]
+    return judge(found, asked.ask(question_of(found, aided)), asked, aided)
 
 
 def edited(source: Path, folder: Path, *changes: tuple[str, str]) -> Path:

@@ -10,9 +10,9 @@ from comparison.robots import FILES, meant_by
 
 from harness.comparison import judgement
 from harness.comparison.accounting import fold
-from harness.comparison.callers import find_callers
-from harness.comparison.questions import Answers
+from harness.comparison.asking import engines_of_files
 from harness.comparison.truth import read_as
+from harness.engines.request import Answers
 from harness.explain.changes.readings import Reading, with_joints
 from harness.files.tree import Joint, Tree
 from harness.report.comparison import subject_lines
@@ -41,7 +41,7 @@ def judged(hold: Sequence[Reading], declared: Sequence[Reading], monkeypatch: py
     truth = read_as(found, fold(found.robot, hold).robot).truth
     answers = Answers(dict(zip(found.robot.joints, truth.high.T[:, :, None], strict=True)))
     monkeypatch.setattr(judgement, "find_readings", lambda *_: list(declared))
-    return judgement.judge(found, answers, find_callers()["pinocchio"], aided=False)
+    return judgement.judge(found, answers, engines_of_files()["pinocchio"], aided=False)
 
 
 def test_readings_that_cancel_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,9 +1,10 @@
-"""Callers are found by their files, and asked where their engine is: a toy's in an environment of its own."""
+"""Engines of users' files are found by their adapters, and asked where their engine is: a toy's in an environment of its own."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,13 +12,12 @@ import toy_engine
 from comparison.robots import FILES
 from support import BUILT_IN, InThisProcess
 
-from harness.comparison import callers
-from harness.comparison.asking import ask_engine, robot_subjects
-from harness.comparison.callers import CallersLibrary, caller_of, find_callers, pinocchio
-from harness.comparison.questions import Refused
+from harness.comparison.asking import FilesLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
 from harness.comparison.robot_library import RobotLibrary
 from harness.comparison.study import RobotComparison, Settings
 from harness.engines import describe_engines, load_engine, runs_elsewhere
+from harness.engines.adapters.pinocchio.robot import PinocchioRun
+from harness.engines.request import Refused
 from harness.errors import InvalidRequest
 from harness.explain.changes import readings
 from harness.results.comparison import SubjectRecord
@@ -31,14 +31,13 @@ VERSIONS = {
     "1.2": toy_engine.RIGHT.replace("-0.3 * v", "0.0 * v"),
     "1.3": toy_engine.LACKING.replace("def mass", "def masses"),
 }
-CALLER = """
+ADAPTER = """
 import numpy as np
-from harness.comparison.aided import AidedEngine
-from harness.comparison.callers._state_by_state import StateByState
-from harness.comparison.questions import Caller, Refused
+from harness.engines import Engine
+from harness.engines.request import Refused
+from harness.engines.state_by_state import StateByState
 
-class ToyCaller(Caller):
-    engine = "toy"
+class Toy(Engine):
     formats = ("urdf",)
     requires = ("toy_engine", "toy-engine")
     optional = True
@@ -47,12 +46,12 @@ class ToyCaller(Caller):
     why_no_equalities = "it has none"
     call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
 
-    def load(self, request):
+    def read(self, request):
         if len(request.joints) > 1:
             raise Refused("one joint, no more", request.joints[1].name)
-        return LoadedRobot(request, {"pin": 0}, 1)
+        return ToyModel(request, {"pin": 0}, 1)
 
-class LoadedRobot(StateByState):
+class ToyModel(StateByState):
     def __init__(self, *given):
         import toy_engine
         super().__init__(*given)
@@ -70,8 +69,7 @@ class LoadedRobot(StateByState):
         import toy_engine
         return toy_engine.weight(self.q) - toy_engine.friction(self.v)
 
-CALLER = ToyCaller()
-ENGINE = AidedEngine(CALLER)
+ENGINE = Toy()
 """
 READINGS = """
 from harness.explain.changes.readings import _left_out
@@ -82,20 +80,22 @@ BAR = BUILT_IN.model_path("bar_pendulum", "urdf")
 
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder of readings, none in it, where the toy has a caller and environments."""
+    """A folder of readings, none in it, where the toy has an adapter and environments."""
     root = tmp_path_factory.mktemp("toy")
-    (root / "callers").mkdir()
+    (root / "engines").mkdir()
     (root / "readings").mkdir()
-    (root / "callers" / "toy.py").write_text(CALLER)
+    (root / "engines" / "toy.py").write_text(ADAPTER)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARNESS_CACHE", str(root / "cache"))
-        patch.setattr(callers, "__path__", [*callers.__path__, str(root / "callers")])
+        without_files = FilesLibrary.without_files.__func__  # type: ignore[attr-defined]
+        planted = classmethod(lambda cls: replace(without_files(cls), engines=root / "engines"))
+        patch.setattr(FilesLibrary, "without_files", planted)
         patch.setattr(readings, "__path__", [*readings.__path__, str(root / "readings")])
         for version, source in VERSIONS.items():
             toy_engine.plant(version, source)
-        describe_engines(CallersLibrary.without_files(), Workers)
+        describe_engines(FilesLibrary.without_files(), Workers)
         yield root / "readings"
-    describe_engines(CallersLibrary.without_files(), Workers)
+    describe_engines(FilesLibrary.without_files(), Workers)
 
 
 def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]:
@@ -106,9 +106,9 @@ def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]
     return {(one.subject, one.kind): one for one in study.result().subjects}
 
 
-def test_a_caller_is_a_file_and_its_engine_is_asked_in_its_environment(toy: Path) -> None:
-    assert "toy" in find_callers()
-    assert runs_elsewhere(load_engine(CallersLibrary.without_files(), "toy@1.0"))
+def test_an_adapter_is_a_file_and_its_engine_is_asked_in_its_environment(toy: Path) -> None:
+    assert "toy" in engines_of_files()
+    assert runs_elsewhere(load_engine(FilesLibrary.without_files(), "toy@1.0"))
     records = compared(BAR, "toy@1.0/urdf", "pinocchio/urdf")
     assert list(records) == [(engine, kind) for engine in ("pinocchio/urdf", "toy@1.0/urdf") for kind in ("plain", "aided")]
     assert {records["toy@1.0/urdf", kind].outcome for kind in ("plain", "aided")} == {"agrees"}
@@ -148,11 +148,11 @@ def test_by_default_every_engine_is_asked_that_is_installed_anywhere(toy: Path, 
     with pytest.raises(InvalidRequest, match=r"harness engines add toy==9\.0"):
         robot_subjects(["toy@9.0/urdf"])
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
-    describe_engines(CallersLibrary.without_files(), Workers)
+    describe_engines(FilesLibrary.without_files(), Workers)
     assert not any(str(one).startswith("toy") for one in robot_subjects())
     assert "not installed; harness engines add toy" in ask_engine("toy", None).refusal  # type: ignore[arg-type]
     monkeypatch.undo()
-    describe_engines(CallersLibrary.without_files(), Workers)
+    describe_engines(FilesLibrary.without_files(), Workers)
 
 
 def test_no_engines_presence_changes_what_another_is_asked_and_answers(toy: Path) -> None:
@@ -160,8 +160,8 @@ def test_no_engines_presence_changes_what_another_is_asked_and_answers(toy: Path
     assert all(beside[key] == record for key, record in alone.items())
 
 
-def test_a_caller_of_a_version_goes_by_its_name() -> None:
-    assert caller_of("mujoco@3.13.0").engine == "mujoco@3.13.0" and find_callers()["mujoco"].engine == "mujoco"
+def test_an_engine_of_a_version_goes_by_its_name() -> None:
+    assert engine_of("mujoco@3.13.0").name == "mujoco@3.13.0" and engines_of_files()["mujoco"].name == "mujoco"
     names = [[one.name for one in readings.find_readings(engine, "urdf")] for engine in ("mujoco@3.13.0", "mujoco")]
     assert names[0] == names[1] and names[0]
 
@@ -169,13 +169,13 @@ def test_a_caller_of_a_version_goes_by_its_name() -> None:
 def test_an_engine_with_the_reader_of_another_has_its_readings() -> None:
     own = {one.name for one in readings.find_readings("mjx", "mjcf")}
     assert {one.name for one in readings.find_readings("mjx", "mjcf", "mujoco")} > own
-    assert caller_of("mjx").reader == "mujoco"
+    assert engine_of("mjx").reader == "mujoco"
 
 
 def test_a_refusal_at_a_state_is_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(self: object) -> None:
         raise Refused("not in continuous time")
 
-    monkeypatch.setattr(pinocchio._Run, "compute", refuse)
+    monkeypatch.setattr(PinocchioRun, "compute", refuse)
     answers = {kind: record for (_, kind), record in compared(FILES / "arm.urdf", "pinocchio/urdf").items()}
     assert {one.message for one in answers.values()} == {"not in continuous time"}

@@ -8,7 +8,7 @@ import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
 
 from harness.comparison import equalities
-from harness.comparison.callers import find_callers
+from harness.comparison.asking import engines_of_files
 from harness.comparison.equalities import judge_equalities
 from harness.report.comparison import sections
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord
@@ -19,7 +19,7 @@ LINES = ('name="loop"', 'name="cam"', 'name="rope"', 'name="gear"', 'name="winch
 
 
 def held_by(path: Path, engine: str = "mujoco") -> EqualitiesRecord:
-    return judge_equalities(meant_by(path), find_callers()[engine])
+    return judge_equalities(meant_by(path), engines_of_files()[engine])
 
 
 @pytest.mark.parametrize("name", ["four_bar.xml", "mimic.urdf", "four_bar.urdf"])
@@ -60,7 +60,7 @@ def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> N
     own, other = meant_by(path), meant_by(changed)
     declared = equalities._declared_truth
     monkeypatch.setattr(equalities, "_declared_truth", lambda _, caller, numbers: declared(other, caller, numbers))
-    record = judge_equalities(own, find_callers()["mujoco"])
+    record = judge_equalities(own, engines_of_files()["mujoco"])
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 
 

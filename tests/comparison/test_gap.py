@@ -17,7 +17,7 @@ from catalogue import BUILT_IN
 from support import InThisProcess, harness
 
 from harness.certify.declared_motion import DeclaredMotion
-from harness.comparison.callers import find_callers
+from harness.comparison.asking import engines_of_files
 from harness.comparison.gap_study import By, GapStudy, Settings
 from harness.errors import InvalidRequest
 from harness.models.step_rule import Part, StepRule
@@ -142,13 +142,13 @@ def test_no_gap_has_no_shares(two_links: Path) -> None:
 
 def test_an_engine_that_leaves_its_rule_shows_in_its_own_share(two_links: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Planted: MuJoCo's Euler with explicit dampers, which its declared rule takes implicitly."""
-    from harness.comparison.callers import mujoco
+    from harness.engines.adapters.mujoco import steps
 
     def wrong(rule: StepRule) -> StepRule:
         return replace(rule, implicit=rule.implicit | {Part.VELOCITY_TERMS}) if rule.name == "Euler" else rule
 
-    plain = mujoco.rules_in
-    monkeypatch.setattr(mujoco, "rules_in", lambda root: tuple(map(wrong, plain(root))))
+    plain = steps.rules_in
+    monkeypatch.setattr(steps, "rules_in", lambda root: tuple(map(wrong, plain(root))))
     gap = gap_of(two_links, two_links, "mujoco/Euler", "mujoco/RK4")
     found = shares(gap)
     assert abs(found[BESIDE[0]][0]) > 0.05 and abs(found[BESIDE[1]][0]) < 1e-9
@@ -245,4 +245,4 @@ def test_every_rule_of_one_s_own_is_a_rule_that_an_engine_can_follow() -> None:
 
     assert {rule.name for rule in OWN_RULES} == {"Euler", "RK4"}
     assert all(np.isclose(sum(map(float, rule.weights)), 1.0) for rule in OWN_RULES if rule.stages)
-    assert not hasattr(find_callers()["pinocchio"], "step_rules")
+    assert not engines_of_files()["pinocchio"].own_rules(None, "urdf")

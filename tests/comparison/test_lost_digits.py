@@ -7,10 +7,10 @@ from pathlib import Path
 from comparison.robots import meant_by, record_of
 
 from harness.certify.compare import compare
-from harness.comparison.callers import find_callers
+from harness.comparison.asking import engines_of_files
 from harness.comparison.judgement import judge
-from harness.comparison.questions import Answers
 from harness.comparison.truth import read_as
+from harness.engines.request import Answers
 from harness.report.comparison import subject_lines, survey_overview
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.robots.robot import read_robot
@@ -55,5 +55,5 @@ def test_an_error_that_a_number_explains_is_no_lost_digits(tmp_path: Path) -> No
     wrong = read_as(found, read_robot(other)).truth.high
     assert set(compare(found.truth, wrong, factorises=True).verdicts) <= {Verdict.AGREES, Verdict.UNSTABLE}
     answers = Answers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
-    record = judge(found, answers, find_callers()["pinocchio"], aided=True)
+    record = judge(found, answers, engines_of_files()["pinocchio"], aided=True)
     assert (record.explained, record.outcome) == (False, "unexplained") and "behaves as with 3.00000003" in record.rest[0]

@@ -14,8 +14,7 @@ from comparison.robots import FILES, edited, meant_by
 from robot_files import EVERYTHING
 
 from harness.comparison import judgement
-from harness.comparison.asking import ask_engine
-from harness.comparison.callers import CallersLibrary, caller_of, find_callers
+from harness.comparison.asking import FilesLibrary, ask_engine, engine_of, engines_of_files
 from harness.comparison.study import question_of
 from harness.engines import describe_engines
 from harness.engines.adapters.adam import with_origins
@@ -24,7 +23,7 @@ from harness.workers import Workers
 
 pytestmark = pytest.mark.nightly
 
-OPTIONAL = {name: caller.formats for name, caller in find_callers().items() if caller.optional}
+OPTIONAL = {name: caller.formats for name, caller in engines_of_files().items() if caller.optional}
 URDF, MJCF = (sorted(name for name, formats in OPTIONAL.items() if kind in formats) for kind in ("urdf", "mjcf"))
 # What a plain engine reads otherwise in a file whose joints have dampers.
 OTHERWISE = {"adam": "gravity", "dartpy": "implicit dampers", "idyntree": "joint damping", "pybullet": "inertia of collision shapes"}
@@ -36,7 +35,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARNESS_CACHE", str(tmp_path_factory.getbasetemp() / "environments"))
         yield
-    describe_engines(CallersLibrary.without_files(), Workers)
+    describe_engines(FilesLibrary.without_files(), Workers)
     _install.cache_clear()
 
 
@@ -49,8 +48,9 @@ def record_of(engine: str, path: Path, asked: Path | None = None, aided: bool = 
     """The record on a file of what an engine answers on it, or at the same states on the file ``asked`` instead."""
     _install(engine)
     found = meant_by(path, floating_base)
-    question = replace(question_of(found, aided), path=asked or path)
-    return judgement.judge(found, ask_engine(engine, question), caller_of(engine), aided)
+    question = question_of(found, aided)
+    question = replace(question, request=replace(question.request, path=asked or path))
+    return judgement.judge(found, ask_engine(engine, question), engine_of(engine), aided)
 
 
 def arm(folder: Path, changes: tuple[tuple[str, str], ...] = ()) -> Path:

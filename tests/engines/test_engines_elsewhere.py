@@ -13,7 +13,6 @@ import pytest
 import toy_engine
 from support import InThisProcess, cross_checked, harness, harness_in_a_process
 
-from harness.comparison.callers import find_callers
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.bench import FaultBench
 from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects, subjects_beside
@@ -128,7 +127,6 @@ def test_every_adapter_is_imported_where_only_its_requirements_are(library: Libr
     ]
     assert {"mujoco", "pinocchio", "drake", "idyntree", "dartpy", "pybullet", "adam", "mjx", "mjx_float32"} <= set(own)
     modules = [f"harness.engines.adapters.{name}" for name in own]
-    modules += [f"harness.comparison.callers.{name}" for name in find_callers()]
     server = Path(sys.modules["harness.engines"].__file__ or "").parent / "elsewhere" / "server.py"
     probe = (
         f"import importlib, runpy, sys; runpy.run_path({str(server)!r})['_import_harness'](); "

@@ -10,7 +10,7 @@ from comparison.robots import FILES, edited, line_of, meant_by, record_of
 from support import BUILT_IN
 
 from harness.comparison import judgement
-from harness.comparison.callers import find_callers
+from harness.comparison.asking import engines_of_files
 from harness.comparison.far_links import is_explained_by_distance
 from harness.comparison.judgement import ILL_CONDITIONED
 from harness.explain.changes.readings import find_readings
@@ -91,16 +91,16 @@ def test_a_joint_that_carries_nothing_has_no_acceleration(tmp_path: Path) -> Non
     assert (record.verdict, "0 of" in record.message) == (Verdict.UNDECIDED, True)
 
 
-@pytest.mark.parametrize("engine", sorted(find_callers()))
+@pytest.mark.parametrize("engine", sorted(engines_of_files()))
 def test_every_reading_says_where_it_is_known_from(engine: str) -> None:
-    for model_format in find_callers()[engine].formats:
+    for model_format in engines_of_files()[engine].formats:
         for reading in find_readings(engine, model_format):
             assert reading.engine == engine and len(reading.source) > 20 and reading.sentence[0].isupper()
 
 
 def test_a_reading_that_does_not_apply_leaves_the_very_robot() -> None:
     robot = meant_by(FILES / "impossible.urdf").robot
-    found = [(reading, reading.read(robot)) for engine in find_callers() for reading in find_readings(engine, "urdf")]
+    found = [(reading, reading.read(robot)) for engine in engines_of_files() for reading in find_readings(engine, "urdf")]
     assert all((read is robot) == (read.tree == robot.tree) for _, read in found)
     assert not {reading.engine for reading, read in found if read is not robot} & {"mujoco", "pinocchio", "idyntree", "dartpy"}
     assert np.isfinite(meant_by(FILES / "impossible.urdf").truth.high).all()

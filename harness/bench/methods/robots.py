@@ -9,8 +9,8 @@ from functools import partial
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
-from harness.comparison.aided import AidedModel
 from harness.crosscheck.scene import Scene
+from harness.engines.loaded_file import AidedModel
 from harness.equations.mechanism_kernel import MechanismKernel
 from harness.equations.states import States
 from harness.motion.integrators import ROBOTS
@@ -21,7 +21,7 @@ COUPLED = "joints that mimic others are eliminated in Python, from the engine's 
 def _aided(engine: str, scene: Scene, states: States) -> Prepared:
     model: AidedModel = scene.load(engine, "file")
     run = model.prepare(states.q, states.v, states.tau)
-    return Prepared(run.compute, lambda: model.accelerations(run), COUPLED if model.is_coupled else "")
+    return Prepared(run.compute, lambda: model.ordered(run.accelerations()), COUPLED if model.is_coupled else "")
 
 
 def _recursion(scene: Scene, states: States) -> Prepared:

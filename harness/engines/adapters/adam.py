@@ -1,40 +1,42 @@
-"""adam's ``KinDynComputations`` with NumPy on a URDF: its mass matrix and its bias forces.
+"""adam's ``KinDynComputations`` with NumPy on a URDF and all its moving joints: its mass matrix and its bias forces.
 
-Its models have a floating base; see ``harness.engines.mass_and_bias`` for models on the world. Its gravity is 9.80665 m/s^2, rounded
-to float32, where none is given; the harness gives its own. It knows neither springs, dampers nor rotors, which the harness supplies,
-and passes over ``<mimic>``; such files are refused here.
+Its models have a floating base; see ``harness.engines.state_by_state`` for models on the world. Its gravity is 9.80665 m/s^2, rounded
+to float32, where none is given; the harness gives its own to an aided one. It knows neither springs, dampers nor rotors, which the harness
+supplies, and passes over ``<mimic>``; a mechanism's model with one is refused. Its parser refuses elements beside links and joints that it
+does not know, and origins that are left out; an aided adam is given the links and joints alone, with all origins.
 
 Source: adam's documentation, ``adam.numpy.KinDynComputations``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
-from harness.engines import LoadedModel, Unsupported, require_model
-from harness.engines.mass_and_bias import FloatingBase, moving_mass, take_root_off
+from harness.engines import Engine, LoadedModel, Unsupported
+from harness.engines.loaded_file import refuse_joints
+from harness.engines.output import captured_output
+from harness.engines.request import Refused, Request
+from harness.engines.state_by_state import FloatingBase
+from harness.engines.urdf_text import refuse_constraints, take_root_off
 from harness.models.model_file import ModelFile
-
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
 
 
 class AdamModel(FloatingBase):
-    def __init__(self, computations: Any, file: ModelFile, joints: Sequence[str], root: str | None, own_joints: Sequence[str]) -> None:
-        super().__init__(file, joints, root, own_joints)
-        self._computations, self._file = computations, file
+    """adam's computations."""
+
+    def __init__(self, computations: Any, request: Request, own_joints: Sequence[str], root: str) -> None:
+        super().__init__(request, own_joints, root)
+        self._computations = computations
 
     def loaded(self) -> LoadedModel:
         links = self._computations.rbdalgos.model.links
         masses = {name: float(_plain(link.inertial.mass)) for name, link in links.items() if link.inertial is not None}
-        sizes = {name: self.columns.sizes.get(name, (1, 1)) for name in self.places}
-        x, y, z = self._computations.g[:3].tolist()
-        return LoadedModel(sizes, (x, y, z), moving_mass(self._file, self._root, masses))
+        return self.loaded_with(self._computations.g[:3].tolist(), masses)
 
     def _take(self) -> None:
         self._state = self.base, self.positions, self.base_velocity, self.velocities
@@ -42,16 +44,17 @@ class AdamModel(FloatingBase):
     def _mass_matrix(self) -> Array:
         return np.asarray(self._computations.mass_matrix(*self._state[:2])).reshape(6 + len(self.positions), -1)
 
-    def _bias_forces(self) -> Array:
+    def _bias(self) -> Array:
         return np.asarray(self._computations.bias_force(*self._state)).ravel()
 
-    def _velocity_and_gravity(self) -> tuple[Array, Array]:
+    def _parts_of_bias(self) -> tuple[Array, Array]:
         velocity = np.asarray(self._computations.coriolis_term(*self._state)).ravel()
         return velocity, np.asarray(self._computations.gravity_term(*self._state[:2])).ravel()
 
-    def _frame(self, body: str) -> tuple[Array, Array]:
-        pose, jacobian = (getattr(self._computations, name)(body, *self._state[:2]) for name in ("forward_kinematics", "jacobian"))
-        return np.asarray(pose), np.asarray(jacobian).reshape(6, -1)
+    def _link(self, body: str) -> tuple[Array, Array, Array]:
+        pose = np.asarray(self._computations.forward_kinematics(body, *self._state[:2]))
+        jacobian = np.asarray(self._computations.jacobian(body, *self._state[:2])).reshape(6, -1)
+        return pose[:3, :3], pose[:3, 3], jacobian
 
 
 def _plain(number: Any) -> Any:
@@ -59,27 +62,45 @@ def _plain(number: Any) -> Any:
     return np.asarray(getattr(number, "array", number)).item()
 
 
-class AdamEngine:
+class AdamEngine(Engine):
     requires = ("adam", "adam-robotics")
     formats = ("urdf",)
     optional = True
     factorises_mass_matrix = True
+    supplied: Mapping[str, str] = {
+        "urdf": (
+            "gravity, and dampers, springs and rotor inertias of joints, and springs between points, are supplied from the file; "
+            "so are origins that it leaves out"
+        )
+    }
+    why_no_equalities = "its KinDynComputations couple no joints"
+    call: Mapping[str, str] = {
+        "urdf": "k = KinDynComputations(PATH, joints); k.mass_matrix(base, q); k.bias_force(base, q, base_velocity, v)"
+    }
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> AdamModel:
+    def refuse(self, file: ModelFile) -> None:
+        refuse_constraints(file, "adam")
+
+    def read(self, request: Request) -> AdamModel:
         from adam.numpy import KinDynComputations
 
-        file = require_model(source, "adam")
-        text, root = take_root_off(file, "adam")
-        own_joints = [name for name in file.joint_lines if name != root]
-        gravities = np.array([0.0, 0.0, -gravity, 0.0, 0.0, 0.0])
-        try:
-            computations = KinDynComputations(with_origins(text.encode()), own_joints, gravity=gravities)
-        except ValueError as error:
-            # Of a prismatic joint it puts numbers of other shapes together than of a revolute one.
-            if 'type="prismatic"' in text:
-                raise Unsupported(f"adam's computations with NumPy raise an error on a model with a prismatic joint: {error}") from error
-            raise
-        return AdamModel(computations, file, joints, root, own_joints)
+        text, root = take_root_off(request, "adam")
+        refuse_joints(request, "adam", [root])
+        own_joints = [joint.name for joint in request.joints if joint.name != root]
+        # It prints the elements that it does not know.
+        with captured_output():
+            try:
+                if request.aid is None:
+                    return AdamModel(KinDynComputations(str(request.path), own_joints), request, own_joints, root)
+                gravity = np.concatenate([request.aid.gravity, np.zeros(3)])
+                content = with_origins(request.content if text is None else text)
+                return AdamModel(KinDynComputations(content, own_joints, gravity=gravity), request, own_joints, root)
+            except Exception as error:
+                # Of a prismatic joint it puts numbers of other shapes together than of a revolute one.
+                if request.text is not None and 'type="prismatic"' in request.text and isinstance(error, ValueError):
+                    what = "adam's computations with NumPy raise an error on a model with a prismatic joint"
+                    raise Unsupported(f"{what}: {error}") from error
+                raise Refused(" ".join(f"{type(error).__name__}: {error}".split())) from error
 
 
 def with_origins(content: bytes) -> str:

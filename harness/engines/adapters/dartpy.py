@@ -1,116 +1,122 @@
-"""DART's ``Skeleton.computeForwardDynamics`` on a URDF: its articulated-body algorithm.
+"""DART's ``Skeleton.computeForwardDynamics`` on a URDF, with the root link fixed: its articulated-body algorithm.
 
 DART treats joint dampers implicitly, as its time step needs: with the default step of 1 ms an acceleration is that of the end of the
-step. The step is set to zero here, which leaves the acceleration of the state. A free joint's position is a rotation vector, then a
+step. The step of an aided DART is zero, which leaves the acceleration of the state. A free joint's position is a rotation vector, then a
 place; its velocity is the angular, then the linear one, both along the axes of its parent. Springs, which DART's loader does not
 read, are supplied by the harness.
 
-Source: DART documentation, dart::dynamics::Skeleton and FreeJoint; https://github.com/dartsim/dart/issues/1450.
+Source: DART documentation, dart::utils::DartLoader, dart::dynamics::Skeleton and FreeJoint;
+https://github.com/dartsim/dart/issues/1450.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+import re
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import LoadedModel, Terms, Unsupported, require_model
+from harness.engines import Engine, LoadedModel, Unsupported
+from harness.engines.loaded_file import refuse_joints
 from harness.engines.output import captured_standard_error
-from harness.engines.rotations import FREE, Columns, rotation
-from harness.engines.supplied_forces import SuppliedForces
-from harness.files.tree import WORLD
-from harness.models.model_file import JointDamper, ModelFile
+from harness.engines.request import Refused, Request
+from harness.engines.rotations import FREE, rotation
+from harness.engines.state_by_state import StateByState
+from harness.engines.urdf_text import links_without_inertia, read_without_meshes
+from harness.files.joint_kinds import JointKind
+from harness.models.model_file import ModelFile
 
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
+# Of its messages in a terminal.
+_COLOURS = re.compile("\x1b\\[[0-9;]*m")
 
 
-class DartModel:
-    """A ``Skeleton`` and what the harness supplies to it."""
+class DartModel(StateByState):
+    """A ``Skeleton``."""
 
-    def __init__(self, skeleton: Any, file: ModelFile, joints: Sequence[str]) -> None:
-        self.skeleton = skeleton
-        self._moving = {joint.getName(): joint for joint in skeleton.getJoints() if joint.getNumDofs()}
-        self._sizes = {name: (1, 1) if joint.getNumDofs() == 1 else FREE for name, joint in self._moving.items()}
-        self.columns = Columns(joints, {name: self._sizes.get(name, (1, 1)) for name in joints})
-        self._turn = np.eye(self.columns.nv)
-        self._supplied = SuppliedForces(file, self.columns, by_engine=JointDamper)
-        self._places = {name: joint.getIndexInSkeleton(0) for name, joint in self._moving.items()}
+    rotation_first = True
+    applies_dampers = True
 
-    def _own_columns(self, name: str) -> Any:
-        return self._places[name] + np.arange(self._sizes[name][1])
+    def __init__(self, skeleton: Any, request: Request, notes: tuple[str, ...]) -> None:
+        joints = [joint for joint in skeleton.getJoints() if joint.getNumDofs()]
+        if unknown := {joint.getType() for joint in joints if joint.getNumDofs() not in (1, FREE[1])}:
+            raise Unsupported(f"joints of the kinds {', '.join(sorted(unknown))} are not known to the harness's adapter of DART")
+        self._moving = {
+            request.floating_base if request.floating_base and joint.getNumDofs() == FREE[1] else joint.getName(): joint for joint in joints
+        }
+        places = {name: int(joint.getIndexInSkeleton(0)) for name, joint in self._moving.items()}
+        super().__init__(request, places, skeleton.getNumDofs())
+        self.skeleton, self.notes = skeleton, notes
 
     def loaded(self) -> LoadedModel:
         x, y, z = self.skeleton.getGravity()
-        fixed = {body.getName() for body in self.skeleton.getBodyNodes() if body.getNumDependentGenCoords() == 0}
-        mass = sum(body.getMass() for body in self.skeleton.getBodyNodes() if body.getName() not in fixed)
-        return LoadedModel(dict(self._sizes), (float(x), float(y), float(z)), float(mass))
+        mass = sum(body.getMass() for body in self.skeleton.getBodyNodes() if body.getNumDependentGenCoords())
+        sizes = {name: (1, 1) if joint.getNumDofs() == 1 else FREE for name, joint in self._moving.items()}
+        return LoadedModel(sizes, (float(x), float(y), float(z)), float(mass))
 
-    def _states(self, q: Array, v: Array, tau: Array) -> Iterator[tuple[int, Array]]:
-        """The number of each state, to which the skeleton is taken, and the forces that are supplied there."""
+    def _go_to(self, q: Array, v: Array) -> None:
         import dartpy
 
-        for state in range(len(q)):
-            positions = np.empty(self.columns.nv)
-            for name, size in self.columns.sizes.items():
-                given = q[state, self.columns.spans(name)[0]]
-                if size == FREE:
-                    pose = dartpy.math.Isometry3()
-                    pose.set_rotation(rotation(given[3:]))
-                    pose.set_translation(given[:3])
-                    given = dartpy.dynamics.FreeJoint.convertToPositions(pose)
-                positions[self._own_columns(name)] = given
-            self.skeleton.setPositions(positions)
-            self._turn = self.columns.turn(q[state], self._places, self.columns.nv, rotation_first=True)
-            self.skeleton.setVelocities(v[state] @ self._turn)
-            passive = self._supplied.at(q[state], v[state], self._point)
-            self.skeleton.setForces((tau[state] + passive) @ self._turn)
-            yield state, passive
+        positions = np.zeros(self.width)
+        for name, size in self.columns.sizes.items():
+            given = q[self.columns.spans(name)[0]]
+            if size == FREE:
+                pose = dartpy.math.Isometry3()
+                pose.set_rotation(rotation(given[3:]))
+                pose.set_translation(given[:3])
+                given = dartpy.dynamics.FreeJoint.convertToPositions(pose)
+            positions[self.places[name] : self.places[name] + len(given)] = given
+        self.skeleton.setPositions(positions)
+        self.skeleton.setVelocities(v)
 
-    def _point(self, body: str, local: Array) -> tuple[Array, Array]:
-        if body == WORLD:
-            return local, np.zeros((3, self.columns.nv))
+    def _accelerations(self, force: Array) -> Array:
+        self.skeleton.setForces(force)
+        self.skeleton.computeForwardDynamics()
+        return np.asarray(self.skeleton.getAccelerations())
+
+    def _mass_matrix(self) -> Array:
+        return np.asarray(self.skeleton.getMassMatrix())
+
+    def _bias(self) -> Array:
+        return np.asarray(self.skeleton.getCoriolisAndGravityForces() + self._dampers())
+
+    def _dampers(self) -> Array:
+        damping = np.array([dof.getDampingCoefficient() for dof in self.skeleton.getDofs()])
+        return np.asarray(damping * self.skeleton.getVelocities())
+
+    def _parts_of_bias(self) -> tuple[Array, Array]:
+        return np.asarray(self.skeleton.getCoriolisForces()), np.asarray(self.skeleton.getGravityForces())
+
+    def _passive(self) -> Array:
+        return -self._dampers()
+
+    def _link(self, body: str) -> tuple[Array, Array, Array]:
         node = self.skeleton.getBodyNode(body)
         pose = node.getWorldTransform()
-        jacobian = self.skeleton.getLinearJacobian(node, local)
-        return pose.translation() + pose.rotation() @ local, jacobian @ self._turn.T
-
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        answer = np.empty(v.shape)
-        for state, _ in self._states(q, v, tau):
-            self.skeleton.computeForwardDynamics()
-            answer[state] = self._turn @ self.skeleton.getAccelerations()
-        return answer
-
-    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        """Terms as DART computes them; passive are its dampers and what the harness supplies.
-
-        Source: DART documentation, ``getMassMatrix``, ``getCoriolisForces``, ``getGravityForces``.
-        """
-        count = self.columns.nv
-        mass, (velocity, gravity, passive) = np.empty((len(q), count, count)), np.empty((3, len(q), count))
-        damping = np.zeros(count)
-        for name, joint in self._moving.items():
-            damping[self._own_columns(name)] = [joint.getDampingCoefficient(index) for index in range(joint.getNumDofs())]
-        for state, supplied in self._states(q, v, tau):
-            mass[state] = self._turn @ self.skeleton.getMassMatrix() @ self._turn.T
-            velocity[state] = self._turn @ self.skeleton.getCoriolisForces()
-            gravity[state] = self._turn @ self.skeleton.getGravityForces()
-            passive[state] = supplied - (self._turn @ damping) * v[state]
-        return Terms(mass, velocity, gravity, passive, tau.copy())
+        jacobian = np.vstack([self.skeleton.getLinearJacobian(node), self.skeleton.getAngularJacobian(node)])
+        return pose.rotation(), pose.translation(), jacobian
 
 
-class DartEngine:
+class DartEngine(Engine):
     requires = ("dartpy", "dartpy")
     formats = ("urdf",)
     optional = True
+    supplied: Mapping[str, str] = {
+        "urdf": (
+            "gravity, springs of joints and springs between points are supplied from the file, and no inertia where a link has none; "
+            "dampers are its own, at a time step of 0"
+        )
+    }
+    why_no_equalities = "computeForwardDynamics holds no joints together, which a step of its world does"
+    call: Mapping[str, str] = {
+        "urdf": (
+            "loader.setOptions(DartLoaderOptions(defaultRootJointType=DartLoaderRootJointType.FIXED)); "
+            "s = loader.parseSkeleton(PATH); s.computeForwardDynamics()"
+        )
+    }
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> DartModel:
-        import dartpy
-
-        file = require_model(source, "dartpy")
+    def refuse(self, file: ModelFile) -> None:
         refused = [(one.line, f"{one.kind} constraint {one.name!r} is none of what its loader reads") for one in file.constraints]
         refused += [(one.line, f"reflected inertia of joint {one.joint!r}, which its algorithm does not know") for one in file.armatures]
         if file.ball_joint is not None:
@@ -118,16 +124,37 @@ class DartEngine:
             refused.append((line, f"ball joint {file.ball_joint!r}, while its loader hangs a root link by a free or a fixed joint alone"))
         if refused:
             raise Unsupported("DART: " + "; ".join(f"line {line}: {what}" for line, what in sorted(refused)))
-        # The reasons go to standard error alone.
-        with captured_standard_error() as captured:
-            skeleton = dartpy.utils.DartLoader().parseSkeletonString(file.text, dartpy.common.Uri(""))
-        if skeleton is None:
-            raise ValueError(captured() or "its loader refuses the model without a reason")
-        skeleton.setGravity([0.0, 0.0, -gravity])
-        skeleton.setTimeStep(0.0)
-        if unknown := {joint.getType() for joint in skeleton.getJoints() if joint.getNumDofs() not in (0, 1, 6)}:
-            raise Unsupported(f"joints of the kinds {', '.join(sorted(unknown))} are not known to the harness's adapter of DART")
-        return DartModel(skeleton, file, joints)
+
+    def read(self, request: Request) -> DartModel:
+        import dartpy
+
+        free = [joint.name for joint in request.joints if joint.kind == JointKind.FREE]
+        refuse_joints(request, "DART", [request.floating_base] if request.text is None else free)
+        loader, kinds = dartpy.utils.DartLoader(), dartpy.utils.DartLoaderRootJointType
+        loader.setOptions(dartpy.utils.DartLoaderOptions(defaultRootJointType=kinds.FLOATING if request.floating_base else kinds.FIXED))
+        place = request.path.resolve().as_uri() if request.text is None else ""
+
+        def read(content: bytes) -> Any:
+            # The reasons go to standard error alone.
+            with captured_standard_error() as captured:
+                skeleton = loader.parseSkeletonString(content.decode(), dartpy.common.Uri(place))
+                if skeleton is None:
+                    raise Refused(_COLOURS.sub("", " ".join((captured() or "its loader refuses the file without a reason").split())))
+            return skeleton
+
+        skeleton, notes = read_without_meshes(request, read)
+        if request.aid is not None:
+            if request.aid.armature.any():
+                raise Refused("its algorithm knows no rotor inertias of joints, which no force supplies")
+            skeleton.setGravity(request.aid.gravity)
+            skeleton.setTimeStep(0.0)
+            empty = links_without_inertia(request)
+            # It warns of a body without mass, and computes with one.
+            with captured_standard_error():
+                for body in skeleton.getBodyNodes():
+                    if body.getName() in empty:
+                        body.setInertia(dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
+        return DartModel(skeleton, request, notes)
 
 
 ENGINE = DartEngine()

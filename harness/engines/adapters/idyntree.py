@@ -1,97 +1,125 @@
 """iDynTree's ``KinDynComputations`` on a URDF: its mass matrix and its generalised bias forces.
 
-Its models have a floating base, and its articulated-body algorithm no other; see ``harness.engines.mass_and_bias`` for models on
-the world. It stores ``<dynamics damping>`` and applies none, and knows neither springs nor rotors, which the harness supplies.
-Its parser passes over ``<mimic>`` without a word; such files are refused here.
+Its models have a floating base, and its articulated-body algorithm no other; see ``harness.engines.state_by_state`` for models on
+the world, whose base is at rest where the file has it. It stores ``<dynamics damping>`` and applies none, and knows neither springs nor
+rotors, which the harness supplies. Gravity is what its user hands over. Its parser passes over ``<mimic>`` without a word; a
+mechanism's model with one is refused.
 
-Source: iDynTree documentation, KinDynComputations, ``getFreeFloatingMassMatrix``, ``generalizedBiasForces``.
+Source: iDynTree documentation, ModelLoader and KinDynComputations, ``getFreeFloatingMassMatrix``, ``generalizedBiasForces``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import LoadedModel, require_model
-from harness.engines.mass_and_bias import FloatingBase, moving_mass, take_root_off
+from harness.engines import Engine, LoadedModel
+from harness.engines.loaded_file import refuse_joints
 from harness.engines.output import captured_standard_error
+from harness.engines.request import Refused, Request
+from harness.engines.state_by_state import FloatingBase
+from harness.engines.urdf_text import refuse_constraints, root_link, take_root_off
 from harness.models.model_file import ModelFile
 
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
+_GRAVITY = (0.0, 0.0, -9.81)
 
 
 class IdyntreeModel(FloatingBase):
-    def __init__(self, model: Any, file: ModelFile, joints: Sequence[str], root: str | None, gravity: float) -> None:
+    """An iDynTree ``Model``."""
+
+    def __init__(self, model: Any, request: Request, root: str) -> None:
         import idyntree.bindings as idyntree
 
         indices = [index for index in range(model.getNrOfJoints()) if model.getJoint(index).getNrOfDOFs()]
-        offsets = {model.getJointName(index): model.getJoint(index).getDOFsOffset() for index in indices}
-        super().__init__(file, joints, root, sorted(offsets, key=lambda name: int(offsets[name])))
-        self._model, self._file, self._gravity = model, file, [0.0, 0.0, -gravity]
+        offsets = {model.getJointName(index): int(model.getJoint(index).getDOFsOffset()) for index in indices}
+        super().__init__(request, sorted(offsets, key=lambda name: offsets[name]), root)
+        self._model = model
+        self._gravity = np.array(_GRAVITY if request.aid is None else request.aid.gravity, dtype=float)
         self._computations = idyntree.KinDynComputations()
         self._computations.loadRobotModel(model)
         self._computations.setFrameVelocityRepresentation(idyntree.MIXED_REPRESENTATION)
         self._matrix = idyntree.MatrixDynSize(6 + len(offsets), 6 + len(offsets))
         self._jacobian = idyntree.MatrixDynSize(6, 6 + len(offsets))
         self._forces = idyntree.FreeFloatingGeneralizedTorques(model)
+        if not root or root == request.floating_base:
+            self._place_base()
+
+    def _place_base(self) -> None:
+        """Put the base where the root link of the file is in the world's origin: it is another where the parser leaves out that link."""
+        root, base = root_link(self.request), self._model.getLinkName(self._model.getDefaultBaseLink())
+        if root != base and self.request.floating_base:
+            raise Refused(f"its base is link {base!r}, not the root {root!r}, of whose motion the harness asks", root)
+        if root != base:
+            pose = self._model.getFrameTransform(self._model.getFrameIndex(root)).asHomogeneousTransform()
+            self.base = np.linalg.inv(pose.toNumPy())
 
     def loaded(self) -> LoadedModel:
         model = self._model
         masses = {model.getLinkName(index): model.getLink(index).inertia().getMass() for index in range(model.getNrOfLinks())}
-        sizes = dict.fromkeys(self.places, (1, 1)) | {name: size for name, size in self.columns.sizes.items() if name in self.places}
-        x, y, z = self._gravity
-        return LoadedModel(sizes, (x, y, z), moving_mass(self._file, self._root, masses))
+        return self.loaded_with(self._gravity.tolist(), masses)
 
     def _take(self) -> None:
         self._set(self.base_velocity, self.velocities, self._gravity)
 
-    def _set(self, base_velocity: Array, velocities: Array, gravity: Sequence[float]) -> None:
+    def _set(self, base_velocity: Array, velocities: Array, gravity: Sequence[float] | Array) -> None:
         self._computations.setRobotState(self.base, self.positions, base_velocity, velocities, np.array(gravity))
 
     def _mass_matrix(self) -> Array:
         self._computations.getFreeFloatingMassMatrix(self._matrix)
-        return np.asarray(self._matrix.toNumPy())
+        return np.array(self._matrix.toNumPy())
 
-    def _bias_forces(self) -> Array:
+    def _bias(self) -> Array:
         self._computations.generalizedBiasForces(self._forces)
         return np.concatenate([self._forces.baseWrench().toNumPy(), self._forces.jointTorques().toNumPy()])
 
-    def _velocity_and_gravity(self) -> tuple[Array, Array]:
+    def _parts_of_bias(self) -> tuple[Array, Array]:
         self._set(self.base_velocity, self.velocities, [0.0] * 3)
-        velocity = self._bias_forces()
+        velocity = self._bias()
         self._set(np.zeros(6), np.zeros(len(self.velocities)), self._gravity)
-        gravity = self._bias_forces()
+        gravity = self._bias()
         self._take()
         return velocity, gravity
 
-    def _frame(self, body: str) -> tuple[Array, Array]:
+    def _link(self, body: str) -> tuple[Array, Array, Array]:
         self._computations.getFrameFreeFloatingJacobian(body, self._jacobian)
         pose = self._computations.getWorldTransform(body).asHomogeneousTransform().toNumPy()
-        return np.array(pose), np.array(self._jacobian.toNumPy())
+        return pose[:3, :3], pose[:3, 3], np.array(self._jacobian.toNumPy())
 
 
-class IdyntreeEngine:
+class IdyntreeEngine(Engine):
     requires = ("idyntree", "idyntree")
     formats = ("urdf",)
     optional = True
     factorises_mass_matrix = True
+    supplied: Mapping[str, str] = {
+        "urdf": "dampers, springs and rotor inertias of joints, and springs between points, are supplied from the file"
+    }
+    why_no_equalities = "KinDynComputations couples no joints"
+    call: Mapping[str, str] = {
+        "urdf": (
+            "loader.loadModelFromFile(PATH); k.loadRobotModel(loader.model()); k.setRobotState(base, q, base_velocity, v, gravity); "
+            "k.getFreeFloatingMassMatrix(M); k.generalizedBiasForces(h)"
+        )
+    }
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> IdyntreeModel:
+    def refuse(self, file: ModelFile) -> None:
+        refuse_constraints(file, "iDynTree")
+
+    def read(self, request: Request) -> IdyntreeModel:
         import idyntree.bindings as idyntree
 
-        file = require_model(source, "idyntree")
-        text, root = take_root_off(file, "iDynTree")
+        text, root = take_root_off(request, "iDynTree")
+        refuse_joints(request, "iDynTree", [root])
         loader = idyntree.ModelLoader()
         # The reasons go to standard error alone.
         with captured_standard_error() as captured:
-            read = loader.loadModelFromString(text, "urdf")
-        if not read:
-            raise ValueError(captured() or "its parser refuses the model without a reason")
-        return IdyntreeModel(loader.model().copy(), file, joints, root, gravity)
+            read = loader.loadModelFromFile(str(request.path)) if text is None else loader.loadModelFromString(text.decode(), "urdf")
+            if not read:
+                raise Refused(" ".join((captured() or "its parser refuses the file without a reason").split()))
+        return IdyntreeModel(loader.model().copy(), request, root)
 
 
 ENGINE = IdyntreeEngine()

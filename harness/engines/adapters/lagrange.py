@@ -6,12 +6,13 @@ It imports nothing of the equations: the mechanism that it is handed brings the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import EQUATIONS, Terms
+from harness.engines import EQUATIONS, Engine, Terms
+from harness.engines.request import Request
 from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -52,13 +53,13 @@ class LagrangeModel:
         return np.asarray(np.einsum("nij,nj->ni", terms["mass"], qdd) + terms["velocity"] + terms["gravity"] - terms["passive"])
 
 
-class LagrangeEngine:
+class LagrangeEngine(Engine):
     requires = ("heyoka", "heyoka")
     formats = (EQUATIONS,)
     factorises_mass_matrix = True
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> LagrangeModel:
-        if isinstance(source, ModelFile):
+    def load(self, source: ModelFile | Mechanism | Request, joints: Sequence[str], gravity: float) -> Any:
+        if isinstance(source, ModelFile | Request):
             raise TypeError("lagrange takes equations, not a model file")
         return LagrangeModel(source)
 

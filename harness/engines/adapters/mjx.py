@@ -18,18 +18,17 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import ConstraintLaw, HeldModel, LoadedModel, NotOffered, Unsupported, require_model
-from harness.engines.adapters.mujoco import MujocoModel, law
+from harness.engines import ConstraintLaw, Engine, HeldModel, LoadedModel, NotOffered, Unsupported
+from harness.engines.adapters.mujoco import MujocoModel, law, robot
+from harness.engines.loaded_file import LoadedFile
+from harness.engines.request import Refused, Request
 from harness.models.model_file import ModelFile
 from harness.storage import cache_directory
-
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
 
 BLOCK = 64
 FLOAT32 = 2.0**-24
@@ -172,6 +171,32 @@ class MjxModel:
         return qpos, qvel, given
 
 
+class MjxFile(LoadedFile):
+    """A file that MuJoCo has read, on the device; conventions are MuJoCo's."""
+
+    def __init__(self, compiled: robot.MujocoFile) -> None:
+        super().__init__(compiled.request, [joint.name for joint in compiled.found])
+        self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True)
+        self.notes, self.further = compiled.notes, compiled.further
+
+    def prepare(self, q: Array, v: Array, tau: Array) -> MjxRun:
+        return MjxRun(self._compiled.prepare(q, v, tau), self._on_device)
+
+
+class MjxRun:
+    """MuJoCo's run, computed by MJX."""
+
+    def __init__(self, run: robot.MujocoRun, on_device: OnDevice) -> None:
+        self._run, self._on_device = run, on_device
+        self._states = [np.array(part) for part in zip(*run.rows, strict=True)]
+
+    def compute(self) -> None:
+        self._run.found[:] = self._on_device.accelerations(*self._states)
+
+    def accelerations(self) -> Array:
+        return self._run.accelerations()
+
+
 def keep_what_is_on(model: Any) -> None:
     """Have what is switched off of springs and dampers weigh nothing, and both switched on: MJX leaves out both where one is off.
 
@@ -188,24 +213,43 @@ def keep_what_is_on(model: Any) -> None:
             model.opt.disableflags &= ~int(flag)
 
 
-class MjxEngine:
+class MjxEngine(Engine):
     """The engine in float64, or else in float32."""
 
     requires = ("mujoco.mjx", "mujoco-mjx")
     formats = ("mjcf",)
     optional = True
     factorises_mass_matrix = True
+    reader = "mujoco"
+    takes_inertias_about_tree = True
+    supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
+    why_no_equalities = "the harness asks it without the file's equalities"
+    call: Mapping[str, str] = {
+        "mjcf": (
+            "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; "
+            "mjx.forward(mjx.put_model(m), mjx.make_data(m).replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc"
+        )
+    }
 
     def __init__(self, in_float64: bool) -> None:
         self._in_float64 = in_float64
         if not in_float64:
-            self.unit_roundoff = FLOAT32
+            # No user's file is handed over in float32.
+            self.unit_roundoff, self.call = FLOAT32, {}
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> MjxModel:
+    def read(self, request: Request) -> MjxFile:
+        compiled = robot.read(request)
+        if request.aid is not None:
+            keep_what_is_on(compiled.model)
+        try:
+            return MjxFile(compiled)
+        except NotImplementedError as error:
+            raise Refused(f"MJX: {' '.join(str(error).split())}") from error
+
+    def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MjxModel:
         import mujoco
 
         mujoco.set_mju_user_warning(lambda message: None)
-        file = require_model(source, "mjx")
         if file.constraints and not self._in_float64:
             one = file.constraints[0]
             why = "positions that are rounded to float32 do not close it, and off it there is no truth to judge by"
@@ -219,7 +263,7 @@ class MjxEngine:
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """See ``harness.engines.adapters.mujoco.law``; MJX has no term for how the rows turn with the motion, which MuJoCo has."""
-        return {name: replace(law, has_curvature=False) for name, law in law.constraint_laws(file).items()}
+        return {name: replace(one, has_curvature=False) for name, one in law.constraint_laws(file).items()}
 
 
 ENGINE = MjxEngine(in_float64=True)

@@ -1,8 +1,9 @@
-"""PyBullet on a URDF: its mass matrix and its inverse dynamics at no acceleration.
+"""PyBullet on a URDF with a fixed base: its mass matrix and its inverse dynamics at no acceleration.
 
 Its own forward dynamics are those of a time step, with dampers treated implicitly and with contacts. What it stores of
-``<dynamics damping>`` is none of inverse dynamics; the harness supplies it, as springs and rotors, which its reader does not know. The
-inertias are those of the file by ``URDF_USE_INERTIA_FROM_FILE``; without that flag they are made of collision shapes.
+``<dynamics damping>`` is none of inverse dynamics; the harness supplies it, as springs and rotors, which its reader does not know.
+Gravity is what its user sets. By default the inertias of links are made of their collision shapes; an aided PyBullet takes those of the
+file, by ``URDF_USE_INERTIA_FROM_FILE``, and none for links that have none there.
 
 Source: PyBullet Quickstart Guide, ``loadURDF``, ``calculateMassMatrix``, ``calculateInverseDynamics``, ``calculateJacobian``.
 """
@@ -11,45 +12,43 @@ from __future__ import annotations
 
 import tempfile
 import weakref
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from harness.arrays import Array
-from harness.engines import LoadedModel, Unsupported, require_model
-from harness.engines.mass_and_bias import MassAndBias, moving_mass, take_root_off
-from harness.engines.output import captured_standard_error
-from harness.engines.rotations import Columns, rotation
+from harness.engines import Engine, LoadedModel, Unsupported
+from harness.engines.loaded_file import refuse_joints
+from harness.engines.output import captured_output
+from harness.engines.request import Refused, Request
+from harness.engines.rotations import rotation
+from harness.engines.state_by_state import StateByState
+from harness.engines.urdf_text import elements_of, moving_mass, refuse_constraints, take_root_off, text_of, without_shapes
 from harness.models.model_file import ModelFile
 
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
+_GRAVITY = (0.0, 0.0, -9.81)
+# pybullet.URDF_USE_INERTIA_FROM_FILE.
+_INERTIAS_OF_FILE = 2
+_NOTHING = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
 
 
-class PybulletModel(MassAndBias):
-    """A body in a physics server of its own, which ends with the model."""
+class PybulletModel(StateByState):
+    """A body in a physics server of its own, which ends with it."""
 
-    def __init__(self, server: int, body: int, file: ModelFile, joints: Sequence[str], gravity: float) -> None:
+    def __init__(self, loaded: tuple[int, int], notes: tuple[str, ...], request: Request) -> None:
         import pybullet
 
+        server, body = loaded
         weakref.finalize(self, pybullet.disconnect, server)
-        self._server, self._body, self._file = server, body, file
-        self._gravity = 0.0, 0.0, -gravity
-        infos = [pybullet.getJointInfo(body, index, physicsClientId=server) for index in range(self._count())]
+        infos = [pybullet.getJointInfo(body, index, physicsClientId=server) for index in range(pybullet.getNumJoints(body, server))]
         moving = sorted((info for info in infos if info[2] != pybullet.JOINT_FIXED), key=lambda info: int(info[4]))
-        self._indices = [info[0] for info in moving]
-        self._places = {info[1].decode(): place for place, info in enumerate(moving)}
-        self._links = {info[12].decode(): info[0] for info in infos}
-        super().__init__(file, Columns(joints, dict.fromkeys(joints, (1, 1))))
-        self._order = [self._places[name] for name in self.columns.sizes if name in self._places]
-        self._own: tuple[list[float], list[float]] = [], []
-
-    def _count(self) -> int:
-        import pybullet
-
-        return int(pybullet.getNumJoints(self._body, physicsClientId=self._server))
+        super().__init__(request, {info[1].decode(): place for place, info in enumerate(moving)}, len(moving))
+        self._server, self._body, self.notes = server, body, notes
+        self._indices, self._links = [info[0] for info in moving], {info[12].decode(): info[0] for info in infos}
+        self._q, self._v = [0.0] * self.width, [0.0] * self.width
+        self._gravity = tuple(_GRAVITY if request.aid is None else request.aid.gravity.tolist())
 
     def loaded(self) -> LoadedModel:
         import pybullet
@@ -57,54 +56,52 @@ class PybulletModel(MassAndBias):
         masses = {
             link: float(pybullet.getDynamicsInfo(self._body, index, physicsClientId=self._server)[0]) for link, index in self._links.items()
         }
-        return LoadedModel(dict.fromkeys(self._places, (1, 1)), self._gravity, moving_mass(self._file, None, masses))
+        x, y, z = self._gravity
+        return LoadedModel(dict.fromkeys(self.places, (1, 1)), (x, y, z), moving_mass(self.request, masses))
 
     def _go_to(self, q: Array, v: Array) -> None:
         import pybullet
 
-        positions, velocities = np.zeros((2, len(self._places)))
-        positions[self._order], velocities[self._order] = q, v
-        self._own = positions.tolist(), velocities.tolist()
-        if not self.supplied.empty:
-            for index, position in zip(self._indices, self._own[0], strict=True):
+        positions = np.zeros(self.width)
+        for name in self.columns.sizes:
+            positions[self.places[name]] = q[self.columns.spans(name)[0]][0]
+        self._q, self._v = positions.tolist(), v.tolist()
+        if self.request.aid is not None and self.request.aid.springs:
+            for index, position in zip(self._indices, self._q, strict=True):
                 pybullet.resetJointState(self._body, index, position, physicsClientId=self._server)
 
-    def _mass(self) -> Array:
+    def _mass_matrix(self) -> Array:
         import pybullet
 
-        own = np.array(pybullet.calculateMassMatrix(self._body, self._own[0], physicsClientId=self._server))
-        return own[np.ix_(self._order, self._order)]
+        return np.array(pybullet.calculateMassMatrix(self._body, self._q, physicsClientId=self._server))
 
     def _bias(self) -> Array:
-        return self._inverse_dynamics(self._own[1], self._gravity)
+        return self._inverse_dynamics(self._v, self._gravity)
 
     def _parts_of_bias(self) -> tuple[Array, Array]:
-        return self._inverse_dynamics(self._own[1], (0.0, 0.0, 0.0)), self._inverse_dynamics([0.0] * len(self._places), self._gravity)
+        return self._inverse_dynamics(self._v, (0.0, 0.0, 0.0)), self._inverse_dynamics([0.0] * self.width, self._gravity)
 
-    def _inverse_dynamics(self, velocities: list[float], gravity: tuple[float, float, float]) -> Array:
+    def _inverse_dynamics(self, velocities: list[float], gravity: tuple[float, ...]) -> Array:
         import pybullet
 
         pybullet.setGravity(*gravity, physicsClientId=self._server)
-        still = [0.0] * len(self._places)
-        forces = pybullet.calculateInverseDynamics(self._body, self._own[0], velocities, still, physicsClientId=self._server)
-        return np.array(forces)[self._order]
+        still = [0.0] * self.width
+        return np.array(pybullet.calculateInverseDynamics(self._body, self._q, velocities, still, physicsClientId=self._server))
 
     def _link(self, body: str) -> tuple[Array, Array, Array]:
         import pybullet
 
-        index, still = self._links[body], [0.0] * len(self._places)
+        index, still = self._links[body], [0.0] * self.width
         state = pybullet.getLinkState(self._body, index, computeForwardKinematics=True, physicsClientId=self._server)
-        jacobians = pybullet.calculateJacobian(self._body, index, [0.0] * 3, self._own[0], still, still, physicsClientId=self._server)
+        jacobians = pybullet.calculateJacobian(self._body, index, [0.0] * 3, self._q, still, still, physicsClientId=self._server)
         # It gives the pose of the centre of mass in double precision, that of the link itself in single.
         turn = _turn(state[1]) @ _turn(state[3]).T
-        return turn, np.array(state[0]) - turn @ np.array(state[2]), np.vstack([np.array(one)[:, self._order] for one in jacobians])
+        return turn, np.array(state[0]) - turn @ np.array(state[2]), np.vstack([np.array(one) for one in jacobians])
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.hard.reproducer``; what the harness supplies is part of tau, and of M."""
-        self._go_to(q, v)
-        added = self._passive(q, v)
-        forces, expected, armature = np.zeros((3, len(self._places)))
-        forces[self._order], expected[self._order], armature[self._order] = tau + added, certified, self.supplied.armature
+        added = self.take(q, v) + self.supplied(q[None], v[None])[0]
+        forces, expected, armature = (values @ self.turn for values in (tau + added, certified, self.armature))
         mass = "np.array(p.calculateMassMatrix(b, q))" + (f" + np.diag({armature.tolist()})" if armature.any() else "")
         remark = "  # springs and dampers, which inverse dynamics do not know, are in tau" if added.any() else ""
         return (
@@ -112,7 +109,7 @@ class PybulletModel(MassAndBias):
             f"f.write({source}); f.flush(); p.connect(p.DIRECT); "
             "b = p.loadURDF(f.name, useFixedBase=True, flags=p.URDF_USE_INERTIA_FROM_FILE); "
             f"p.setGravity(*{list(self._gravity)})\n"
-            f"q, v, tau = {self._own[0]}, {self._own[1]}, {forces.tolist()}{remark}\n"
+            f"q, v, tau = {self._q}, {self._v}, {forces.tolist()}{remark}\n"
             f"print(np.linalg.solve({mass}, np.array(tau) - p.calculateInverseDynamics(b, q, v, [0.0] * len(q))).tolist(), "
             f"{expected.tolist()}, sep='\\n')  # engine, certified\n"
         )
@@ -123,31 +120,73 @@ def _turn(quaternion: Any) -> Array:
     return rotation(np.array([w, x, y, z]))
 
 
-class PybulletEngine:
+class PybulletEngine(Engine):
     requires = ("pybullet", "pybullet")
     formats = ("urdf",)
     optional = True
     factorises_mass_matrix = True
+    supplied: Mapping[str, str] = {
+        "urdf": (
+            "dampers, springs and rotor inertias of joints, and springs between points, are supplied from the file, "
+            "and each link has the inertia that stands there"
+        )
+    }
+    why_no_equalities = "its mass matrix and inverse dynamics hold no joints together"
+    call: Mapping[str, str] = {
+        "urdf": (
+            "b = p.loadURDF(PATH, useFixedBase=True); p.setGravity(0, 0, -9.81); p.calculateMassMatrix(b, q); "
+            "p.calculateInverseDynamics(b, q, v, [0] * len(q))"
+        )
+    }
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> PybulletModel:
+    def refuse(self, file: ModelFile) -> None:
+        refuse_constraints(file, "PyBullet")
+
+    def read(self, request: Request) -> PybulletModel:
+        if request.text is not None:
+            _, root = take_root_off(request, "PyBullet")
+            if root:
+                line = next(joint.line for joint in request.joints if joint.name == root)
+                raise Unsupported(f"line {line}: joint {root!r} is free or a ball joint, for which its inverse dynamics have no place in q")
+        refuse_joints(request, "PyBullet", ())
+        if request.aid is None:
+            return PybulletModel(_read(0, text_of(without_shapes(elements_of(request), meshes_alone=True))), _notes(request), request)
+        return PybulletModel(_read(_INERTIAS_OF_FILE, _with_inertias(request)), (), request)
+
+
+def _notes(request: Request) -> tuple[str, ...]:
+    """That meshes are taken out, where links collide by some."""
+    meshes = elements_of(request).findall("link/collision/geometry/mesh")
+    return (
+        (f"read without {len(meshes)} mesh{'es' if len(meshes) > 1 else ''} of collision: the boxes around them stand in no file",)
+        if meshes
+        else ()
+    )
+
+
+def _read(flags: int, content: bytes) -> tuple[int, int]:
+    """A body in a physics server of its own, and that server before it."""
+    # The reasons go to standard output and error alone; it keeps files by their names.
+    with captured_output() as captured, tempfile.NamedTemporaryFile(suffix=".urdf") as file:
+        file.write(content)
+        file.flush()
         import pybullet
 
-        file = require_model(source, "pybullet")
-        text, root = take_root_off(file, "PyBullet")
-        if root is not None:
-            line = file.joint_lines[root]
-            raise Unsupported(f"line {line}: joint {root!r} is free or a ball joint, for which its inverse dynamics have no place in q")
         server = pybullet.connect(pybullet.DIRECT)
-        with tempfile.TemporaryDirectory() as folder, captured_standard_error() as captured:
-            path = Path(folder) / "model.urdf"
-            path.write_text(text, encoding="utf-8")
-            flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_IGNORE_VISUAL_SHAPES | pybullet.URDF_IGNORE_COLLISION_SHAPES
-            try:
-                body = pybullet.loadURDF(str(path), useFixedBase=True, flags=flags, physicsClientId=server)
-            except pybullet.error as error:
-                pybullet.disconnect(server)
-                raise ValueError(captured() or str(error)) from error
-        return PybulletModel(server, body, file, joints, gravity)
+        try:
+            return server, pybullet.loadURDF(file.name, useFixedBase=True, flags=flags, physicsClientId=server)
+        except pybullet.error as error:
+            pybullet.disconnect(server)
+            raise Refused(" ".join((captured() or str(error)).split())) from error
+
+
+def _with_inertias(request: Request) -> bytes:
+    """The text with an inertia of nothing where a link has none, for which PyBullet has one of its own, and without shapes."""
+    root = without_shapes(elements_of(request))
+    for link in root.iterfind("link"):
+        if link.find("inertial") is None:
+            link.append(etree.fromstring(_NOTHING))
+    return text_of(root)
 
 
 ENGINE = PybulletEngine()

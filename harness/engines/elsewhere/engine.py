@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.engines.engine import handed_over
 from harness.environments.folders import Environment
 from harness.models.model_file import ModelFile
 
@@ -28,7 +29,7 @@ class EngineElsewhere:
         from harness.engines.elsewhere.interpreter import interpreter_of
 
         interpreter = interpreter_of(self.environment)
-        return interpreter.load(self._path, self._module, self.environment.engine, (source, joints, gravity))
+        return interpreter.load(self._path, self._module, self.environment.engine, (handed_over(source), joints, gravity))
 
     def evaluate(self, method: str, *arguments: Any) -> Any:
         """What a method of the engine file's ``ENGINE`` returns in the environment, or raises there."""

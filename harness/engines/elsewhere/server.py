@@ -46,8 +46,9 @@ class Server:
         """What a method of the ``ENGINE`` of an engine file returns; the file as of ``load``."""
         from harness.library import run_file
 
-        source = importlib.import_module(module) if module else run_file(Path(path), f"_harness_engine_{name}")
-        return getattr(source.ENGINE, method)(*arguments)
+        engine = (importlib.import_module(module) if module else run_file(Path(path), f"_harness_engine_{name}")).ENGINE
+        engine.name = name
+        return getattr(engine, method)(*arguments)
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
         return getattr(self._models[number], method)(*arguments)

@@ -1,113 +1,119 @@
 """Drake's ``MultibodyPlant`` in continuous time, on a URDF or MJCF model: accelerations of its articulated-body algorithm.
 
 Drake has a free joint's angular velocity along the axes of its parent, and a ball joint as roll, pitch and yaw; both are turned into
-the body's own axes here. Springs that its parser passes over are added as Drake's own force elements
-(``harness.engines.adapters.drake.files``). Gravity is the file's, or for a URDF the harness's.
+the body's own axes. The root link of a URDF is welded. What its parser passes over is added as Drake's own parts: springs as force
+elements, and rotors, which are those of actuators in Drake (``building``). Gravity is the file's, or for a URDF the harness's.
 
-Source: Drake documentation, drake::multibody::MultibodyPlant, ``get_generalized_acceleration_output_port`` and
+Source: Drake documentation, drake::multibody::Parser and MultibodyPlant, ``get_generalized_acceleration_output_port`` and
 ``get_reaction_forces_output_port``; drake::multibody::BallRpyJoint and QuaternionFloatingJoint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import LoadedModel, NotOffered, Part, StepRule, Terms, Unsupported, require_model
+from harness.engines import Engine, LoadedModel, NotOffered, Part, StepRule, Terms, Unsupported
+from harness.engines.adapters.drake.building import CONTINUOUS, FINALIZE, Building, building, built
 from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
-from harness.engines.adapters.drake.files import (
-    armatures_passed_over,
-    floating_bodies,
-    refuse,
-    refused_warnings,
-    springs_at_world,
-    text_for_parser,
-)
-from harness.engines.rotations import BALL, FREE, Columns
-from harness.models.model_file import JointSpring, ModelFile, PointSpring
-
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
+from harness.engines.adapters.drake.files import floating_bodies, refuse
+from harness.engines.loaded_file import refuse_joints
+from harness.engines.request import Refused, Request
+from harness.engines.rotations import BALL, FREE
+from harness.engines.state_by_state import StateByState
+from harness.models.model_file import ModelFile
 
 # Of a discrete plant [s]; no file of a mechanism says it.
 _TIME_STEP = 0.001
 _SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "ball_rpy": BALL, "quaternion_floating": FREE}
 
 
-class DrakeModel:
-    """A plant, made by the Python text ``building`` of the text of a model ``x``, with a context for its states."""
+class DrakeModel(StateByState):
+    """A plant with a context for its states; ``names`` are the free joints, which Drake names after their bodies, by body."""
 
-    def __init__(self, text: str, building: str, names: Mapping[str, str], joints: Sequence[str], edited: bool) -> None:
-        self._text, self._building, self._edited = text, building, edited
-        self.plant = self._build(building)
-        self._context = self.plant.CreateDefaultContext()
-        plant = self.plant
-        by_name = {plant.get_joint(index).name(): plant.get_joint(index) for index in plant.GetJointIndices()}
-        moving = {name: joint for name, joint in by_name.items() if joint.num_velocities()}
-        for name, body in names.items():
-            moving[name] = moving.pop(body)
-        if unknown := {joint.type_name() for joint in moving.values()} - set(_SIZES):
+    rotation_first = True
+    applies_dampers = True
+    applies_springs = True
+
+    def __init__(self, built_by: Building, names: Mapping[str, str], request: Request) -> None:
+        self._building = built_by
+        self.plant = plant = built(built_by)
+        self._context = plant.CreateDefaultContext()
+        joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+        self._moving = {names.get(joint.name(), joint.name()): joint for joint in joints if joint.num_velocities()}
+        unknown = {joint.type_name() for joint in self._moving.values()} - set(_SIZES)
+        if unknown and request.text is not None:
             raise Unsupported(f"joints of the kinds {', '.join(sorted(unknown))} are not known to the harness's adapter of Drake")
-        self.joints = moving
-        self._order = list(dict.fromkeys(joints))
-
-    def _build(self, building: str) -> Any:
-        names: dict[str, Any] = {"x": self._text}
-        with refused_warnings():
-            # The very text that a reproducer prints: what it shows is what was done.
-            exec(building, names)
-        return names["p"]
+        super().__init__(request, {name: joint.velocity_start() for name, joint in self._moving.items()}, plant.num_velocities())
+        # An actuator has what the harness supplies.
+        self.armature[:] = 0.0
 
     def loaded(self) -> LoadedModel:
         plant = self.plant
-        sizes = {name: _SIZES[joint.type_name()] for name, joint in self.joints.items()}
+        sizes = {name: _SIZES[joint.type_name()] for name, joint in self._moving.items()}
         x, y, z = plant.gravity_field().gravity_vector().tolist()
         fixed = {body.index() for body in plant.GetBodiesWeldedTo(plant.world_body())}
         bodies = (plant.get_body(index) for instance in _instances(plant) for index in plant.GetBodyIndices(instance))
         return LoadedModel(sizes, (x, y, z), float(sum(body.get_mass(self._context) for body in bodies if body.index() not in fixed)))
 
-    def _columns(self) -> Columns:
-        return Columns(self._order, {name: _SIZES[joint.type_name()] for name, joint in self.joints.items()})
-
     @cached_property
     def _differentiated(self) -> DifferentiatedPlant:
-        return DifferentiatedPlant(self.plant, self._columns())
+        return DifferentiatedPlant(self.plant, self.columns)
 
-    def _states(self, q: Array, v: Array, tau: Array) -> Iterator[tuple[Array, Array, Array, Array]]:
-        """Drake's own q, v and tau of each state, and the matrix that takes its accelerations to those of the harness."""
+    def _own_positions(self, q: Array) -> Array:
         from pydrake.common.eigen_geometry import Quaternion
         from pydrake.math import RollPitchYaw
 
-        plant, columns = self.plant, self._columns()
-        places = {name: joint.velocity_start() for name, joint in self.joints.items()}
-        for state in range(len(q)):
-            positions = np.zeros(plant.num_positions())
-            for name, size in columns.sizes.items():
-                given, start = q[state, columns.spans(name)[0]], self.joints[name].position_start()
-                if size == BALL:
-                    given = RollPitchYaw(Quaternion(given / np.linalg.norm(given))).vector()
-                elif size == FREE:
-                    given = np.concatenate([given[3:], given[:3]])
-                positions[start : start + len(given)] = given
-            turn = columns.turn(q[state], places, plant.num_velocities(), rotation_first=True)
-            yield positions, v[state] @ turn, tau[state] @ turn, turn
+        positions = self.plant.GetDefaultPositions()
+        for name, size in self.columns.sizes.items():
+            given, start = q[self.columns.spans(name)[0]], self._moving[name].position_start()
+            if size == BALL:
+                given = RollPitchYaw(Quaternion(given / np.linalg.norm(given))).vector()
+            elif size == FREE:
+                given = np.concatenate([given[3:], given[:3]])
+            positions[start : start + len(given)] = given
+        return np.asarray(positions)
+
+    def _states(self, q: Array, v: Array, tau: Array) -> Iterator[tuple[Array, Array, Array, Array]]:
+        """Drake's own q, v and tau of each state, and the matrix that takes its accelerations to those of the harness."""
+        for position, velocity, force in zip(q, v, tau, strict=True):
+            turn = self.columns.turn(position, self.places, self.width, self.rotation_first)
+            yield self._own_positions(position), velocity @ turn, force @ turn, turn
 
     def _set(self, plant: Any, context: Any, q: Array, v: Array, tau: Array) -> None:
         plant.SetPositions(context, q)
         plant.SetVelocities(context, v)
         plant.get_applied_generalized_force_input_port().FixValue(context, tau)
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        plant, context, answer = self.plant, self._context, np.empty(v.shape)
-        port = plant.get_generalized_acceleration_output_port()
-        for state, (*own, turn) in enumerate(self._states(q, v, tau)):
-            self._set(plant, context, *own)
-            answer[state] = turn @ port.Eval(context)
-        return answer
+    def _go_to(self, q: Array, v: Array) -> None:
+        self.plant.SetPositions(self._context, self._own_positions(q))
+        self.plant.SetVelocities(self._context, v)
+
+    def _accelerations(self, force: Array) -> Array:
+        self.plant.get_applied_generalized_force_input_port().FixValue(self._context, force)
+        try:
+            return np.asarray(self.plant.get_generalized_acceleration_output_port().Eval(self._context))
+        except RuntimeError as error:
+            raise Refused(" ".join(str(error).split())) from error
+
+    def _mass_matrix(self) -> Array:
+        return np.asarray(self.plant.CalcMassMatrix(self._context))
+
+    def _bias(self) -> Array:
+        # Gravity, springs and dampers are force elements.
+        return np.asarray(self.plant.CalcBiasTerm(self._context) - self._of_elements(self.plant, self._context))
+
+    def _of_elements(self, plant: Any, context: Any) -> Array:
+        """(width,) of force elements, which contain gravity and the dampers of joints."""
+        from pydrake.multibody.tree import MultibodyForces
+
+        forces = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(context, forces)
+        return np.asarray(plant.CalcGeneralizedForces(context, forces))
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``; of the accelerations' output port."""
@@ -120,17 +126,16 @@ class DrakeModel:
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``: the output port of reaction forces, each about and along the axes of the child's frame."""
-        plant, context = self.plant, self._context
-        found = np.empty((len(q), len(self._order), 6))
+        plant, context, names = self.plant, self._context, list(self.columns.sizes)
+        found = np.empty((len(q), len(names), 6))
         port = plant.get_reaction_forces_output_port()
         indices = plant.GetJointIndices()
-        ordinals = {name: indices.index(joint.index()) for name, joint in self.joints.items()}
+        ordinals = {name: indices.index(joint.index()) for name, joint in self._moving.items()}
         for state, (*own, _) in enumerate(self._states(q, v, tau)):
             self._set(plant, context, *own)
             forces = port.Eval(context)
-            for place, name in enumerate(self._order):
-                joint = self.joints[name]
-                turn = joint.frame_on_child().CalcPoseInWorld(context).rotation().matrix()
+            for place, name in enumerate(names):
+                turn = self._moving[name].frame_on_child().CalcPoseInWorld(context).rotation().matrix()
                 force = forces[ordinals[name]]
                 found[state, place] = *(turn @ force.translational()), *(turn @ force.rotational())
         return found
@@ -141,13 +146,13 @@ class DrakeModel:
         Raises:
             NotOffered: a joint turns about a point, which Drake steps in other coordinates.
         """
-        if {BALL, FREE} & {_SIZES[joint.type_name()] for joint in self.joints.values()}:
+        if {BALL, FREE} & set(self.columns.sizes.values()):
             raise NotOffered("Drake steps rotations about a point by the rates of their coordinates, of which no rule is declared")
         # With sampled outputs the update is not one of the discrete state alone.
-        plant = self._build(self._building.replace(_CONTINUOUS, f"MultibodyPlant({length!r}); p.SetUseSampledOutputPorts(False)"))
+        plant = built(self._building.replaced(CONTINUOUS, f"MultibodyPlant({length!r}); p.SetUseSampledOutputPorts(False)"))
         context, nq, found = plant.CreateDefaultContext(), plant.num_positions(), np.empty((len(q), q.shape[1] + v.shape[1]))
-        positions = [self.joints[name].position_start() for name in self._order]
-        velocities = [self.joints[name].velocity_start() for name in self._order]
+        positions = [self._moving[name].position_start() for name in self.columns.sizes]
+        velocities = [self.places[name] for name in self.columns.sizes]
         for state, (*own, _) in enumerate(self._states(q, v, tau)):
             self._set(plant, context, *own)
             after = plant.EvalUniquePeriodicDiscreteUpdate(context).value()
@@ -160,25 +165,18 @@ class DrakeModel:
         Source: Drake documentation, ``CalcMassMatrix``, ``CalcBiasTerm``, ``CalcGravityGeneralizedForces``,
         ``CalcForceElementsContribution``, which has the dampers of joints too.
         """
-        from pydrake.multibody.tree import MultibodyForces
-
         plant, context = self.plant, self._context
         # Force elements contain gravity, which is not to be what is left of a difference.
-        weightless = self._build(
-            self._building.removesuffix("p.Finalize()") + "p.mutable_gravity_field().set_gravity_vector([0.0] * 3); p.Finalize()"
-        )
-        without_gravity, forces = weightless.CreateDefaultContext(), MultibodyForces(weightless)
-        count = plant.num_velocities()
-        mass, (velocity, gravity, passive, applied) = np.empty((len(q), count, count)), np.empty((4, *v.shape))
+        weightless = built(self._building.replaced(FINALIZE, f"p.mutable_gravity_field().set_gravity_vector([0.0] * 3); {FINALIZE}"))
+        without_gravity = weightless.CreateDefaultContext()
+        mass, (velocity, gravity, passive, applied) = np.empty((*v.shape, v.shape[1])), np.empty((4, *v.shape))
         for state, (*own, turn) in enumerate(self._states(q, v, tau)):
             self._set(plant, context, *own)
             self._set(weightless, without_gravity, *own)
-            forces.SetZero()
-            weightless.CalcForceElementsContribution(without_gravity, forces)
             mass[state] = turn @ plant.CalcMassMatrix(context) @ turn.T
             velocity[state] = turn @ plant.CalcBiasTerm(context)
             gravity[state] = -(turn @ plant.CalcGravityGeneralizedForces(context))
-            passive[state] = turn @ weightless.CalcGeneralizedForces(without_gravity, forces)
+            passive[state] = turn @ self._of_elements(weightless, without_gravity)
             applied[state] = tau[state]
         return Terms(mass, velocity, gravity, passive, applied)
 
@@ -186,8 +184,9 @@ class DrakeModel:
         """See ``harness.hard.reproducer``."""
         ((*own, turn),) = self._states(q[None], v[None], tau[None])
         positions, velocities, forces = (values.tolist() for values in own)
+        text = self._building.text
         return (
-            f"x = {repr(self._text) if self._edited else source}; {self._building}; c = p.CreateDefaultContext()\n"
+            f"x = {source if text == self.request.text else repr(text)}; {self._building.statements}; c = p.CreateDefaultContext()\n"
             f"p.SetPositions(c, {positions}); p.SetVelocities(c, {velocities}); "
             f"p.get_applied_generalized_force_input_port().FixValue(c, {forces})\n"
             f"print(p.get_generalized_acceleration_output_port().Eval(c).tolist(), {(certified @ turn).tolist()}, sep='\\n')"
@@ -195,10 +194,23 @@ class DrakeModel:
         )
 
 
-class DrakeEngine:
+_PLANT = "p = MultibodyPlant(0.0); Parser(p).AddModels(PATH); "
+_ACCELERATIONS = "p.Finalize(); p.get_generalized_acceleration_output_port().Eval(c)"
+
+
+class DrakeEngine(Engine):
     requires = ("pydrake", "drake")
     formats = ("urdf", "mjcf")
     optional = True
+    supplied: Mapping[str, str] = dict.fromkeys(
+        formats,
+        "gravity, springs and rotor inertias of joints, and springs between points, are supplied from the file; dampers are its own",
+    )
+    why_no_equalities = "it holds equalities in discrete time steps alone, and has no acceleration at a state with them"
+    call: Mapping[str, str] = {
+        "urdf": f"{_PLANT}p.WeldFrames(p.world_frame(), p.GetFrameByName(ROOT)); {_ACCELERATIONS}",
+        "mjcf": _PLANT + _ACCELERATIONS,
+    }
 
     def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
         """One rule, of the free motion of a plant in discrete time: (M + h D) a = f, v' = v + h a, q' = q + h N(q) v'.
@@ -211,35 +223,16 @@ class DrakeEngine:
         """
         return (StepRule("discrete", _TIME_STEP, frozenset({Part.JOINT_DAMPERS})),)
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> DrakeModel:
-        file = require_model(source, "drake")
+    def refuse(self, file: ModelFile) -> None:
         refuse(file)
-        names, text = floating_bodies(file), text_for_parser(file)
-        vector = [0.0, 0.0, -gravity] if file.gravity is None else list(file.gravity)
-        building = "; ".join([*_building(file), f"p.mutable_gravity_field().set_gravity_vector({vector})", "p.Finalize()"])
+
+    def read(self, request: Request) -> DrakeModel:
+        floating = floating_bodies(request)
+        refuse_joints(request, "Drake", [*floating, request.supplied_ball_joint])
         try:
-            return DrakeModel(text, building, names, joints, edited=text != file.text)
+            return DrakeModel(building(request), {body: joint for joint, body in floating.items()}, request)
         except RuntimeError as error:
-            raise ValueError(" ".join(str(error).split())) from error
-
-
-def _building(file: ModelFile) -> Iterator[str]:
-    """Python statements that read the text ``x`` into the plant ``p``, and add what the parser passes over."""
-    yield "from pydrake.multibody.plant import MultibodyPlant; from pydrake.multibody.parsing import Parser"
-    yield "import pydrake.multibody.tree as t"
-    yield f"p = {_CONTINUOUS}; Parser(p).AddModelsFromString(x, {'urdf' if file.format == 'urdf' else 'xml'!r})"
-    read = set() if file.format == "mjcf" else {id(one) for one in file.force_elements if isinstance(one, PointSpring)}
-    read -= {id(one) for one in springs_at_world(file)}
-    for name, inertia in armatures_passed_over(file).items():
-        yield f"p.AddJointActuator({name!r}, p.GetJointByName({name!r})).set_default_rotor_inertia({inertia!r})"
-    for element in file.force_elements:
-        if isinstance(element, JointSpring):
-            joint = f"p.GetJointByName({element.joint!r})"
-            kinds = f"(t.RevoluteSpring if {joint}.type_name() == 'revolute' else t.PrismaticSpring)"
-            yield f"p.AddForceElement({kinds}({joint}, {element.reference!r}, {element.stiffness!r}))"
-        elif isinstance(element, PointSpring) and id(element) not in read:
-            ends = ", ".join(f"p.GetBodyByName({body!r}), {list(point)}" for body, point in element.ends)
-            yield f"p.AddForceElement(t.LinearSpringDamper({ends}, {element.free_length!r}, {element.stiffness!r}, {element.damping!r}))"
+            raise Refused(" ".join(str(error).split())) from error
 
 
 def _instances(plant: Any) -> Iterator[Any]:
@@ -248,6 +241,4 @@ def _instances(plant: Any) -> Iterator[Any]:
     yield from (ModelInstanceIndex(number) for number in range(plant.num_model_instances()))
 
 
-# Of a plant without a time step.
-_CONTINUOUS = "MultibodyPlant(0.0)"
 ENGINE = DrakeEngine()

@@ -17,11 +17,14 @@ from contextlib import contextmanager
 from lxml import etree
 
 from harness.engines import Unsupported
+from harness.engines.request import Refused, Request
+from harness.engines.urdf_text import refuse_unexpressed, root_link
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD
 from harness.models.formats import POINT_SPRING
 from harness.models.mjcf.defaults import resolved, resolved_text
 from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
-from harness.models.xml import describe, literal_tag, parse_document
+from harness.models.xml import Document, describe, literal_tag, parse_document
 
 # Of the warnings, those about what the adapter supplies, and about what changes no acceleration.
 _SUPPLIED = (
@@ -33,42 +36,59 @@ _SUPPLIED = (
 )
 
 
-def text_for_parser(file: ModelFile) -> str:
-    """The text without springs between points that end at the link ``world``, which Drake takes for the world and then does not find."""
-    if file.format != "urdf" or not springs_at_world(file):
-        return file.text
-    document = parse_document(file.path, file.text, ROOT_TAGS["urdf"])
-    lines = {spring.line for spring in springs_at_world(file)}
+def text_for_parser(request: Request) -> str | None:
+    """The text without springs between points that end at the link ``world``, which Drake takes for the world and then does not find.
+
+    None of a file that is read where it lies.
+    """
+    if request.format != "urdf" or not springs_at_world(request):
+        return request.text
+    document = parse_document(request.path, request.content.decode(), ROOT_TAGS["urdf"])
+    lines = {spring.line for spring in springs_at_world(request)}
     for element in list(document.root.iterchildren("*")):
         if literal_tag(element) == POINT_SPRING and document.lines[element] in lines:
             document.root.remove(element)
     return str(etree.tostring(document.root, encoding="unicode"))
 
 
-def springs_at_world(file: ModelFile) -> list[PointSpring]:
-    return [one for one in file.force_elements if isinstance(one, PointSpring) and WORLD in (one.body_a, one.body_b)]
+def springs_at_world(request: Request) -> list[PointSpring]:
+    return [] if request.aid is None else [one for one in request.aid.springs if WORLD in (one.body_a, one.body_b)]
 
 
-def floating_bodies(file: ModelFile) -> dict[str, str]:
+def floating_bodies(request: Request) -> dict[str, str]:
     """The free joints of a file with the body of each, after which Drake names the joint.
 
     Raises:
         Unsupported: such a joint floats from another link than the root at the world's origin, or its body has no name.
+        Refused: a joint of a user's MJCF has no name.
     """
-    document = parse_document(file.path, file.text, ROOT_TAGS[file.format])
+    if request.floating_base:
+        return {request.floating_base: root_link(request)}
+    document = parse_document(request.path, request.content.decode(), ROOT_TAGS[request.format])
+    return _floating_in_mjcf(request, document) if request.format == "mjcf" else _floating_in_urdf(request, document)
+
+
+def _floating_in_mjcf(request: Request, document: Document) -> dict[str, str]:
+    free = {joint.name for joint in request.joints if joint.kind == JointKind.FREE}
+    written = list(document.root.iterfind("worldbody//*"))
+    if unnamed := {joint.name for joint in request.joints} - {one.get("name") for one in written if one.tag in ("joint", "freejoint")}:
+        raise Refused(f"the harness asks Drake about no joint without a name in this file, as {', '.join(sorted(unnamed))}")
     found = {}
-    if file.format == "mjcf":
-        for joint in document.root.iter("joint", "freejoint"):
-            if joint.get("name") in file.joint_lines and (joint.tag == "freejoint" or joint.get("type") == "free"):
-                body = joint.getparent()
-                if not body.get("name"):
-                    raise Unsupported(
-                        f"line {document.lines[body]}: {describe(body)} has no name, by which Drake names its free joint; add one"
-                    )
-                found[str(joint.get("name"))] = str(body.get("name"))
-        return found
+    for joint in written:
+        if joint.tag in ("joint", "freejoint") and joint.get("name") in free:
+            body = joint.getparent()
+            if not body.get("name"):
+                raise Unsupported(
+                    f"line {document.lines[body]}: {describe(body)} has no name, by which Drake names its free joint; add one"
+                )
+            found[str(joint.get("name"))] = str(body.get("name"))
+    return found
+
+
+def _floating_in_urdf(request: Request, document: Document) -> dict[str, str]:
+    found = {}
     carried = {joint.find("child").get("link") for joint in document.root.iterfind("joint")}
-    for joint in document.root.iterfind("joint[@type='floating']"):
+    for joint in document.root.iterfind("joint[@type='floating']") if request.aid is not None else ():
         parent, origin = joint.find("parent").get("link"), joint.find("origin")
         moved = origin is not None and any(float(word) for text in origin.attrib.values() for word in text.split())
         if parent != WORLD or parent in carried or moved:
@@ -79,16 +99,18 @@ def floating_bodies(file: ModelFile) -> dict[str, str]:
     return found
 
 
-def armatures_passed_over(file: ModelFile) -> dict[str, float]:
-    """The reflected inertia of each joint of an MJCF that has one, which Drake gives to actuators alone, and drops without them.
+def armatures_passed_over(request: Request) -> dict[str, float]:
+    """The reflected inertia of each joint of a mechanism's MJCF that has one, which Drake gives to actuators alone, and drops without them.
 
     Raises:
         Unsupported: such a joint turns about or moves along several axes, or the file has actuators, which then have it already.
     """
-    document = parse_document(file.path, file.text, ROOT_TAGS[file.format])
+    if request.format == "urdf" or request.text is None:
+        return {}
+    document, names = parse_document(request.path, request.text, ROOT_TAGS["mjcf"]), {joint.name for joint in request.joints}
     found = {}
-    for joint in document.root.iter("joint") if file.format == "mjcf" else ():
-        written = resolved(joint, "armature") if joint.get("name") in file.joint_lines else None
+    for joint in document.root.iter("joint"):
+        written = resolved(joint, "armature") if joint.get("name") in names else None
         value = 0.0 if written is None else float(written.text)
         if value and resolved_text(joint, "type", "hinge") not in ("hinge", "slide"):
             raise Unsupported(
@@ -108,8 +130,7 @@ def refuse(file: ModelFile) -> None:
     if file.constraints:
         shown = "; ".join(f"line {one.line}: {one.kind} constraint {one.name!r}" for one in file.constraints)
         raise Unsupported(f"Drake holds constraints in discrete time steps alone, and has no acceleration at a state with them: {shown}")
-    if file.unexpressed:
-        raise Unsupported("; ".join(f"line {one.line}: {one.what}, which the harness cannot supply" for one in file.unexpressed))
+    refuse_unexpressed(file)
 
 
 @contextmanager
@@ -127,6 +148,18 @@ def refused_warnings() -> Iterator[None]:
     refused = [text for text in handler.texts if not any(re.search(known, text) for known in _SUPPLIED)]
     if refused:
         raise Unsupported("Drake's parser: " + "; ".join(dict.fromkeys(map(_shortened, refused))))
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Without Drake's warnings: what they say is a reading, or bears on no acceleration. Whoever else reads them does so again after."""
+    logger = logging.getLogger("drake")
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def _shortened(text: str) -> str:

@@ -15,18 +15,17 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import ConstraintLaw, HeldModel, LoadedModel, StepRule, Terms, require_model
-from harness.engines.adapters.mujoco import held, law, steps, urdf, versions
+from harness.engines import ConstraintLaw, Engine, HeldModel, LoadedModel, StepRule, Terms
+from harness.engines.adapters.mujoco import equalities, held, law, robot, steps, urdf, versions
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
+from harness.engines.request import Request
+from harness.files.constraints import ModelConstraint
 from harness.models.model_file import ModelFile
-
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
 
 
 class MujocoModel(MujocoQuantities):
@@ -166,18 +165,32 @@ class MujocoModel(MujocoQuantities):
         )
 
 
-class MujocoEngine:
+class MujocoEngine(Engine):
     requires = ("mujoco", "mujoco")
     formats = ("mjcf", "urdf")
     oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")
     factorises_mass_matrix = True
+    supplied: Mapping[str, str] = {
+        "urdf": (
+            "gravity, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file, "
+            "and each link keeps its own inertia"
+        ),
+        "mjcf": "its reader takes what the file holds; nothing is supplied",
+    }
+    takes_inertias_about_tree = True
+    call: Mapping[str, str] = dict.fromkeys(
+        formats,
+        "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",
+    )
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> MujocoModel:
+    def read(self, request: Request) -> robot.MujocoFile:
+        return robot.read(request)
+
+    def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
         import mujoco
 
         # The default handler writes a log file into the current directory.
         mujoco.set_mju_user_warning(lambda message: None)
-        file = require_model(source, "mujoco")
         if file.format == "urdf":
             compiled, building = urdf.read(file, gravity, joints)
             return MujocoModel(compiled, joints, building)
@@ -192,6 +205,15 @@ class MujocoEngine:
     def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
         """See ``harness.engines.adapters.mujoco.steps``."""
         return steps.step_rules(file)
+
+    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+        return law.laws_in(equalities.settings(root, model_format), constraints)
+
+    def fuses(self, root: Any, model_format: str) -> bool:
+        return equalities.fuses(root, model_format)
+
+    def own_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:
+        return steps.rules_in(equalities.settings(root, model_format))
 
 
 ENGINE = MujocoEngine()

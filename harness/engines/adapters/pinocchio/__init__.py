@@ -20,24 +20,22 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Terms, Unsupported, require_model
-from harness.engines.adapters.pinocchio import held, mjcf
+from harness.engines import Engine, HeldModel, LoadedModel, Terms, Unsupported
+from harness.engines.adapters.pinocchio import held, mjcf, robot
 from harness.engines.adapters.pinocchio.constraints import LoopConstraints, Solver
 from harness.engines.adapters.pinocchio.forces import ForceElements
 from harness.engines.adapters.pinocchio.mimics import MimicJoints
 from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
 from harness.engines.adapters.pinocchio.versions import armature, read_urdf, set_armature
 from harness.engines.output import captured_standard_error
+from harness.engines.request import Request
 from harness.errors import InvalidModel
 from harness.models.model_file import ModelFile
-
-if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
 
 
 class PinocchioModel(PinocchioQuantities):
@@ -209,18 +207,29 @@ class PinocchioModel(PinocchioQuantities):
         )
 
 
-class PinocchioEngine:
+class PinocchioEngine(Engine):
     requires = ("pinocchio", "pin")
     formats = ("urdf", "mjcf")
     oldest: Mapping[str, str] = {"urdf": "2.7.0", "mjcf": "3.3.1"}
     # Wheels of that time take whatever versions of these there are.
     companions: Mapping[str, Sequence[str]] = {">=3,<4": ("cmeel-urdfdom<5", "cmeel-tinyxml2<11", "numpy<2.4")}
     linear_velocity_in_body = True
+    supplied: Mapping[str, str] = dict.fromkeys(
+        formats,
+        "gravity, dampers, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file",
+    )
+    why_no_equalities = "pin.aba holds no equality, whatever its readers make of it"
+    call: Mapping[str, str] = {
+        "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
+        "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
+    }
 
-    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> PinocchioModel:
+    def read(self, request: Request) -> robot.PinocchioFile:
+        return robot.read(request)
+
+    def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> PinocchioModel:
         import pinocchio
 
-        file = require_model(source, "pinocchio")
         if file.format == "mjcf":
             model, composites = mjcf.read(file)
             model.gravity.linear = np.array(file.gravity)

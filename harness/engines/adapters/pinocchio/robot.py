@@ -14,42 +14,28 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.aided import AidedEngine
-from harness.comparison.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
-from harness.comparison.questions import Asked, Caller, Refused, Request, projected
 from harness.engines import NotOffered
 from harness.engines.adapters.pinocchio.forces import ForceElements, JointPlace, Pull, has_body
 from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities, Supplied
 from harness.engines.adapters.pinocchio.versions import set_armature
+from harness.engines.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
+from harness.engines.loaded_file import LoadedFile
 from harness.engines.output import captured_standard_error
+from harness.engines.request import Asked, Refused, Request, projected
 
 # Several joints of one body; its first gives the name. A joint without name, as the tree names it.
 _COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
 
 
-class PinocchioCaller(Caller):
-    engine = "pinocchio"
-    formats: tuple[str, ...] = ("urdf", "mjcf")
-    requires = ("pinocchio", "pin")
-    factorises_mass_matrix = False
-    supplied: Mapping[str, str] = dict.fromkeys(
-        formats,
-        "gravity, dampers, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file",
-    )
-    why_no_equalities = "pin.aba holds no equality, whatever its readers make of it"
-    call: Mapping[str, str] = {
-        "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
-        "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",
-    }
-
-    def load(self, request: Request) -> LoadedRobot:
-        # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
-        with captured_standard_error() as captured:
-            try:
-                model = _read(request)
-            except Exception as error:
-                raise Refused(" ".join((captured() or str(error)).split())) from error
-        return LoadedRobot(model, request)
+def read(request: Request) -> PinocchioFile:
+    """A file as its user loads it, or aided; see ``harness.engines.Engine``."""
+    # The reader's reasons go to file descriptor 2 alone; its exceptions do not hold them.
+    with captured_standard_error() as captured:
+        try:
+            model = _read(request)
+        except Exception as error:
+            raise Refused(" ".join((captured() or str(error)).split())) from error
+    return PinocchioFile(model, request)
 
 
 def _read(request: Request) -> Any:
@@ -65,26 +51,25 @@ def _read(request: Request) -> Any:
     return pinocchio.buildModelFromUrdf(path)
 
 
-class LoadedRobot:
+class PinocchioFile(LoadedFile):
     """A ``pinocchio.Model`` with the joints of a request."""
 
-    notes: tuple[str, ...] = ()
-
     def __init__(self, model: Any, request: Request) -> None:
-        self.model, self.request = model, request
         self.places = _places(model, request.joints)
-        self.found = tuple(joint for joint in request.joints if joint.name in self.places)
+        super().__init__(request, self.places)
+        self._model = model
         self.own = [number for joint in self.found for number in self.places[joint.name][1]]
-        self.known = [column for joint in self.found for column in joint.velocities]
         self.further = tuple(name for number, name in enumerate(model.names) if number and name not in _names(self.places))
-        self.couplings = None if request.couplings is None else request.couplings[self.known]
-        self.joints = self.found if request.aid is None or self.couplings is None else request.aid.leaders
         if request.aid is not None:
             model.gravity.linear = request.aid.gravity
-            set_armature(model, self.own, request.aid.armature[self.known])
+            set_armature(model, self.own, request.aid.armature[self.v_columns])
         springs = () if request.aid is None else request.aid.springs
         # A reader that leaves bodies out leaves nothing for springs to pull at.
         self.point_springs = ForceElements(model, [one for one in springs if all(has_body(model, body) for body, _ in one.ends)])
+
+    @property
+    def model(self) -> Any:
+        return self._model
 
     @property
     def is_supplied_with_forces(self) -> bool:
@@ -112,8 +97,8 @@ class LoadedRobot:
         forces = self.request.aid.forces
         return forces.of_dampers(v) + forces.of_springs(q)
 
-    def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
-        return _Run(self, q, v, tau)
+    def prepare(self, q: Array, v: Array, tau: Array) -> PinocchioRun:
+        return PinocchioRun(self, q, v, tau)
 
     def columns(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Pinocchio's own q, v and tau, one row a state."""
@@ -156,7 +141,7 @@ class LoadedRobot:
 class _Quantities(PinocchioQuantities):
     """What Pinocchio computes beside accelerations; q and v are those of joints by their names."""
 
-    def __init__(self, loaded: LoadedRobot, names: Sequence[str]) -> None:
+    def __init__(self, loaded: PinocchioFile, names: Sequence[str]) -> None:
         self.model, self._loaded, self._joints = loaded.model, loaded, names
         self._data = loaded.model.createData()
         self.force_elements: Supplied = _Supplied(loaded)
@@ -183,10 +168,10 @@ class _Quantities(PinocchioQuantities):
 class _Supplied:
     """Springs and dampers, which Pinocchio's readers leave out, in the model's own order."""
 
-    def __init__(self, loaded: LoadedRobot) -> None:
+    def __init__(self, loaded: PinocchioFile) -> None:
         self._between_points = loaded.point_springs
         aid = loaded.request.aid
-        self._own, self._damping = loaded.own, np.zeros(len(loaded.own)) if aid is None else aid.forces.damping[loaded.known]
+        self._own, self._damping = loaded.own, np.zeros(len(loaded.own)) if aid is None else aid.forces.damping[loaded.v_columns]
         self._nv = loaded.model.nv
         self.places: Mapping[str, JointPlace] = loaded.point_springs.places
         # Place in q and in v, stiffness, and position at rest.
@@ -224,10 +209,10 @@ class _Supplied:
         return self._between_points.pulls(configuration, velocity)
 
 
-class _Run:
+class PinocchioRun:
     """States in Pinocchio's own q, v and tau."""
 
-    def __init__(self, loaded: LoadedRobot, q: Array, v: Array, tau: Array) -> None:
+    def __init__(self, loaded: PinocchioFile, q: Array, v: Array, tau: Array) -> None:
         self._loaded, self._q, self._v = loaded, q, v
         self._data = loaded.model.createData()
         # Rows cost half of what columns cost.
@@ -253,7 +238,7 @@ class _Run:
         return accelerations
 
 
-def _coupled(loaded: LoadedRobot, data: Any, couplings: Array, configuration: Array, velocity: Array, force: Array) -> Array:
+def _coupled(loaded: PinocchioFile, data: Any, couplings: Array, configuration: Array, velocity: Array, force: Array) -> Array:
     """Accelerations of the joints that move by themselves, from Pinocchio's own M and forces; ``aba`` refuses such a model."""
     import pinocchio
 
@@ -302,7 +287,3 @@ def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[Asked]) -
 
 def _names(places: Mapping[str, tuple[list[int], list[int], str]]) -> set[str]:
     return {name for _, _, name in places.values()}
-
-
-CALLER = PinocchioCaller()
-ENGINE = AidedEngine(CALLER)

@@ -9,74 +9,44 @@ Source: MuJoCo documentation, Modeling, URDF extensions; API reference, ``mjtDis
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.aided import AidedEngine
-from harness.comparison.callers._mujoco_models import PARTS, aided, places_of, plain
-from harness.comparison.coordinates import multiplied, of_linear, rotations
-from harness.comparison.questions import Asked, Caller, Refused, Request, by_joint, projected
-from harness.engines.adapters.mujoco.equalities import fuses, settings, switch_on
-from harness.engines.adapters.mujoco.law import laws_in
+from harness.engines.adapters.mujoco.equalities import switch_on
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
-from harness.engines.adapters.mujoco.steps import rules_in, step
+from harness.engines.adapters.mujoco.robot_model import PARTS, aided, places_of, plain
+from harness.engines.adapters.mujoco.steps import step
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix
-from harness.files.constraints import ModelConstraint
-from harness.models.constraint_law import ConstraintLaw
+from harness.engines.coordinates import multiplied, of_linear, rotations
+from harness.engines.loaded_file import LoadedFile
+from harness.engines.request import Asked, Refused, Request, by_joint, projected
 from harness.models.step_rule import StepRule
 
 _ELEMENT = re.compile(r"Element name '([^']*)'")
 
 
-class MujocoCaller(Caller):
-    engine = "mujoco"
-    formats: tuple[str, ...] = ("urdf", "mjcf")
-    requires = ("mujoco", "mujoco")
-    factorises_mass_matrix = True
-    supplied: Mapping[str, str] = {
-        "urdf": (
-            "gravity, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file, "
-            "and each link keeps its own inertia"
-        ),
-        "mjcf": "its reader takes what the file holds; nothing is supplied",
-    }
-    takes_inertias_about_tree = True
-    why_no_equalities = ""
-    call: Mapping[str, str] = dict.fromkeys(
-        formats,
-        "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",
-    )
+def read(request: Request) -> MujocoFile:
+    """A file as its user loads it, or aided; see ``harness.engines.Engine``."""
+    import mujoco
 
-    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
-        return laws_in(settings(root, model_format), constraints)
-
-    def fuses(self, root: Any, model_format: str) -> bool:
-        return fuses(root, model_format)
-
-    def step_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:
-        return rules_in(settings(root, model_format))
-
-    def load(self, request: Request) -> LoadedRobot:
-        import mujoco
-
-        # The default handler writes a log file into the current directory.
-        mujoco.set_mju_user_warning(lambda message: None)
-        try:
-            model, notes = plain(request) if request.aid is None else aided(request, request.aid)
-            if request.held is not None:
-                switch_on(model, request.held.kinds, request.held.switched_on)
-        except ValueError as error:
-            words = " ".join(str(error).split())
-            named = _ELEMENT.search(words)
-            raise Refused(words, named[1] if named else "") from error
-        return LoadedRobot(model, request, notes)
+    # The default handler writes a log file into the current directory.
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        model, notes = plain(request) if request.aid is None else aided(request, request.aid)
+        if request.held is not None:
+            switch_on(model, request.held.kinds, request.held.switched_on)
+    except ValueError as error:
+        words = " ".join(str(error).split())
+        named = _ELEMENT.search(words)
+        raise Refused(words, named[1] if named else "") from error
+    return MujocoFile(model, request, notes)
 
 
-class LoadedRobot:
+class MujocoFile(LoadedFile):
     """An ``MjModel`` with the joints of a request."""
 
     def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
@@ -88,21 +58,17 @@ class LoadedRobot:
         others = flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
         model.opt.disableflags |= flags.mjDSBL_CONSTRAINT if request.held is None else others
         model.opt.density = model.opt.viscosity = 0.0
-        self.model, self.notes, self._request = model, tuple(notes), request
         places = places_of(model, request.joints)
-        found = tuple(joint for joint in request.joints if joint.name in places)
-        self._own = {joint.name: (joint, int(places[joint.name].qposadr[0]), int(places[joint.name].dofadr[0])) for joint in found}
-        self.positions, self.velocities = self.addresses([joint.name for joint in found])
-        self.q_columns = [column for joint in found for column in joint.positions]
-        self.v_columns = [column for joint in found for column in joint.velocities]
-        read = {places[joint.name].id + k for joint in found for k in range(PARTS.get(joint.kind, 1))}
+        super().__init__(request, places)
+        self._model, self.notes = model, tuple(notes)
+        self._own = {one.name: (one, int(places[one.name].qposadr[0]), int(places[one.name].dofadr[0])) for one in self.found}
+        self.positions, self.velocities = self.addresses([joint.name for joint in self.found])
+        read = {places[joint.name].id + k for joint in self.found for k in range(PARTS.get(joint.kind, 1))}
         self.further = tuple(f"joint {number}" for number in range(model.njnt) if number not in read)
-        self.couplings = None if request.couplings is None else request.couplings[self.v_columns]
-        self.joints = found if request.aid is None or self.couplings is None else request.aid.leaders
 
     @property
-    def is_supplied_with_forces(self) -> bool:
-        return False
+    def model(self) -> Any:
+        return self._model
 
     def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
         after = step(
@@ -127,15 +93,15 @@ class LoadedRobot:
     def quantities(self, names: Sequence[str]) -> _Quantities:
         return _Quantities(self, names)
 
-    def prepare(self, q: Array, v: Array, tau: Array) -> _Run:
-        q, v, tau = _in_the_world(self._request.joints, q, v, tau)
-        return _Run(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
+    def prepare(self, q: Array, v: Array, tau: Array) -> MujocoRun:
+        q, v, tau = _in_the_world(self.request.joints, q, v, tau)
+        return MujocoRun(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
 
 
 class _Quantities(MujocoQuantities):
     """What MuJoCo computes beside accelerations; q and v are those of joints by their names."""
 
-    def __init__(self, loaded: LoadedRobot, names: Sequence[str]) -> None:
+    def __init__(self, loaded: MujocoFile, names: Sequence[str]) -> None:
         self.model, self._loaded, self._joints = loaded.model, loaded, names
 
     @cached_property
@@ -149,14 +115,14 @@ class _Quantities(MujocoQuantities):
         return self.model.dof_bodyid[first]
 
 
-class _Run:
+class MujocoRun:
     """States in MuJoCo's own q and v; of joints that the request does not name, those of its default state.
 
     Attributes:
         rows: q, v and forces of each state. found: accelerations of each, (n, nv), or with couplings of the joints that move by themselves.
     """
 
-    def __init__(self, loaded: LoadedRobot, q: Array, v: Array, tau: Array) -> None:
+    def __init__(self, loaded: MujocoFile, q: Array, v: Array, tau: Array) -> None:
         import mujoco
 
         model = loaded.model
@@ -213,7 +179,3 @@ def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array)
     fill_mass_matrix(model, data, mass)
     force = data.qfrc_passive + data.qfrc_applied - data.qfrc_bias
     return projected(mass[np.ix_(velocities, velocities)], force[velocities], couplings)
-
-
-CALLER = MujocoCaller()
-ENGINE = AidedEngine(CALLER)

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from harness.comparison.questions import Aid, Asked, BodyInertia, Request
 from harness.engines.adapters.mujoco.urdf import tendon_of
 from harness.engines.adapters.mujoco.versions import coefficients
+from harness.engines.request import Aid, Asked, BodyInertia, Request
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)

@@ -1,0 +1,155 @@
+"""The interface of an engine: what an engine file says of it, and how it loads a file."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self, cast
+
+from harness.engines.interface import Unsupported
+from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
+from harness.engines.request import Answers, Question, Refused, Request, by_joint
+from harness.engines.tree_request import model_request
+from harness.files.constraints import ModelConstraint
+from harness.models.constraint_law import ConstraintLaw
+from harness.models.model_file import ModelFile
+from harness.models.step_rule import StepRule
+
+if TYPE_CHECKING:
+    from harness.engines import Model
+    from harness.equations.mechanism import Mechanism
+
+# Joints in a message.
+MOST_NAMED = 4
+
+
+class Engine:
+    """The ``ENGINE`` of an engine file derives from this class.
+
+    Attributes:
+        requires: importable module and distribution name of the program behind it.
+        formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``. The first is its
+            native one. What a reader of another passes over, the engine file supplies from the same file or refuses.
+        optional: whether not everybody installs it: where it is installed nowhere, it is asked by name alone.
+        oldest: the oldest version of its program that it knows, by format. companions: what versions need beside what they require
+            themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
+        linear_velocity_in_body: whether it gives the linear velocity of a free joint in the body's own frame, and not in the joint's.
+        factorises_mass_matrix: whether it solves for accelerations by a factorisation of M; without it no error is excused by M's
+            condition.
+        unit_roundoff: of the numbers that it computes with. One that computes in float32 says 2.0**-24: it is asked at states rounded
+            to float32, and judged in data roundoffs of float32.
+
+    Of any robot's file:
+        call: the user's code for each format, on one line; none for an engine that no user's file is handed to.
+        supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
+        takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.comparison.far_links``.
+        why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
+        reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
+    """
+
+    name = ""
+    requires: tuple[str, str]
+    formats: tuple[str, ...]
+    optional = False
+    oldest: Mapping[str, str] = {}
+    companions: Mapping[str, Sequence[str]] = {}
+    linear_velocity_in_body = False
+    factorises_mass_matrix = False
+    unit_roundoff = 2.0**-53
+    call: Mapping[str, str] = {}
+    supplied: Mapping[str, str] = {}
+    takes_inertias_about_tree = False
+    why_no_equalities = ""
+    reader = ""
+
+    def read(self, request: Request) -> LoadedFile:
+        """Load a file once, as the engine's user does, or aided.
+
+        Raises:
+            Refused: the engine does not read it.
+        """
+        raise Refused(f"{self.name} reads no robots' files")
+
+    def load(self, source: ModelFile | Mechanism | Request, joints: Sequence[str], gravity: float) -> Model:
+        """Load a mechanism once; ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for formats that hold none.
+
+        Raises:
+            Unsupported: the engine cannot express the mechanism, or a reader that is not its native one refuses the model.
+            ValueError: the engine refuses the model; the message is the engine's.
+        """
+        handed = handed_over(source)
+        if isinstance(handed, Request):
+            return self._aided(handed)
+        model: Model = self.load_model(require_model(handed, self.name), joints, gravity)
+        return model
+
+    def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> Any:
+        """``load`` of a mechanism's model, which is read like any other file, aided with all that it says."""
+        self.refuse(file)
+        try:
+            return self.read(model_request(file, joints, gravity))
+        except Refused as refusal:
+            raise ValueError(str(refusal)) from refusal
+
+    def refuse(self, file: ModelFile) -> None:
+        """Raises Unsupported, with lines, for what a model holds that the engine cannot and that the harness does not supply."""
+
+    def _aided(self, request: Request) -> Model:
+        try:
+            loaded = self.read(request)
+        except Refused as refusal:
+            raise Unsupported(f"{self.name} refuses the file: {refusal}") from refusal
+        if names := lacking(request, loaded.joints):
+            lines = {joint.name: f" (line {joint.line})" if joint.line else "" for joint in request.joints}
+            named = ", ".join(f"{name!r}{lines[name]}" for name in names[:MOST_NAMED])
+            named += f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+            raise Unsupported(f"{self.name} has no joint {named} after loading: its reader leaves out what holds it")
+        return cast("Model", AidedModel(loaded, self.factorises_mass_matrix))
+
+    def ask(self, question: Question) -> Answers:
+        """Accelerations at all states; a refusal of the file is an answer, no exception."""
+        try:
+            loaded = self.read(question.request)
+            found = loaded.forward_dynamics(question.q, question.v, question.tau)
+        except Refused as refusal:
+            return Answers(refusal=str(refusal), element=refusal.element)
+        return Answers(by_joint(loaded.joints, found), notes=loaded.notes, further=loaded.further)
+
+    def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
+        """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""
+        return {}
+
+    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+        """The same of constraints of any file with this root element."""
+        return {}
+
+    def fuses(self, root: Any, model_format: str) -> bool:
+        """True where its reader makes bodies that no joint moves one with their parents."""
+        return False
+
+    def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
+        """The rules that the engine documents of its integrators, of a file; none of one that integrates nothing."""
+        return ()
+
+    def own_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:
+        """The same of any file with this root element, where users leave the steps to the engine."""
+        return ()
+
+    def for_files(self) -> Self:
+        """The same engine, asked about files that it reads by itself, for which states are converted."""
+        other = copy.copy(self)
+        other.linear_velocity_in_body = False
+        return other
+
+
+def handed_over(source: ModelFile | Mechanism | Request) -> ModelFile | Mechanism | Request:
+    """What an engine is given: of a mechanism that is a user's file, the request to load that."""
+    found: ModelFile | Mechanism | Request = source if isinstance(source, ModelFile | Request) else source.handed_to_engines
+    return found
+
+
+def require_model(source: Any, engine: str) -> ModelFile:
+    """``source`` as a model file; the error of an engine that was handed equations."""
+    if not isinstance(source, ModelFile):
+        raise TypeError(f"{engine} reads model files, not {type(source).__name__}")
+    return source

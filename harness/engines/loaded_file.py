@@ -1,0 +1,166 @@
+"""A file in an engine, over the joints of a request; and the same aided, over those that move by themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines.interface import METHODS, NotOffered, Unsupported
+from harness.engines.request import Asked, Refused, Request
+from harness.models.step_rule import StepRule
+
+
+class Run(Protocol):
+    """States in an engine's own conventions."""
+
+    def compute(self) -> None:
+        """Let the engine compute all states: nothing is converted."""
+
+    def accelerations(self) -> Array:
+        """(n, velocities of the loaded joints): what the last ``compute`` found."""
+
+
+class LoadedFile:
+    """A file in an engine; q, v and tau of ``forward_dynamics`` are over the joints of the request.
+
+    Attributes:
+        found: the joints of the request that the engine has. q_columns, v_columns: their columns.
+        joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
+        notes: what had to be taken out of the file before the engine read it, a sentence each.
+        further: joints that it has and that the file does not name.
+        couplings: of the request, of the joints found.
+    """
+
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, request: Request, names: Collection[str]) -> None:
+        self.request = request
+        self.found = tuple(joint for joint in request.joints if joint.name in names)
+        self.q_columns = [column for joint in self.found for column in joint.positions]
+        self.v_columns = [column for joint in self.found for column in joint.velocities]
+        known = {joint.name for joint in request.joints}
+        self.further = tuple(name for name in names if name not in known)
+        couplings = request.couplings
+        self.couplings = None if couplings is None else couplings[self.v_columns]
+        self.joints = self.found if couplings is None else request.leaders
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        """(n, velocities of ``joints``) at states over the joints of the request, with what the harness supplies."""
+        run = self.prepare(q, v, tau)
+        run.compute()
+        return run.accelerations()
+
+    def prepare(self, q: Array, v: Array, tau: Array) -> Run:
+        """The same states in the engine's own conventions, ready to be computed any number of times."""
+        raise NotOffered("the states of this engine are converted one after the other")
+
+    def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
+        """q (nq,) and v (nv,) over the joints of the request after so many of the engine's own steps, without applied forces."""
+        raise NotOffered("its users step by themselves")
+
+    @property
+    def model(self) -> Any:
+        """The engine's own; raises ``Unsupported`` where none can be asked by itself."""
+        raise Unsupported("the harness asks this engine for accelerations alone")
+
+    @property
+    def is_supplied_with_forces(self) -> bool:
+        """True where forces that its reader leaves out are applied to it."""
+        return False
+
+    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        """Positions and velocities of the joints called ``names`` in the engine's own q and v; quaternions as (w, x, y, z)."""
+        raise Unsupported("the harness asks this engine for accelerations alone")
+
+    def quantities(self, names: Sequence[str]) -> Any:
+        """An object with methods of ``harness.engines.interface``, whose q and v are of the joints of these names."""
+        raise NotOffered("robots' files are asked about accelerations alone")
+
+
+def refuse_joints(request: Request, engine: str, floating: Collection[str]) -> None:
+    """Raises Refused for joints that the harness does not ask the engine about: all of several axes but ``floating`` ones."""
+    for joint in request.joints:
+        is_asked = joint.name in floating and joint.kind.has_attitude and joint.is_measured_in_the_world
+        if not joint.kind.is_single and not is_asked:
+            raise Refused(f"the harness asks {engine} about no {joint.kind} joint, as {joint.name!r} is", joint.name)
+
+
+class AidedModel:
+    """A file in an aided engine; q, v and tau are over the joints that move by themselves, in the order of the request.
+
+    Attributes:
+        is_coupled: whether joints that mimic others are eliminated from the engine's M and forces.
+        factorises_mass_matrix: whether M is factorised, by the engine or for that.
+    """
+
+    def __init__(self, loaded: LoadedFile, factorises: bool) -> None:
+        self.request, self.loaded_file = loaded.request, loaded
+        self.is_coupled = any(joint.follows for joint in self.request.joints)
+        self.factorises_mass_matrix = factorises or self.is_coupled
+        ends = np.cumsum([0, *(len(joint.velocities) for joint in loaded.joints)])
+        places = {joint.name: range(*bounds) for joint, *bounds in zip(loaded.joints, ends[:-1], ends[1:], strict=True)}
+        self._own = [column for name in self.request.moving for column in places[name]]
+
+    def loaded(self) -> None:
+        """Nothing to audit: the file itself is what the engine is held against."""
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        try:
+            found = self.loaded_file.forward_dynamics(*self.request.spread(q, v, tau))
+        except Refused as refusal:
+            raise Unsupported(f"the engine refuses what the file holds: {refusal}") from refusal
+        return self.ordered(found)
+
+    def prepare(self, q: Array, v: Array, tau: Array) -> Run:
+        """The run of ``loaded_file``, with the states of joints that follow others."""
+        return self.loaded_file.prepare(*self.request.spread(q, v, tau))
+
+    def ordered(self, accelerations: Array) -> Array:
+        """(n, nv) in the order of the joints, of what ``loaded_file`` answers."""
+        return np.ascontiguousarray(accelerations[:, self._own])
+
+    @property
+    def model(self) -> Any:
+        """The engine's own model, for what it computes by itself.
+
+        Raises:
+            Unsupported: the model alone is another mechanism, because something is supplied to it state by state.
+        """
+        if self.is_coupled:
+            raise Unsupported("joints that mimic others are eliminated state by state, and no step of the engine's own does that")
+        if not self._is_measured_in_the_world:
+            raise Unsupported("a free joint is measured in a frame of the file, which no step of the engine's own does")
+        if self.loaded_file.is_supplied_with_forces:
+            raise Unsupported("springs or dampers are supplied as applied forces, which no step of the engine's own feels")
+        return self.loaded_file.model
+
+    @property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        """Positions and velocities of the joints in the engine's own q and v, in their order."""
+        return self.loaded_file.addresses(self.request.moving)
+
+    @property
+    def _is_measured_in_the_world(self) -> bool:
+        return all(joint.is_measured_in_the_world for joint in self.request.joints)
+
+    def __getattr__(self, name: str) -> Any:
+        """What the engine computes beside accelerations, as ``harness.engines.interface`` says.
+
+        Raises:
+            NotOffered: states would have to be converted on the way, or the engine is asked about accelerations alone.
+        """
+        if name not in METHODS:
+            raise AttributeError(name)
+        if self.is_coupled:
+            raise NotOffered("joints that mimic others are eliminated from accelerations alone")
+        if not self._is_measured_in_the_world:
+            raise NotOffered("a free joint is measured in a frame of the file")
+        return getattr(self.loaded_file.quantities(self.request.moving), name)
+
+
+def lacking(request: Request, joints: Sequence[Asked]) -> list[str]:
+    """The joints that move by themselves and that are not among those of an engine."""
+    return [name for name in request.moving if name not in {joint.name for joint in joints}]

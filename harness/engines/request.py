@@ -1,0 +1,249 @@
+"""One file for an engine to load, as plain data that goes to another process: its joints, and what the harness supplies of it.
+
+A ``Request`` is loaded once; a ``Question`` adds states. A state names positions and velocities of every joint of the file, those
+that mimic another among them: an engine that passes over ``<mimic>`` has them as joints of their own.
+Conventions are those of ``harness.engines.Model``: a rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both
+behind the position of a free joint, whose linear velocity is in the frame of its parent. A planar joint has x, y and its turn, and its
+linear velocity in the frame of its parent too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.files.facts import PointSpring
+from harness.files.joint_kinds import JointKind
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A joint of a question.
+
+    Attributes:
+        positions, velocities: its columns in q and in v.
+        turn, shift: orientation (4,), a unit quaternion (w, x, y, z), and origin (3,) [m], in the world, of the frame in which a free
+            joint of a URDF is measured; of all others none that matters.
+        follows: name of the joint that it mimics, "" for one that moves by itself: its position is ``multiplier`` times that of the
+            other, and ``offset`` [m or rad].
+        line: of the file, 0 for one that is none of its own.
+    """
+
+    name: str
+    kind: JointKind
+    positions: tuple[int, ...]
+    velocities: tuple[int, ...]
+    turn: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    shift: tuple[float, ...] = (0.0, 0.0, 0.0)
+    follows: str = ""
+    multiplier: float = 1.0
+    offset: float = 0.0
+    line: int = 0
+
+    @property
+    def is_measured_in_the_world(self) -> bool:
+        return (self.turn, self.shift) == (Asked.turn, Asked.shift)
+
+
+def in_columns(joints: Sequence[Asked]) -> tuple[Asked, ...]:
+    """The joints with their columns one after the other in this order."""
+    found, q, v = [], 0, 0
+    for joint in joints:
+        nq, nv = joint.kind.sizes
+        found.append(replace(joint, positions=tuple(range(q, q + nq)), velocities=tuple(range(v, v + nv))))
+        q, v = q + nq, v + nv
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class BodyInertia:
+    """Mass [kg], centre of mass [m] and inertia matrix (3, 3) about it [kg m^2] of a body, both in the body's frame."""
+
+    mass: float
+    centre: Array
+    matrix: Array
+
+
+@dataclass(frozen=True)
+class JointForces:
+    """Dampers and springs of joints.
+
+    Attributes:
+        damping: (nv,) [N s/m or N m s]. springs: of each, its columns in q and in v, stiffness [N/m or N m], and the position at which
+            it is relaxed [m or rad].
+    """
+
+    damping: Array
+    springs: tuple[tuple[int, int, float, float], ...]
+
+    def of_dampers(self, v: Array) -> Array:
+        """(n, nv) at velocities (n, nv)."""
+        return -self.damping * v
+
+    def of_springs(self, q: Array) -> Array:
+        """(n, nv) at positions (n, nq)."""
+        found = np.zeros((len(q), len(self.damping)))
+        for position, velocity, stiffness, relaxed in self.springs:
+            found[:, velocity] = -stiffness * (q[:, position] - relaxed)
+        return found
+
+
+@dataclass(frozen=True)
+class Aid:
+    """What a file holds that engines may leave out; an adapter takes what its engine does.
+
+    Attributes:
+        gravity: (3,) [m/s^2]. forces: of the joints' dampers and springs. springs: between points of bodies.
+        armature: (nv,) inertia that rotors add. inertias: by body.
+    """
+
+    gravity: Array
+    forces: JointForces
+    armature: Array
+    inertias: Mapping[str, BodyInertia] = field(default_factory=dict)
+    springs: tuple[PointSpring, ...] = ()
+
+
+@dataclass(frozen=True)
+class Held:
+    """Equalities of a file that an engine is to hold.
+
+    Attributes:
+        kinds: the tags of all of them, in the order of the file. switched_on: numbers of those that act; no other does.
+    """
+
+    kinds: tuple[str, ...]
+    switched_on: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """One file for an engine to load.
+
+    Attributes:
+        format: "urdf" or "mjcf". joints: of the file, in its order. moving: names of those that move by themselves, in the order of
+            what is asked of an aided engine.
+        text: what the file holds; None to read it where it lies, beside its meshes.
+        floating_base: name of the free joint to be put under a URDF's root, "" for none.
+        aid: what is supplied; None for the engine as its user calls it.
+        held: equalities that act; None where all constraints are off.
+    """
+
+    path: Path
+    format: str
+    joints: tuple[Asked, ...]
+    moving: tuple[str, ...]
+    text: str | None = None
+    floating_base: str = ""
+    aid: Aid | None = None
+    held: Held | None = None
+
+    @property
+    def content(self) -> bytes:
+        """What is read."""
+        return self.path.read_bytes() if self.text is None else self.text.encode()
+
+    @property
+    def leaders(self) -> tuple[Asked, ...]:
+        """The joints that move by themselves, in columns of their own."""
+        by_name = {joint.name: joint for joint in self.joints}
+        return in_columns([by_name[name] for name in self.moving])
+
+    @property
+    def couplings(self) -> Array | None:
+        """(nv, velocities of the leaders) matrix by which these give all velocities; None for a plain engine, or where no joint mimics."""
+        if self.aid is None or not any(joint.follows for joint in self.joints):
+            return None
+        own = {joint.name: joint for joint in self.leaders}
+        found = np.zeros((sum(len(joint.velocities) for joint in self.joints), sum(len(joint.velocities) for joint in own.values())))
+        for joint in self.joints:
+            found[list(joint.velocities), list(own[joint.follows or joint.name].velocities)] = joint.multiplier
+        return found
+
+    @property
+    def supplied_ball_joint(self) -> str:
+        """Name of the ball joint that hangs a URDF's root link on the world, to be supplied; "" without one, and for a plain engine."""
+        balls = (joint.name for joint in self.joints if joint.kind == JointKind.BALL)
+        return next(balls, "") if self.aid is not None and self.format == "urdf" else ""
+
+    def spread(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """States of the leaders, (n, nq), (n, nv) and (n, nv), over all joints."""
+        return spread(self.leaders, self.joints, (q, v, tau))
+
+
+def spread(leaders: Sequence[Asked], joints: Sequence[Asked], states: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    """States of some joints, over ``joints``: one that mimics another moves as the other lets it, unloaded.
+
+    Raises:
+        KeyError: a joint follows one that follows another.
+    """
+    own = {joint.name: joint for joint in leaders}
+    found: list[list[Array]] = [[], [], []]
+    for joint in joints:
+        leader = joint.follows or joint.name
+        if leader not in own:
+            raise KeyError(f"joint {joint.name!r} follows {leader!r}, which follows another")
+        columns = list(own[leader].positions), list(own[leader].velocities), list(own[leader].velocities)
+        q, v, tau = (values[:, places] for values, places in zip(states, columns, strict=True))
+        if joint.follows:
+            q, v, tau = joint.multiplier * q + joint.offset, joint.multiplier * v, np.zeros_like(tau)
+        for part, values in zip(found, (q, v, tau), strict=True):
+            part.append(values)
+    own_q, own_v, own_tau = (np.hstack([np.empty((len(states[0]), 0)), *part]) for part in found)
+    return own_q, own_v, own_tau
+
+
+@dataclass(frozen=True)
+class Question:
+    """A request with the states at which the engine answers: (n, nq), (n, nv), (n, nv) over the joints of the request."""
+
+    request: Request
+    q: Array
+    v: Array
+    tau: Array
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What an engine returned.
+
+    Attributes:
+        accelerations: {joint: (n, velocities of the joint)} of the joints of the question that it has; with couplings, of those that
+            move by themselves.
+        refusal: the engine's own words where it does not read the file; "" where it does. element: the body or joint that they name.
+        notes: what had to be taken out of the file before the engine read it, a sentence each.
+        further: joints that it has and that the file does not name.
+    """
+
+    accelerations: Mapping[str, Array] = field(default_factory=dict)
+    refusal: str = ""
+    element: str = ""
+    notes: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
+
+    def of(self, joints: Sequence[str]) -> Array:
+        """(n, nv) of these joints; raises KeyError for one that the engine does not have."""
+        return np.hstack([self.accelerations[name] for name in joints])
+
+
+class Refused(Exception):
+    """An engine does not read a file; the message holds its own words. ``element``: the body or joint that they name, "" for none."""
+
+    def __init__(self, words: str, element: str = "") -> None:
+        super().__init__(words)
+        self.element = element
+
+
+def projected(mass: Array, force: Array, couplings: Array) -> Array:
+    """Accelerations of what moves by itself: G' M G a = G' f with velocities G v and no velocity terms of G, which is constant."""
+    return np.asarray(np.linalg.solve(couplings.T @ mass @ couplings, couplings.T @ force))
+
+
+def by_joint(joints: Sequence[Asked], accelerations: Array) -> dict[str, Array]:
+    """{joint: columns} of accelerations over the velocities of ``joints`` in their order."""
+    ends = np.cumsum([len(joint.velocities) for joint in joints])
+    return dict(zip((joint.name for joint in joints), np.split(accelerations, ends[:-1], axis=1), strict=True)) if joints else {}

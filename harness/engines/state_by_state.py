@@ -1,0 +1,190 @@
+"""What adapters share whose engines are asked at one state after the other, with joints of one axis and a base that is fixed or floats.
+
+An engine's part is to take a state, and to give the accelerations there, or M and the bias forces that they follow from: then
+M qdd + bias = tau + springs and dampers is solved by a factorisation of M. States, forces and answers are turned between the harness's
+order and axes and the engine's here, and what the harness supplies is added. ``FloatingBase`` is for engines all of whose models have a
+base that floats: a model that hangs on the world is the rows of its joints; one on a ball joint, those and the base's rotation.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines.held import LoadedModel, Terms
+from harness.engines.interface import NotOffered
+from harness.engines.loaded_file import LoadedFile
+from harness.engines.request import Request, projected
+from harness.engines.rotations import BALL, FREE, Columns, cross_matrix, rotation
+from harness.engines.urdf_text import moving_mass
+from harness.files.tree import WORLD
+
+
+class StateByState(LoadedFile):
+    """A file in such an engine. What begins with an underscore and is abstract is the engine's part.
+
+    Attributes:
+        places: the engine's first velocity of each joint. width: number of the engine's velocities.
+        rotation_first: whether it has the angular velocity of a base that floats before the linear one; both are along the world's axes.
+        applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
+        turn: takes the engine's velocities, accelerations and forces to the harness's at the last state, (nv, width).
+    """
+
+    rotation_first = False
+    applies_dampers = False
+    applies_springs = False
+
+    def __init__(self, request: Request, places: Mapping[str, int], width: int) -> None:
+        super().__init__(request, places)
+        self.places, self.width = places, width
+        self.columns = Columns([joint.name for joint in self.found], {joint.name: joint.kind.sizes for joint in self.found})
+        self.turn = np.zeros((self.columns.nv, width))
+        self.armature = np.zeros(self.columns.nv)
+        if request.aid is not None:
+            self.armature = request.aid.armature[self.v_columns]
+
+    @abstractmethod
+    def _go_to(self, q: Array, v: Array) -> None:
+        """Take a state: q by ``columns``, v (width,) in the engine's own order and axes."""
+
+    @abstractmethod
+    def _mass_matrix(self) -> Array:
+        """(width, width), in the engine's own order and axes, without the rotor inertias that the harness supplies."""
+
+    @abstractmethod
+    def _bias(self) -> Array:
+        """(width,) [N or N m]: the generalised forces at which no acceleration results."""
+
+    def _parts_of_bias(self) -> tuple[Array, Array]:
+        """The two terms of it, of velocity and of gravity, each (width,) and neither what is left of a difference."""
+        raise NotOffered("the engine offers no terms")
+
+    def _passive(self) -> Array:
+        """(width,) [N or N m]: the springs and dampers that the engine applies itself, at the state that was taken."""
+        return np.zeros(self.width)
+
+    def _accelerations(self, force: Array) -> Array | None:
+        """(width,) under generalised forces (width,), at the state that was taken; None of an engine that leaves that to its caller."""
+        return None
+
+    def _link(self, body: str) -> tuple[Array, Array, Array]:
+        """A link: the rotation of its frame to the world (3, 3), its origin (3,), and the Jacobian (6, width) of the origin's velocity and
+        the angular velocity, along the world's axes."""
+        raise NotOffered("the engine gives no places of links")
+
+    @property
+    def is_supplied_with_forces(self) -> bool:
+        aid = self.request.aid
+        if aid is None:
+            return False
+        springs = bool(aid.forces.springs or aid.springs) and not self.applies_springs
+        return springs or (bool(aid.forces.damping.any()) and not self.applies_dampers)
+
+    def supplied(self, q: Array, v: Array) -> Array:
+        """(n, nv) forces [N or N m] of the springs and dampers of joints that the engine does not apply itself, over the file's joints."""
+        found = np.zeros_like(v)
+        if self.request.aid is not None:
+            forces = self.request.aid.forces
+            found = found if self.applies_springs else found + forces.of_springs(q)
+            found = found if self.applies_dampers else found + forces.of_dampers(v)
+        return found
+
+    def _of_point_springs(self, v: Array) -> Array:
+        """(nv,) forces of springs between points at the state that was taken, by the engine's positions and Jacobians.
+
+        Source: Drake documentation, ``LinearSpringDamper``.
+        """
+        forces = np.zeros(len(v))
+        for spring in () if self.request.aid is None or self.applies_springs else self.request.aid.springs:
+            (point_a, jacobian_a), (point_b, jacobian_b) = (self._point(body, np.array(point)) for body, point in spring.ends)
+            span = point_b - point_a
+            length = np.linalg.norm(span)
+            # Rate of the length is (its gradient) . velocity; the tension does work along it.
+            gradient = (span / length) @ (jacobian_b - jacobian_a)
+            forces -= (spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ v)) * gradient
+        return forces
+
+    def _point(self, body: str, local: Array) -> tuple[Array, Array]:
+        """World position (3,) of a point of a body, given in the body's frame, and its Jacobian (3, nv)."""
+        if body == WORLD:
+            return local, np.zeros((3, self.columns.nv))
+        turn, origin, jacobian = self._link(body)
+        arm = turn @ local
+        return origin + arm, (jacobian[:3] - cross_matrix(arm) @ jacobian[3:]) @ self.turn.T
+
+    def take(self, q: Array, v: Array) -> Array:
+        """Take one state over the columns of the joints found; (nv,) forces of springs between points that are supplied there."""
+        self.turn = self.columns.turn(q, self.places, self.width, self.rotation_first)
+        self._go_to(q, v @ self.turn)
+        return self._of_point_springs(v)
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        tau = tau + self.supplied(q, v)
+        q, v, tau = q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns]
+        return np.array([self._at(*state) for state in zip(q, v, tau, strict=True)]).reshape(len(q), -1)
+
+    def _at(self, q: Array, v: Array, tau: Array) -> Array:
+        """Accelerations at one state; with couplings those of the leaders."""
+        tau = tau + self.take(q, v)
+        if self.couplings is None and (found := self._accelerations(tau @ self.turn)) is not None:
+            return np.asarray(self.turn @ found)
+        mass, right = self._turned_mass(), tau - self.turn @ self._bias()
+        try:
+            return np.asarray(np.linalg.solve(mass, right)) if self.couplings is None else projected(mass, right, self.couplings)
+        except np.linalg.LinAlgError:
+            return np.full(sum(len(joint.velocities) for joint in self.joints), np.nan)
+
+    def _turned_mass(self) -> Array:
+        return np.asarray(self.turn @ self._mass_matrix() @ self.turn.T + np.diag(self.armature))
+
+    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
+        """The terms of the equations that ``forward_dynamics`` solves; passive with what the harness supplies."""
+        mass, (velocity, gravity) = np.empty((*v.shape, v.shape[1])), np.empty((2, *v.shape))
+        passive = self.supplied(q, v)
+        for state, (position, rate) in enumerate(zip(q, v, strict=True)):
+            passive[state] += self.take(position, rate) + self.turn @ self._passive()
+            mass[state] = self._turned_mass()
+            velocity[state], gravity[state] = (self.turn @ part for part in self._parts_of_bias())
+        return Terms(mass, velocity, gravity, passive, tau.copy())
+
+
+class FloatingBase(StateByState):
+    """An engine all of whose models have a base that floats; its velocities are the base's, along the world's axes, then the joints'.
+
+    Attributes:
+        base: its pose (4, 4). positions, velocities: of ``own_joints``, in the engine's order. base_velocity: (6,), along the world's axes.
+    """
+
+    def __init__(self, request: Request, own_joints: Sequence[str], root: str) -> None:
+        """``root`` is the joint that the base hangs by, "" for none."""
+        places = {name: 6 + number for number, name in enumerate(own_joints)}
+        kinds = {joint.name: joint.kind for joint in request.joints}
+        if root:
+            places[root] = 3 if kinds[root].sizes == BALL else 0
+        super().__init__(request, places, 6 + len(own_joints))
+        self.root, self.base, self.base_velocity = root, np.eye(4), np.zeros(6)
+        self.positions, self.velocities = np.zeros(len(own_joints)), np.zeros(len(own_joints))
+
+    @abstractmethod
+    def _take(self) -> None:
+        """Have the engine take the base and the joints as they stand in the attributes."""
+
+    def _go_to(self, q: Array, v: Array) -> None:
+        for name, size in self.columns.sizes.items():
+            given = q[self.columns.spans(name)[0]]
+            if name == self.root:
+                self.base[:3, :3] = rotation(given[-4:])
+                self.base[:3, 3] = given[:-4] if size == FREE else 0.0
+            else:
+                self.positions[self.places[name] - 6] = given[0]
+        self.base_velocity, self.velocities = v[:6], v[6:]
+        self._take()
+
+    def loaded_with(self, gravity: Sequence[float], masses: Mapping[str, float]) -> LoadedModel:
+        """What the audit compares, of the gravity [m/s^2] and the masses of links [kg] that the engine holds."""
+        sizes = {name: self.columns.sizes.get(name, (1, 1)) for name in self.places}
+        x, y, z = gravity
+        return LoadedModel(sizes, (x, y, z), moving_mass(self.request, masses))

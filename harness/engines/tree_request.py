@@ -1,0 +1,157 @@
+"""What a file means, as a request: its joints, and what an aided engine is supplied with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines.coordinates import multiplied, rotations
+from harness.engines.request import Aid, Asked, BodyInertia, JointForces, Request, in_columns
+from harness.files.facts import PointSpring
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
+from harness.models.model_file import ROOT_TAGS, ModelFile
+from harness.models.reading import read
+from harness.models.xml import parse_document
+
+# Orientation as a unit quaternion (w, x, y, z), and origin [m].
+Frame = tuple[tuple[float, ...], tuple[float, ...]]
+_OF_THE_WORLD: Frame = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[Asked, ...]:
+    """The joints of a tree in the order of the file, or of ``names``, with their columns in q and in v."""
+    by_name, frames = {joint.name: joint for joint in tree.joints}, _frames_of_free_joints(tree)
+    found = []
+    for joint in (by_name[name] for name in names) if names is not None else tree.joints:
+        turn, shift = frames.get(joint.name, _OF_THE_WORLD)
+        line = joint.place.line if joint.place else 0
+        coupled = joint.follows, float(joint.multiplier), float(joint.offset)
+        found.append(Asked(joint.name, joint.kind, (), (), turn, shift, *coupled, line=line))
+    return in_columns(found)
+
+
+def _frames_of_free_joints(tree: Tree) -> dict[str, Frame]:
+    """Of the free joints of links that stand in a frame at rest; those of an MJCF are measured in the world."""
+    bodies = {body.name: body for body in tree.bodies}
+    found: dict[str, Frame] = {}
+    for body in tree.bodies:
+        pose, parent = body.pose, body.parent
+        for joint in body.joints if body.joints and body.joints[0].kind == JointKind.FREE else ():
+            while parent != WORLD and not bodies[parent].joints:
+                pose, parent = bodies[parent].pose + pose, bodies[parent].parent
+            found[joint.name] = _placed(_OF_THE_WORLD, pose)
+    return found
+
+
+def _placed(frame: Frame, pose: Pose) -> Frame:
+    """A pose of a URDF in a frame, as that frame stands in the world."""
+    turn, shift = (np.array(part) for part in frame)
+    for placement in pose:
+        shift = shift + rotations(turn[None])[0] @ np.array([float(value) for value in placement.position])
+        for part in placement.rotation:
+            assert isinstance(part, Turn), "a URDF has roll, pitch and yaw alone"
+            half = float(part.angle) / 2
+            turn = multiplied(turn, np.array([math.cos(half), *(math.sin(half) * float(value) for value in part.axis)]))
+    return tuple(turn.tolist()), tuple(shift.tolist())
+
+
+def model_request(file: ModelFile, joints: Sequence[str], gravity: float) -> Request:
+    """A mechanism's model, for an engine aided with all that it says.
+
+    ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for a file that holds none.
+    """
+    tree = read(parse_document(file.path, file.text, ROOT_TAGS[file.format])).tree
+    known = {joint.name for joint in tree.joints}
+    asked = asked_joints(tree, [name for name in dict.fromkeys(joints) if name in known])
+    aid = replace(aid_of(tree, asked), gravity=np.array(file.gravity or (0.0, 0.0, -gravity)))
+    names = tuple(joint.name for joint in asked)
+    return Request(path=file.path, format=file.format, joints=asked, moving=names, text=file.text, aid=aid)
+
+
+def aid_of(tree: Tree, joints: Sequence[Asked]) -> Aid:
+    """What the harness supplies of a file to an engine that leaves it out, over ``joints``."""
+    by_name = {joint.name: joint for joint in tree.joints}
+    velocities = sum(len(joint.velocities) for joint in joints)
+    damping, armature, springs = np.zeros(velocities), np.zeros(velocities), []
+    for asked in joints:
+        joint, columns = by_name[asked.name], list(asked.velocities)
+        armature[columns] = float(joint.armature)
+        damping[columns] = float(joint.damping)
+        if joint.stiffness and len(asked.positions) == 1:
+            reference = float(joint.spring_reference)
+            relaxed = math.radians(reference) if joint.in_degrees else reference
+            springs.append((asked.positions[0], asked.velocities[0], float(joint.stiffness), relaxed))
+    gravity = np.array([float(component) for component in tree.gravity])
+    forces = JointForces(damping, tuple(springs))
+    return Aid(gravity, forces, armature, springs=tuple(map(_point_spring, tree.springs)))
+
+
+def _point_spring(spring: Spring) -> PointSpring:
+    """A spring with its ends as points of their bodies."""
+    (body_a, point_a), (body_b, point_b) = ((body, tuple(_frame(pose)[1].tolist())) for body, pose in spring.ends)
+    free_length, stiffness, damping = map(float, (spring.free_length, spring.stiffness, spring.damping))
+    line = spring.place.line if spring.place else 0
+    return PointSpring(body_a, point_a, body_b, point_b, free_length, stiffness, damping, line)
+
+
+def inertias_of(tree: Tree) -> dict[str, BodyInertia]:
+    """The inertias of links of a URDF that have one, by name."""
+    return {body.name: inertia for body in tree.bodies if (inertia := _inertia(body)) is not None}
+
+
+def _inertia(body: Body) -> BodyInertia | None:
+    """The inertia of a link of a URDF in the link's frame, in float64."""
+    if body.inertia is None:
+        return None
+    turn, centre = _frame(body.inertia.pose)
+    xx, yy, zz, xy, xz, yz = (float(moment) for moment in body.inertia.moments)
+    matrix = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+    return BodyInertia(float(body.inertia.mass), centre, (matrix + matrix.T) / 2)
+
+
+def _frame(pose: Pose) -> tuple[Array, Array]:
+    """Orientation (3, 3) and origin (3,) of a pose, in float64."""
+    turn, origin = np.eye(3), np.zeros(3)
+    for placement in pose:
+        origin = origin + turn @ _position(placement)
+        for part in placement.rotation:
+            turn = turn @ _rotation(part)
+    return turn, origin
+
+
+def _position(placement: Placement) -> Array:
+    position = _floats(placement.position)
+    return position if placement.other_end is None else (position + _floats(placement.other_end)) / 2
+
+
+def _rotation(part: Turn | Quaternion | Axes | Direction) -> Array:
+    """The matrix (3, 3) of one rotation, as ``harness.files.tree`` defines it."""
+    if isinstance(part, Turn):
+        x, y, z = _unit(_floats(part.axis))
+        angle = math.radians(part.angle) if part.in_degrees else float(part.angle)
+        skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.asarray(np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew))
+    if isinstance(part, Axes):
+        first, second = _unit(_floats(part.x)), _unit(_floats(part.y))
+        second = _unit(second - (second @ first) * first)
+        return np.column_stack([first, second, np.cross(first, second)])
+    if isinstance(part, Quaternion):
+        return np.asarray(rotations(_unit(_floats(part.components))[None])[0])
+    x, y, z = _unit(_floats(part.end) - _floats(part.start))
+    # Half a turn about x for the direction opposite to z, which alone leaves no quaternion.
+    quaternion = np.array([1.0 + z, -y, x, 0.0]) if 1.0 + z or x or y else np.array([0.0, 1.0, 0.0, 0.0])
+    return np.asarray(rotations(_unit(quaternion)[None])[0])
+
+
+def _floats(numbers: Sequence[Fraction]) -> Array:
+    return np.array([float(number) for number in numbers])
+
+
+def _unit(direction: Array) -> Array:
+    return np.asarray(direction / np.linalg.norm(direction))
