@@ -16,8 +16,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.configurations import Configurations
-from harness.certify.forward_mode import values
 from harness.equations.constraints import JACOBIAN, RESIDUAL
+from harness.equations.evaluation import values
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 

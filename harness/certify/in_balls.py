@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.factorisation import cholesky_in_balls, condition_number, scaled_cholesky
+from harness.equations.balls import mass_matrix, solved
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle
@@ -45,7 +46,7 @@ class BallSolver:
                 terms[index] = [[float(entry) for entry in outputs[name]] for name in OUTPUTS[1:]]
                 force = right_hand_side(outputs, [flint.arb(applied) for applied in row[self._mechanism.nq + nv :][:nv]])
                 exact.append(values[: len(pairs)])
-                solution = _solve(values[: len(pairs)], pairs, force, nv)
+                solution = solved(mass_matrix(values[: len(pairs)], nv), force) if nv > 1 else [force[0] / values[0]]
                 for i, ball in enumerate(solution):
                     results[index, :, i] = parts_of(ball)
             scale, factor = factorise(exact, nv)
@@ -78,18 +79,3 @@ def factorise(exact: Sequence[Sequence[Any]], nv: int) -> tuple[Array, Array]:
     for doubtful in np.flatnonzero(~(condition_number(factor) < MOST_IN_FLOAT64)).tolist():
         factor[:, :, doubtful] = cholesky_in_balls(exact[doubtful], pairs, scale[:, doubtful].tolist())
     return scale, factor
-
-
-def _solve(upper: Any, pairs: list[tuple[int, int]], force: list[Any], nv: int) -> list[Any]:
-    """M qdd = force in balls; all indeterminate where M is not certainly regular."""
-    import flint
-
-    if nv == 1:
-        return [force[0] / upper[0]]
-    entries = dict(zip(pairs, upper, strict=True))
-    mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
-    try:
-        solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
-    except ZeroDivisionError:
-        return [flint.arb.nan()] * nv
-    return [solution[i, 0] for i in range(nv)]

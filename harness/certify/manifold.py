@@ -21,9 +21,9 @@ from harness.certify.branch import Branch
 from harness.certify.certified import Flags
 from harness.certify.configurations import Configurations
 from harness.certify.enclosure import Encloser, Enclosure, nearest_float64
-from harness.certify.forward_mode import values_and_spread
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.equations.constraints import RATE, RESIDUAL
+from harness.equations.evaluation import values_and_spread
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import without_unused

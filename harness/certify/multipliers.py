@@ -8,9 +8,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.certified import Flags
-from harness.certify.forward_mode import jacobians
 from harness.certify.quantity import QuantityKernel
 from harness.equations.constraint_forces import MULTIPLIERS
+from harness.equations.evaluation import jacobians
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import without_unused
 from harness.equations.states import States

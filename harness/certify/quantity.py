@@ -23,9 +23,9 @@ import numpy as np
 
 from harness.arrays import Array, Rows
 from harness.certify.certified import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
-from harness.certify.forward_mode import jacobians, most_at_once, values
 from harness.certify.in_balls import parts_of
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.equations.evaluation import jacobians, most_at_once, values
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram
 

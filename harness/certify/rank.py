@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.forward_mode import values
 from harness.equations.constraints import JACOBIAN, Constraints
+from harness.equations.evaluation import values
 from harness.equations.program import OUTPUTS, right_hand_side, without_unused
 
 

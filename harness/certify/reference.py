@@ -34,13 +34,13 @@ from harness.certify.factorisation import (
     forward_substitute,
     norm_over_first_axis,
 )
-from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
 from harness.certify.interpreter import Norms, derivatives, evaluate, measure
 from harness.certify.manifold import closes
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.certify.rank import free_size, rank_condition
 from harness.certify.reverse_mode import columns_in_balls
+from harness.equations.evaluation import jacobians
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts, Indices
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle

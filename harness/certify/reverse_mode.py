@@ -9,25 +9,18 @@ Source: Griewank, Walther, Evaluating Derivatives, 2nd ed., section 3.2 (reverse
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.forward_mode import PARTIAL_DERIVATIVES
+from harness.equations.balls import BALLS, mass_matrix, solved
 from harness.equations.program import OUTPUTS, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.storage import Kept
 
 # Radius of a sensitivity relative to itself that is good enough: it is read to three digits.
 SOUGHT_ACCURACY = 2.0**-20
-
-
-class _Functions:
-    """What ``PARTIAL_DERIVATIVES`` asks a module for, on balls."""
-
-    def __getattr__(self, name: str) -> Any:
-        return lambda ball: getattr(ball, name)()
 
 
 def columns_in_balls(
@@ -56,17 +49,12 @@ def _columns(program: StraightLineProgram, inputs: Sequence[float], scales: Sequ
     """M as ``arb_mat``, and for each input the derivatives of the nv equations by it times its scale, None for those that are zero."""
     import flint
 
-    values = _values(program, inputs)
+    values = BALLS.values(program, [flint.arb(value) for value in inputs])
     outputs = {name: [values[place] for place in places] for name, places in program.outputs.items()}
     nv, first = len(outputs["velocity"]), position_count(program)
     applied = range(first + nv, first + 2 * nv)
-    entries = dict(zip(upper_triangle(nv), outputs["mass"], strict=True))
-    mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
-    force = right_hand_side(outputs, [flint.arb(inputs[place]) for place in applied])
-    try:
-        solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
-    except ZeroDivisionError:
-        solution = flint.arb_mat(nv, 1, [flint.arb.nan()] * nv)
+    mass = mass_matrix(outputs["mass"], nv)
+    solution = solved(mass, right_hand_side(outputs, [flint.arb(inputs[place]) for place in applied]))
     adjoints: list[list[Any] | None] = [None] * len(values)
 
     def seed(place: int, row: int, value: Any) -> None:
@@ -74,9 +62,9 @@ def _columns(program: StraightLineProgram, inputs: Sequence[float], scales: Sequ
         adjoint[row] = value if adjoint[row] is None else adjoint[row] + value
 
     for place, (i, j) in zip(program.outputs["mass"], upper_triangle(nv), strict=True):
-        seed(place, i, -solution[j, 0])
+        seed(place, i, -solution[j])
         if i != j:
-            seed(place, j, -solution[i, 0])
+            seed(place, j, -solution[i])
     for name, sign in zip(OUTPUTS[1:], (-1, -1, 1), strict=True):
         for row, place in enumerate(program.outputs[name]):
             seed(place, row, flint.arb(sign))
@@ -90,41 +78,9 @@ def _columns(program: StraightLineProgram, inputs: Sequence[float], scales: Sequ
     return mass, columns
 
 
-def _values(program: StraightLineProgram, inputs: Sequence[float]) -> list[Any]:
-    """Every instruction's result as ``arb``."""
-    import flint
-
-    values: list[Any] = []
-    for operation, *operands in program.instructions:
-        if operation == "input":
-            values.append(flint.arb(inputs[operands[0]]))
-        elif operation == "rational":
-            values.append(flint.arb(flint.fmpq(int(operands[0]), int(operands[1]))))
-        elif operation == "pi":
-            values.append(flint.arb.pi())
-        elif operation == "integer_power":
-            values.append(values[operands[0]] ** operands[1])
-        elif operation in _OPERATORS:
-            values.append(_OPERATORS[operation](*(values[place] for place in operands)))
-        else:
-            values.append(getattr(values[operands[0]], operation)())
-    return values
-
-
-_OPERATORS: dict[str, Callable[..., Any]] = {
-    "neg": lambda x: -x,
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": lambda a, b: a / b,
-    "pow": lambda a, b: a**b,
-    "atan2": lambda a, b: a.atan2(b),
-}
-
-
 def _swept(program: StraightLineProgram, values: Sequence[Any], adjoints: list[list[Any] | None]) -> list[tuple[int, list[Any]]]:
     """Inputs with their adjoints, those of the results given in ``adjoints``, which are used up."""
-    operands, varies = _STRUCTURES.get(program.key, lambda: _structure(program))
+    varies = _VARYING.get(program.key, lambda: _varying(program))
     found = []
     for place in reversed(range(len(values))):
         adjoint, instruction = adjoints[place], program.instructions[place]
@@ -134,10 +90,7 @@ def _swept(program: StraightLineProgram, values: Sequence[Any], adjoints: list[l
         if instruction[0] == "input":
             found.append((instruction[1], adjoint))
             continue
-        earlier = operands[place]
-        arguments = [*(values[operand] for operand in earlier), *instruction[1 + len(earlier) :]]
-        partials = PARTIAL_DERIVATIVES[instruction[0]](_Functions(), *arguments, values[place])
-        for operand, partial in zip(earlier, partials, strict=True):
+        for operand, partial in BALLS.partial_derivatives(program, place, values):
             # The logarithm of a negative base is no number, and nobody asks for it where the exponent is a constant.
             if varies[operand]:
                 parts = _times(adjoint, partial)
@@ -145,15 +98,15 @@ def _swept(program: StraightLineProgram, values: Sequence[Any], adjoints: list[l
     return found
 
 
-def _structure(program: StraightLineProgram) -> tuple[list[tuple[int, ...]], list[bool]]:
-    """For each instruction its operands that are earlier results, and whether it varies with any input."""
-    operands, varies = [earlier_results(instruction) for instruction in program.instructions], list[bool]()
-    for instruction, earlier in zip(program.instructions, operands, strict=True):
-        varies.append(instruction[0] == "input" or any(varies[place] for place in earlier))
-    return operands, varies
+def _varying(program: StraightLineProgram) -> list[bool]:
+    """For each instruction, whether it varies with any input."""
+    varies = list[bool]()
+    for instruction in program.instructions:
+        varies.append(instruction[0] == "input" or any(varies[place] for place in earlier_results(instruction)))
+    return varies
 
 
-_STRUCTURES: Kept[tuple[list[tuple[int, ...]], list[bool]]] = Kept(16)
+_VARYING: Kept[list[bool]] = Kept(16)
 
 
 def _times(adjoint: list[Any], partial: Any) -> list[Any]:

@@ -40,11 +40,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.certified import CERTIFIED_RADIUS, SOUGHT_RADIUS
 from harness.certify.factorisation import forward_substitute, norm_over_first_axis
-from harness.certify.forward_mode import jacobians
 from harness.certify.in_balls import factorise, parts_of
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.certify.reference import PRECISIONS, ChartKernel, ReferenceKernel
 from harness.engines import Terms
+from harness.equations.evaluation import jacobians
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import OUTPUTS, upper_triangle
 from harness.equations.states import States

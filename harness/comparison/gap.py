@@ -21,7 +21,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.declared_motion import DeclaredMotion
-from harness.certify.forward_mode import values
+from harness.equations.evaluation import values
 from harness.equations.program import upper_triangle
 from harness.models.step_rule import StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Share

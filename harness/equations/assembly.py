@@ -16,8 +16,9 @@ import sympy as sp
 
 from harness.equations.derivatives import along, depending_on, gradient
 from harness.equations.euler_angles import ChangeOfVariables, change_of_variables, energies_in_joints, equations_in_joints
+from harness.equations.expressions import assemble
 from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion, in_symbols, split_potential
-from harness.equations.program import StraightLineProgram, assemble, upper_triangle, without_unused
+from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
 from harness.equations.relative_joints import in_joint_positions
 from harness.equations.system import TIME, System
 from harness.equations.term import Builder, Term, Vector, cross, vector

@@ -9,7 +9,8 @@ import sympy as sp
 from harness.equations.constraint import Constraint
 from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
 from harness.equations.derivatives import along, gradient
-from harness.equations.program import StraightLineProgram, assemble, without_unused
+from harness.equations.expressions import assemble
+from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.system import System
 from harness.equations.term import Builder, dot
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.equations.evaluation import Arithmetic
 from harness.equations.machine_code import load_heyoka
 from harness.equations.program import OUTPUTS, UNARY, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.storage import Kept
@@ -138,33 +139,15 @@ def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> d
     """The program's outputs as heyoka expressions of ``inputs``."""
     heyoka = load_heyoka()
 
-    binary: dict[str, Callable[[Any, Any], Any]] = {
-        "add": lambda a, b: a + b,
-        "sub": lambda a, b: a - b,
-        "mul": lambda a, b: a * b,
-        "div": lambda a, b: a / b,
-        "pow": lambda a, b: a**b,
-        "atan2": heyoka.atan2,
-    }
-    values: list[Any] = []
-    for operation, *operands in program.instructions:
-        if operation == "input":
-            value = inputs[operands[0]]
-        elif operation == "rational":
-            # With the digits of long double, for which a kernel may be compiled. A literal of float64 would not do even where it is
-            # exact: heyoka turns x / 3 into x times the third of 3.0.
-            value = heyoka.expression(np.longdouble(int(operands[0])) / np.longdouble(int(operands[1])))
-        elif operation == "pi":
-            value = heyoka.pi
-        elif operation == "neg":
-            value = -values[operands[0]]
-        elif operation == "integer_power":
-            value = values[operands[0]] ** float(operands[1])
-        elif operation in binary:
-            value = binary[operation](values[operands[0]], values[operands[1]])
-        else:
-            value = getattr(heyoka, operation)(values[operands[0]])
-        values.append(value)
+    symbols = Arithmetic(
+        # With the digits of long double, for which a kernel may be compiled. A literal of float64 would not do even where it is
+        # exact: heyoka turns x / 3 into x times the third of 3.0.
+        literal=lambda numerator, denominator: heyoka.expression(np.longdouble(numerator) / np.longdouble(denominator)),
+        pi=lambda: heyoka.pi,
+        power=lambda value, exponent: value ** float(exponent),
+        function=lambda name, *values: getattr(heyoka, name)(*values),
+    )
+    values = symbols.values(program, inputs)
     return {name: [values[index] for index in indices] for name, indices in program.outputs.items()}
 
 

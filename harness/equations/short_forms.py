@@ -21,7 +21,7 @@ from typing import Any
 import flint
 import sympy as sp
 
-from harness.equations.program import Assembler
+from harness.equations.expressions import Assembler
 
 # Of more angles, only the forms without any sin^2 and without any cos^2 are written down beside the Fourier sum.
 MOST_ANGLES_WITH_ALL_CHOICES = 4

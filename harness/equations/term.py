@@ -45,6 +45,12 @@ class Builder:
             self.instructions.append(instruction)
         return found
 
+    def forget(self, count: int) -> None:
+        """Take back all instructions but the first ``count``."""
+        for instruction in self.instructions[count:]:
+            del self._known[instruction]
+        del self.instructions[count:], self.terms[count:]
+
     def number(self, value: Number) -> Term:
         """The literal ``value``."""
         numerator, denominator = value.as_integer_ratio()

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.arrays import Array
+from harness.equations.balls import mass_matrix, solved
 from harness.equations.kernels import BallKernel
-from harness.equations.program import right_hand_side, upper_triangle
+from harness.equations.program import right_hand_side
 from harness.equations.states import States
 from harness.models.model_file import ModelFile
 from harness.robots.recursion import Recursion, recursion_program
@@ -39,13 +40,8 @@ def accelerations_of(recursion: Recursion, states: States) -> Array:
         for row, (q, v, tau, time) in enumerate(zip(states.q, states.v, states.tau, states.time, strict=True)):
             values = iter(evaluate(*q.tolist(), *v.tolist(), *tau.tolist(), float(time)))
             outputs = {name: [next(values) for _ in places] for name, places in program.outputs.items()}
-            entries = dict(zip(upper_triangle(nv), outputs["mass"], strict=True))
-            mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
             force = right_hand_side(outputs, [flint.arb(applied) for applied in tau.tolist()])
-            try:
-                solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
-            except ZeroDivisionError:
-                continue
-            if all(solution[i, 0].rel_accuracy_bits() >= LEAST_BITS or solution[i, 0] == 0 for i in range(nv)):
-                found[row] = [float(solution[i, 0]) for i in range(nv)]
+            solution = solved(mass_matrix(outputs["mass"], nv), force)
+            if all(ball.rel_accuracy_bits() >= LEAST_BITS or ball == 0 for ball in solution):
+                found[row] = [float(ball) for ball in solution]
     return found

@@ -11,8 +11,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from harness.equations.balls import mass_matrix
 from harness.equations.kernels import BallKernel
-from harness.equations.program import upper_triangle, without_unused
+from harness.equations.program import without_unused
 from harness.files.tree import Given, Joint, SpringDampers, Tree
 from harness.robots.recursion import recursion_program
 
@@ -58,8 +59,7 @@ def _inertias(tree: Tree) -> dict[str, Any]:
         evaluate = BallKernel(program, len(recursion.parameters)).bind([float(value) for value in recursion.parameters])
         reference = [coordinate for joint in joints for coordinate in _reference(joint)]
         nv = sum(joint.kind.velocities for joint in joints)
-        entries = dict(zip(upper_triangle(nv), evaluate(*reference, *[0.0] * (2 * nv + 1)), strict=True))
-        inverse = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)]).inv()
+        inverse = mass_matrix(evaluate(*reference, *[0.0] * (2 * nv + 1)), nv).inv()
         found, column = {}, 0
         for joint in joints:
             found[joint.name] = 1 / inverse[column, column]

@@ -23,10 +23,11 @@ from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel, en
 from harness.certify.reverse_mode import columns_in_balls
 from harness.certify.sampling import sample
 from harness.equations.derivation import load_mechanism
+from harness.equations.expressions import assemble
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import StraightLineProgram, assemble, right_hand_side, upper_triangle
+from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States
 from harness.hard.cases import POINTS, hard_cases, library_of
 from harness.hard.truths import states_at

@@ -9,10 +9,10 @@ import pytest
 from exact import mechanism_of
 from loops import four_bar, upright_disc
 
-from harness.certify.forward_mode import values
 from harness.certify.rank import free_size, rank_condition
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
+from harness.equations.evaluation import values
 from harness.equations.program import right_hand_side, upper_triangle
 from harness.equations.system import System
 

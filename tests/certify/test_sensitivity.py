@@ -21,9 +21,10 @@ from harness.certify.reference import PRECISIONS, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
 from harness.certify.sampling import sample
 from harness.equations.derivation import load_mechanism
+from harness.equations.expressions import assemble
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
-from harness.equations.program import StraightLineProgram, assemble, upper_triangle
+from harness.equations.program import StraightLineProgram, upper_triangle
 from harness.equations.states import States
 from harness.equations.system import TIME, System
 from harness.hard.cases import hard_cases

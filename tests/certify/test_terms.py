@@ -16,7 +16,6 @@ from catalogue import BUILT_IN
 from harness.arrays import Array
 from harness.certify import terms as term_reference
 from harness.certify.encoding import encode
-from harness.certify.forward_mode import jacobians
 from harness.certify.interpreter import derivatives
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import ReferenceKernel
@@ -26,9 +25,11 @@ from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system
+from harness.equations.evaluation import jacobians
+from harness.equations.expressions import assemble
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import assemble, upper_triangle
+from harness.equations.program import upper_triangle
 from harness.equations.states import States
 from harness.equations.system import System
 from harness.library import MODEL_SUFFIXES

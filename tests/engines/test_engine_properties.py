@@ -32,10 +32,11 @@ from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.engines.adapters.pinocchio.forces import ForceElements
 from harness.equations.derivation import load_mechanism
 from harness.equations.euler_angles import sines_and_cosines
+from harness.equations.expressions import assemble
 from harness.equations.kernels import BallKernel, Float64Kernel, float64_kernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import StraightLineProgram, assemble, upper_triangle
+from harness.equations.program import StraightLineProgram, upper_triangle
 from harness.equations.states import States
 from harness.equations.system import TIME, System
 from harness.library import Library

@@ -10,14 +10,15 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.forward_mode import jacobians
 from harness.certify.sampling import generic_sample
 from harness.equations.assembly import lagrange_program, program_of
 from harness.equations.derivation import load_atlas, load_mechanism
 from harness.equations.derivatives import along, gradient
+from harness.equations.evaluation import jacobians
+from harness.equations.expressions import assemble
 from harness.equations.kernels import BallKernel
 from harness.equations.lagrange import derive
-from harness.equations.program import UNARY, StraightLineProgram, assemble
+from harness.equations.program import UNARY, StraightLineProgram
 from harness.equations.system import TIME, System
 from harness.equations.term import Builder, matrix
 from harness.library import Library

@@ -13,13 +13,13 @@ from loops import CRANK_ROCKER, R, a, coupler, crank, d, follower, four_bar, spi
 
 from harness.arrays import Array
 from harness.certify.compare import compare
-from harness.certify.forward_mode import values
 from harness.certify.manifold import closed
 from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.equations.constraint import Constraint
 from harness.equations.constraint_forces import Softness, by_reduction, constrained_program, softened_program
 from harness.equations.constraints import Constraints
 from harness.equations.euler_angles import Attitude
+from harness.equations.evaluation import values
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import States

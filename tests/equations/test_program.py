@@ -20,9 +20,10 @@ from support import program_from
 
 from harness.certify.sampling import generic_sample
 from harness.equations.derivation import load_mechanism
+from harness.equations.expressions import assemble
 from harness.equations.kernels import BallKernel, Float64Kernel
 from harness.equations.mechanism import Mechanism
-from harness.equations.program import OUTPUTS, StraightLineProgram, assemble
+from harness.equations.program import OUTPUTS, StraightLineProgram
 from harness.library import Library
 
 X, Y, P = INPUTS = sp.symbols("x y p", real=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.certify.forward_mode import jacobians, values
 from harness.certify.sampling import generic_sample
 from harness.equations.derivation import load_mechanism
 from harness.equations.derivatives import derivative_name, differentiate
+from harness.equations.evaluation import jacobians, values
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import StraightLineProgram
 from harness.library import Library

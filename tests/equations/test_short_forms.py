@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from harness.equations import short_forms
 from harness.equations.derivation import load_atlas
+from harness.equations.expressions import assemble
 from harness.equations.kernels import BallKernel
 from harness.equations.lagrange import derive
-from harness.equations.program import assemble
 from harness.equations.short_forms import shortest
 from harness.library import Library
 

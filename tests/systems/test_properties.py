@@ -26,9 +26,10 @@ from harness.equations.constraint_forces import MULTIPLIERS
 from harness.equations.constraints import JACOBIAN
 from harness.equations.derivation import load_system
 from harness.equations.euler_angles import body_rates, sines_and_cosines
+from harness.equations.expressions import assemble
 from harness.equations.kernels import Float64Kernel
 from harness.equations.mechanism import Mechanism
-from harness.equations.program import StraightLineProgram, assemble, upper_triangle
+from harness.equations.program import StraightLineProgram, upper_triangle
 from harness.equations.states import States
 from harness.equations.system import TIME, System
 from harness.library import Library

@@ -21,7 +21,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.certified import Certified
-from harness.certify.forward_mode import values
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._derivative_mistakes import describe
 from harness.certify.quantity import QuantityKernel
@@ -33,6 +32,7 @@ from harness.equations.dynamics_derivatives import (
     sizes_of_parts,
     terms_of_forces,
 )
+from harness.equations.evaluation import values
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram

@@ -19,7 +19,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.certified import Certified, Flags
-from harness.certify.forward_mode import values
 from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantities._step_mistakes import describe
@@ -27,6 +26,7 @@ from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.robot_reference import RobotReference
 from harness.engines import Model, NotOffered, answer_of
+from harness.equations.evaluation import values
 from harness.equations.states import States
 from harness.models.step_rule import StepRule
 from harness.robots.step_forces import step_forces
