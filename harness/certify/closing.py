@@ -13,8 +13,8 @@ from harness.certify.double_double import add, multiply, negative, number_at, st
 from harness.certify.instructions import RUN, write_approximate_run, write_run
 from harness.certify.language import Function, Writer
 from harness.certify.numbers import LANES, UNIT_ROUNDOFF
-from harness.certify.solution import refine
-from harness.certify.values import Array, Value, larger, select
+from harness.certify.solution import LinearEquations, Workspace, refine
+from harness.certify.values import Array, Value, as_number, equals, larger, select
 
 _SIZES = {"n": "integer", "m": "integer", "inputs": "integer", "constants": "integer", "free": "integer"}
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "values": "vectors"}
@@ -82,7 +82,7 @@ def eliminate(code: Writer, m: Value, width: Value, matrix: Array) -> None:
         for j in code.range(k, width):
             matrix[k, j] = matrix[k, j] * pivot
         for i in code.range(m):
-            factor = select(i.equals(k), code.lanes(0.0), matrix[i, k])
+            factor = select(equals(i, k), code.lanes(0.0), matrix[i, k])
             for j in code.range(k, width):
                 matrix[i, j] -= factor * matrix[k, j]
 
@@ -99,7 +99,7 @@ def _follow(code: Writer) -> None:
     values, matrix, change = rows.values, code.array("work", held + 2), code.array("change")
     zero = code.lanes(0.0)
     # Of whole steps, that of the assembly itself.
-    share = 1.0 / select(steps.equals(0), code.number(1.0), steps.number())
+    share = 1.0 / select(equals(steps, 0), code.number(1.0), as_number(steps))
 
     def correct(here: Array) -> tuple[Value, Value]:
         """The largest change of a position, and of it along the tangent over one step, which stand behind the matrix."""
@@ -126,16 +126,16 @@ def _follow(code: Writer) -> None:
             matrix[i, held + 1] = 0.0
         tangent, is_lost = code.variable(zero), code.variable(zero)
         for number in code.range(steps + 1):
-            way = number.number() * share
+            way = as_number(number) * share
             for j in code.range(rows.free):
                 start = begun[others[j]]
-                values[others[j], 0] = select(number.equals(steps), here[j], start + way * (here[j] - start))
+                values[others[j], 0] = select(equals(number, steps), here[j], start + way * (here[j] - start))
             for i in code.range(held):
                 values[rows.positions[i], 0] -= matrix[i, held + 1]
             size, along = correct(here)
             # The assembly is known to a few digits: what its first step corrects says nothing.
             much = select(
-                number.equals(0), code.lanes(math.inf), larger(tangent.value * code.argument("much"), code.argument("least_much"))
+                equals(number, 0), code.lanes(math.inf), larger(tangent.value * code.argument("much"), code.argument("least_much"))
             )
             is_lost.value += select(size <= much, zero, math.nan)
             tangent.value = along
@@ -157,7 +157,7 @@ def _enclose(code: Writer) -> None:
     redundant, of_moved = code.array("residual_of_redundant"), code.array("of_moved")
     given, velocities = code.array("given", rows.inputs), code.array("velocities", rows.free)
     found, rates, radius = code.array("found", held + tied, 3), code.array("rates", 2), code.array("radius")
-    matrix, work, ones = code.array("matrix"), code.array("work", tied + 3, tied + 3), code.array("ones")
+    matrix, work, ones = code.array("matrix"), Workspace(code.array("work", tied + 3, tied + 3)), code.array("ones")
     is_proved, values = code.array("is_proved"), rows.values
     for block in rows.blocks():
         rows.place(given.part(block))
@@ -170,7 +170,7 @@ def _enclose(code: Writer) -> None:
             high, low, bound = number_at(values, redundant[i])
             is_proved[block] = select(abs(high) + abs(low) <= bound, is_proved[block], 0.0)
         _inverted(code, tied, matrix, values, by_rates)
-        inverse, approximate = Array(code, matrix.pointer, (2 * tied,)), work.part(3)
+        inverse, approximate = Array(code, matrix.pointer, (2 * tied,)), work.approximate
         for i in code.range(tied):
             store(values, of_moved[i], (code.lanes(0.0), code.lanes(0.0), code.lanes(0.0)))
             for j in code.range(tied):
@@ -178,7 +178,7 @@ def _enclose(code: Writer) -> None:
             for j in code.range(rows.free):
                 moved = multiply(negative(number_at(values, by_others[i, j])), (velocities[block, j], 0.0, 0.0))
                 store(values, of_moved[i], add(number_at(values, of_moved[i]), moved))
-        refine(code, tied, values, by_rates, of_moved, ones, work, rates, radius)
+        refine(LinearEquations(code, tied, values, by_rates, of_moved, ones), work, rates, radius)
         for i in code.range(tied):
             store(here, held + i, (rates[i, 0], rates[i, 1], radius[i]))
 
@@ -189,7 +189,7 @@ def _inverted(code: Writer, m: Value, room: Array, values: Array, places: Array)
     for i in code.range(m):
         for j in code.range(m):
             matrix[i, j] = values[places[i, j], 0]
-            matrix[i, m + j] = select(i.equals(j), 1.0, 0.0)
+            matrix[i, m + j] = select(equals(i, j), 1.0, 0.0)
     eliminate(code, m, 2 * m, matrix)
 
 
@@ -216,11 +216,11 @@ def _enclosed_positions(rows: _Rows, inputs: Array, code: Writer, found: Array) 
     rows.run()
     is_proved = code.variable(code.lanes(1.0))
     # Of the sums below, and of the entries' low parts and bounds, which count as roundings.
-    gamma = (held + 12).number() * (UNIT_ROUNDOFF * 1.001)
+    gamma = as_number(held + 12) * (UNIT_ROUNDOFF * 1.001)
     for i in code.range(held):
         row = code.variable(zero)
         for j in code.range(held):
-            total, most = code.variable(code.lanes(select(i.equals(j), 1.0, 0.0))), code.variable(code.lanes(1.0))
+            total, most = code.variable(code.lanes(select(equals(i, j), 1.0, 0.0))), code.variable(code.lanes(1.0))
             for k in code.range(held):
                 high, _, bound = number_at(values, rows.by_positions[k, j])
                 total.value -= inverse[i, held + k] * high

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array, Rows
-from harness.certify.encoding import Steps, encode_steps
+from harness.certify.encoding import EncodedProgram, encode_program
 from harness.certify.interpreter import by_state, in_lanes
 from harness.certify.machine_code import loop
 from harness.certify.numbers import LANES
@@ -58,7 +58,7 @@ class Enclosed(Rows):
 class Configurations:
     """The rows of one mechanism at its own parameters, for the loops."""
 
-    def __init__(self, mechanism: Mechanism, steps: Steps, places: dict[str, Indices]) -> None:
+    def __init__(self, mechanism: Mechanism, steps: EncodedProgram, places: dict[str, Indices]) -> None:
         constraints = mechanism.constraints
         assert constraints is not None
         self._mechanism, self._steps = mechanism, steps
@@ -78,7 +78,7 @@ class Configurations:
     def of(cls, mechanism: Mechanism) -> Configurations | None:
         """None where the rows hold a function that the loops have no code for."""
         assert mechanism.constraints is not None
-        encoded = encode_steps(mechanism.constraints.placing)
+        encoded = encode_program(mechanism.constraints.placing)
         return None if encoded is None else cls(mechanism, *encoded)
 
     def follow(self, begun: Array, target: Array, steps: int, corrections: int, much: float, least_much: float) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ from harness.arrays import Array
 from harness.certify.language import Writer
 from harness.certify.numbers import exactly, of_ball
 from harness.certify.values import Array as Place
-from harness.certify.values import Operand, Value, floor, fma, root_of, select
+from harness.certify.values import Flag, Operand, Value, as_integer, equals, floor, fma, root_of, select
 
 # high, low and bound, as they are written.
 Number = tuple[Operand, Operand, Operand]
@@ -85,8 +85,8 @@ def negative(a: Known) -> Known:
     return -a[0], -a[1], a[2]
 
 
-def _is_zero(a: Known) -> Value:
-    return a[0].equals(0.0) & a[1].equals(0.0) & a[2].equals(0.0)
+def _is_zero(a: Known) -> Flag:
+    return equals(a[0], 0.0) & equals(a[1], 0.0) & equals(a[2], 0.0)
 
 
 def _two_sum(a: Value, b: Value) -> tuple[Value, Value]:
@@ -106,7 +106,7 @@ def add(a: Known, b: Number) -> Known:
     total = middle + rest
     # Without roundings where one of them is the exact zero: the other one is what all the steps give.
     is_exact = _is_zero(a) | _is_zero(b)
-    bound = (a[2] + b[2] + _ADD * abs(total)) * _UPWARDS + select(total.equals(0.0), 0.0, UNDERFLOW)
+    bound = (a[2] + b[2] + _ADD * abs(total)) * _UPWARDS + select(equals(total, 0.0), 0.0, UNDERFLOW)
     return total, rest - (total - middle), select(is_exact, a[2] + b[2], bound)
 
 
@@ -175,7 +175,7 @@ def sine_and_cosine_in_float64(code: Writer, a: Value) -> tuple[Value, Value]:
     sine, cosine = of_sine[_SHORT - 1, 0], of_cosine[_SHORT - 1, 0]
     for k in reversed(range(_SHORT - 1)):
         sine, cosine = sine * square + of_sine[k, 0], cosine * square + of_cosine[k, 0]
-    place = multiple.integer() % (2 * _PARTS)
+    place = as_integer(multiple) % (2 * _PARTS)
     sine_there, cosine_there = sines[place, 0], sines[place + _PARTS // 2, 0]
     sine *= left
     return sine_there * cosine + cosine_there * sine, cosine_there * cosine - sine_there * sine
@@ -203,7 +203,7 @@ def sine_and_cosine(code: Writer, a: Known) -> tuple[Known, Known]:
     cosine = _series(square, of_cosine)
     sine = (sine[0], sine[1], (sine[2] + (abs(left[0]) + left[2]) * _REST_OF_SINE) * _UPWARDS)
     cosine = (cosine[0], cosine[1], (cosine[2] + (square[0] + square[2]) * (_REST_OF_COSINE / _REACH**2)) * _UPWARDS)
-    place = multiple.integer() % (2 * _PARTS)
+    place = as_integer(multiple) % (2 * _PARTS)
     sine_there, cosine_there = number_at(sines, place), number_at(sines, place + _PARTS // 2)
     results = (
         add(multiply(sine_there, cosine), multiply(cosine_there, sine)),

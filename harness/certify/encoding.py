@@ -29,7 +29,7 @@ _ZERO, _ONE = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Steps:
+class EncodedProgram:
     """A program as the compiled loops run it. Places count the inputs, then the constants, then the instructions' results.
 
     Attributes:
@@ -49,7 +49,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Encoded(Steps):
+class Encoded(EncodedProgram):
     """The equations of a mechanism, whose adjoints are swept too.
 
     Attributes:
@@ -103,7 +103,7 @@ def encode(program: StraightLineProgram) -> Encoded | None:
     )
 
 
-def encode_steps(program: StraightLineProgram) -> tuple[Steps, dict[str, Indices]] | None:
+def encode_program(program: StraightLineProgram) -> tuple[EncodedProgram, dict[str, Indices]] | None:
     """The program without a sweep, and the places of its outputs by their names; None as of ``encode``."""
     encoder = _Encoder(len(program.inputs))
     outputs = encoder.outputs_of(program)
@@ -111,7 +111,7 @@ def encode_steps(program: StraightLineProgram) -> tuple[Steps, dict[str, Indices
         return None
     instructions = np.pad(encoder.placed(), ((0, 0), (0, 3))).astype(np.int32)
     places = {name: encoder.places(np.array(results, dtype=np.int64)) for name, results in outputs.items()}
-    return Steps(encoder.inputs, encoder.numbers(), instructions), places
+    return EncodedProgram(encoder.inputs, encoder.numbers(), instructions), places
 
 
 class _Encoder:

@@ -21,7 +21,7 @@ from harness.certify.double_double import (
 )
 from harness.certify.language import Writer
 from harness.certify.numbers import LANES, UNIT_ROUNDOFF
-from harness.certify.values import Array, Value, root_of, select
+from harness.certify.values import Array, Value, as_number, differs, equals, root_of, select
 
 RUN = {"m": "integer", "start": "integer", "instructions": "halves", "values": "vectors"}
 SWEEP = {**RUN, "blocks": "integer", "lane": "integer", "adjoints": "vectors", "sizes": "numbers"}
@@ -37,7 +37,7 @@ def write_run(code: Writer) -> None:
 
 def _write_instruction(code: Writer, operation: Value, values: Array, place: Value, a: Known, b: Known) -> None:
     def sum_or_difference() -> None:
-        sign = 1.0 - 2.0 * operation.number()
+        sign = 1.0 - 2.0 * as_number(operation)
         store(values, place, add(a, (sign * b[0], sign * b[1], b[2])))
 
     def sine_with_cosine() -> None:
@@ -78,7 +78,7 @@ def _write_approximately(code: Writer, operation: Value, values: Array, place: V
         operations.SINE_AND_COSINE: sine_with_cosine,
         operations.COSINE: lambda: None,
     }
-    code.choose(operation, cases, lambda: store_at(a + (1.0 - 2.0 * operation.number()) * b))
+    code.choose(operation, cases, lambda: store_at(a + (1.0 - 2.0 * as_number(operation)) * b))
 
 
 class _Sweep:
@@ -103,9 +103,9 @@ class _Sweep:
         operation, a, b, row, *rows = (self.instructions[index, part] for part in range(6))
 
         def of_sums_and_products() -> None:
-            is_product = operation.equals(operations.PRODUCT)
+            is_product = equals(operation, operations.PRODUCT)
             by_a = select(is_product, value(b, 0), 1.0)
-            by_b = select(is_product, value(a, 0), 1.0 - 2.0 * operation.number())
+            by_b = select(is_product, value(a, 0), 1.0 - 2.0 * as_number(operation))
             self._pass_on(row, [(rows[0], by_a, select(is_product, most(b), 1.0)), (rows[1], by_b, select(is_product, most(a), 1.0))])
 
         def of_quotient() -> None:
@@ -139,7 +139,7 @@ class _Sweep:
         for block in self.code.range(self.blocks):
             adjoint = self.adjoints[row, block]
             # Most equations do not feel what happens on another branch of a tree.
-            with self.code.when(adjoint.differs(0.0).any()):
+            with self.code.when(differs(adjoint, 0.0).any()):
                 self.adjoints[row, block] = 0.0
                 for operand, factor, _ in to:
                     self.adjoints[operand, block] += factor * adjoint

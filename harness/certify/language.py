@@ -18,7 +18,7 @@ from typing import Any
 from llvmlite import ir
 
 from harness.certify.numbers import LANES
-from harness.certify.values import HALF_INTEGER, INTEGER, INTEGERS, LANE, NUMBER, VECTOR, Array, Operand, Value, Variable
+from harness.certify.values import HALF_INTEGER, INTEGER, INTEGERS, LANE, NUMBER, VECTOR, Array, Flag, Operand, Value, Variable
 
 # Arguments by the kind that a signature names.
 _ARGUMENTS = {"integer": INTEGER, "number": NUMBER}
@@ -123,7 +123,7 @@ class Writer:
         self.builder.call(self.module.globals[name], raws)
 
     @contextmanager
-    def when(self, flag: Value) -> Iterator[None]:
+    def when(self, flag: Flag) -> Iterator[None]:
         with self.builder.if_then(flag.raw):
             yield
 

@@ -13,8 +13,8 @@ from harness.certify.double_double import number_at, store
 from harness.certify.instructions import RUN, SWEEP, write_run, write_sweep
 from harness.certify.language import Function, Writer
 from harness.certify.numbers import LANES
-from harness.certify.solution import SumOfNorms, condition_number, factorise, in_metric, invert, norm, solve
-from harness.certify.values import Array, Value, select
+from harness.certify.solution import LinearEquations, SumOfNorms, Workspace, condition_number, factorise, in_metric, invert, norm, solve
+from harness.certify.values import Array, Value, as_number, select
 
 _SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers", "rows": "integers"}
@@ -80,9 +80,9 @@ def _evaluate(code: Writer) -> None:
     inputs, scales = code.array("given", program.inputs), code.array("scales", program.inputs, LANES)
     solution, radius, scale = code.array("solution", nv, 2), code.array("radius", nv), code.array("scale", nv)
     factor, terms, places = code.array("factor", nv, nv), code.array("terms", 3, nv), code.array("of_terms", nv)
-    weights, work = code.array("weights", program.blocks * LANES), code.array("work", nv + 3, nv + 3)
+    weights, work = code.array("weights", program.blocks * LANES), Workspace(code.array("work", nv + 3, nv + 3))
     sensitivity, doubt = code.array("sensitivity", LANES), code.array("doubt", LANES)
-    matrix, inverse = work.part(5), work.part(6)
+    matrix, inverse = work.mass, work.inverse
     for block, count in program.states():
         program.run(inputs.part(block))
         for i in code.range(nv):
@@ -92,7 +92,8 @@ def _evaluate(code: Writer) -> None:
                 matrix[i, j] = program.values[program.mass[i, j], 0]
         here, found = scale.part(block), solution.part(block)
         factorise(code, nv, matrix, here, factor.part(block), inverse)
-        solve(code, nv, program.values, program.mass, program.force, here, inverse, work, found, radius.part(block))
+        equations = LinearEquations(code, nv, program.values, program.mass, program.force, here)
+        solve(equations, inverse, work, found, radius.part(block))
         for lane in code.range(count):
             inverses, own_scale, accelerations = inverse.in_numbers(nv + 3, LANES), here.in_numbers(LANES), found.in_numbers(2 * LANES)
             norms = SumOfNorms(code, nv, inverses, own_scale, lane, weights)
@@ -175,7 +176,7 @@ def _measure_one(code: Writer, nv: Value, arrays: Mapping[str, Array], state: Va
     arrays["condition"][state] = condition
     arrays["radius"][state] = in_energy_norm("radii", abs)
     arrays["motion"][state] = speed * speed * of_torques.value
-    lost = code.argument("roundings") * nv.number() * condition
+    lost = code.argument("roundings") * as_number(nv) * condition
     arrays["instability"][state] = lost * (in_energy_norm("accelerations") + of_terms.value)
 
 

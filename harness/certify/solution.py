@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from harness.certify.double_double import UNDERFLOW, add, multiply, negative, number_at, store
 from harness.certify.language import Writer
 from harness.certify.numbers import LANES, UNIT_ROUNDOFF
-from harness.certify.values import Array, Value, larger, root_of, select, smaller
+from harness.certify.values import Array, Value, as_number, equals, larger, root_of, select, smaller, sum_of_lanes
 
 _REFINEMENTS = 4
 # A step of so little of the largest acceleration is below the last digits of double-double.
@@ -59,19 +60,85 @@ def invert(code: Writer, nv: Value, factor: Array, inverse: Array, zero: Value) 
             inverse[i, column] = -known.value / factor[i, i]
 
 
-def _bounds(
-    code: Writer, nv: Value, values: Array, places: Array, scale: Array, approximate: Array, residual: Array, work: Array, radius: Array
-) -> None:  # fmt: skip
+@dataclass(frozen=True)
+class LinearEquations:
+    """M a = f in the function that is being written: ``matrix`` (nv, nv) and ``right`` (nv,) are places among ``values``.
+
+    ``scale``, (nv,), makes the diagonal of the matrix about 1.
+    """
+
+    code: Writer
+    nv: Value
+    values: Array
+    matrix: Array
+    right: Array
+    scale: Array
+
+
+class Workspace:
+    """Seven matrices (nv + 3, nv + 3) by their names; what is needed at different times shares one."""
+
+    def __init__(self, matrices: Array) -> None:
+        self._matrices = matrices
+
+    @property
+    def approximate(self) -> Array:
+        """The approximate inverse of the scaled matrix, (nv, nv)."""
+        return self._matrices.part(3)
+
+    @property
+    def residual(self) -> Array:
+        """f - M a in double-double, (nv, 3)."""
+        return self._matrices.part(4)
+
+    @property
+    def steps(self) -> Array:
+        """The changes of the scaled solution, (nv,)."""
+        return self._matrices.part(0, 0)
+
+    @property
+    def entries(self) -> Array:
+        """The entries of the scaled matrix, (nv, nv)."""
+        return self._matrices.part(0)
+
+    @property
+    def sizes(self) -> Array:
+        """Their absolute values with their errors, (nv, nv)."""
+        return self._matrices.part(1)
+
+    @property
+    def rows(self) -> Array:
+        """Row sums of |I - X M|, (nv,)."""
+        return self._matrices.part(2, 0)
+
+    @property
+    def errors(self) -> Array:
+        """|X r| with its roundings, (nv,)."""
+        return self._matrices.part(2, 1)
+
+    @property
+    def mass(self) -> Array:
+        """M in float64, (nv, nv)."""
+        return self._matrices.part(5)
+
+    @property
+    def inverse(self) -> Array:
+        """L^-1 of ``factorise``, (nv, nv)."""
+        return self._matrices.part(6)
+
+
+def _bounds(equations: LinearEquations, work: Workspace, approximate: Array, residual: Array, radius: Array) -> None:
     """Bounds of the errors of the solution, for an approximate inverse of M scaled; infinite where it is none."""
-    entries, sizes, rows, errors = work.part(0), work.part(1), work.part(2, 0), work.part(2, 1)
+    code, nv, scale = equations.code, equations.nv, equations.scale
+    entries, sizes, rows, errors = work.entries, work.sizes, work.rows, work.errors
     zero = code.lanes(0.0)
     # The last roundings are those of M's scaled entries.
-    gamma = (nv + 12).number() * (UNIT_ROUNDOFF * 1.001)
+    gamma = as_number(nv + 12) * (UNIT_ROUNDOFF * 1.001)
     rest = code.variable(zero)
     for i in code.range(nv):
         rest.value += abs(residual[i, 0]) + abs(residual[i, 1]) + residual[i, 2]
         for j in code.range(nv):
-            high, _, bound = number_at(values, places[i, j])
+            high, _, bound = number_at(equations.values, equations.matrix[i, j])
             entries[i, j] = high / scale[i] / scale[j]
             # So much that the entry's own bound is within gamma times it.
             sizes[i, j] = (abs(high) + bound / UNIT_ROUNDOFF) / scale[i] / scale[j]
@@ -80,7 +147,7 @@ def _bounds(
     for i in code.range(nv):
         row, error = code.variable(zero), code.variable(lost)
         for j in code.range(nv):
-            diagonal = code.lanes(select(i.equals(j), 1.0, 0.0))
+            diagonal = code.lanes(select(equals(i, j), 1.0, 0.0))
             total, most = code.variable(diagonal), code.variable(diagonal)
             for k in code.range(nv):
                 total.value -= approximate[i, k] * entries[k, j]
@@ -99,32 +166,25 @@ def _bounds(
         radius[i] = found * (1 + 1e-10) / scale[i] + lost
 
 
-def solve(
-    code: Writer, nv: Value, values: Array, places: Array, force: Array, scale: Array, inverse: Array, work: Array, solution: Array,
-    radius: Array,
-) -> None:  # fmt: skip
-    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``.
-
-    ``work`` is five matrices (nv + 3, nv + 3).
-    """
-    approximate = work.part(3)
+def solve(equations: LinearEquations, inverse: Array, work: Workspace, solution: Array, radius: Array) -> None:
+    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``."""
+    code, nv, approximate = equations.code, equations.nv, work.approximate
     for i in code.range(nv):
         for j in code.range(i + 1):
             entry = code.variable(code.lanes(0.0))
             for k in code.range(i, nv):
                 entry.value += inverse[k, i] * inverse[k, j]
             approximate[i, j] = approximate[j, i] = entry.value
-    refine(code, nv, values, places, force, scale, work, solution, radius)
+    refine(equations, work, solution, radius)
 
 
-def refine(
-    code: Writer, nv: Value, values: Array, places: Array, force: Array, scale: Array, work: Array, solution: Array, radius: Array
-) -> None:
-    """As ``solve``, with an approximate inverse of the scaled matrix, which need not be symmetric, in the fourth matrix of ``work``.
+def refine(equations: LinearEquations, work: Workspace, solution: Array, radius: Array) -> None:
+    """As ``solve``, with the approximate inverse of ``work``, which need not be symmetric.
 
     The refinement of a state ends when it changes nothing that the digits can hold.
     """
-    approximate, residual, steps = work.part(3), work.part(4), work.part(0, 0)
+    code, nv, values, scale = equations.code, equations.nv, equations.values, equations.scale
+    approximate, residual, steps = work.approximate, work.residual, work.steps
     zero = code.lanes(0.0)
     for i in code.range(nv):
         solution[i, 0] = solution[i, 1] = 0.0
@@ -132,9 +192,9 @@ def refine(
     for refinement in code.range(_REFINEMENTS + 1):
         with code.when((is_moving.value > 0.0).any()):
             for i in code.range(nv):
-                store(residual, i, number_at(values, force[i]))
+                store(residual, i, number_at(values, equations.right[i]))
                 for j in code.range(nv):
-                    product = multiply(negative(number_at(values, places[i, j])), (solution[j, 0], solution[j, 1], 0.0))
+                    product = multiply(negative(number_at(values, equations.matrix[i, j])), (solution[j, 0], solution[j, 1], 0.0))
                     store(residual, i, add(number_at(residual, i), product))
             largest, largest_step = code.variable(zero), code.variable(zero)
             for i in code.range(nv):
@@ -152,7 +212,7 @@ def refine(
                     step_now = select(is_moving.value > 0.0, steps[i] / scale[i], 0.0)
                     better = add((solution[i, 0], solution[i, 1], zero), (step_now, 0.0, 0.0))
                     solution[i, 0], solution[i, 1] = better[0], better[1]
-    _bounds(code, nv, values, places, scale, approximate, residual, work, radius)
+    _bounds(equations, work, approximate, residual, radius)
 
 
 def norm(code: Writer, entries: Array, count: Value) -> Value:
@@ -167,7 +227,7 @@ def norm(code: Writer, entries: Array, count: Value) -> Value:
             largest.value = larger(largest.value, abs(entries[i]))
         squares.value = 0.0
         for i in code.range(count):
-            part = entries[i] / select(largest.value.equals(0.0), code.number(1.0), largest.value)
+            part = entries[i] / select(equals(largest.value, 0.0), code.number(1.0), largest.value)
             squares.value += part * part
         found.value = largest.value * root_of(squares.value)
     return found.value
@@ -232,7 +292,7 @@ def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> 
         total = code.variable(vectors[first, 0] * vectors[second, 0])
         for block in code.range(1, blocks):
             total.value += vectors[first, block] * vectors[second, block]
-        return total.value.total()
+        return sum_of_lanes(total.value)
 
     squares = columns.part(nv)
     is_turning = code.variable(1.0)

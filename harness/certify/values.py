@@ -20,32 +20,26 @@ _ALIGNMENT = 8
 
 
 class Value:
-    """A number, four numbers, an integer or a flag of the function that is being written; ``raw`` is LLVM's."""
+    """A number, four numbers, or an integer of the function that is being written; ``raw`` is LLVM's."""
 
     def __init__(self, code: Writer, raw: Any) -> None:
         self.code, self.raw = code, raw
 
-    def _with(self, other: Operand, of_numbers: str, of_integers: str, is_reversed: bool = False) -> Value:
-        first, second = self.code.alike(self, other)
-        name = of_integers if first.type in (INTEGER, INTEGERS) else of_numbers
-        pair = (second, first) if is_reversed else (first, second)
-        return Value(self.code, getattr(self.code.builder, name)(*pair))
-
     def __add__(self, other: Operand) -> Value:
-        return self._with(other, "fadd", "add")
+        return _combined(self, other, "fadd", "add")
 
     def __sub__(self, other: Operand) -> Value:
-        return self._with(other, "fsub", "sub")
+        return _combined(self, other, "fsub", "sub")
 
     def __mul__(self, other: Operand) -> Value:
-        return self._with(other, "fmul", "mul")
+        return _combined(self, other, "fmul", "mul")
 
     def __truediv__(self, other: Operand) -> Value:
-        return self._with(other, "fdiv", "")
+        return _combined(self, other, "fdiv", "")
 
     def __floordiv__(self, other: Operand) -> Value:
         """Of integers that are not negative."""
-        return self._with(other, "", "udiv")
+        return _combined(self, other, "", "udiv")
 
     def __mod__(self, other: int) -> Value:
         """Of integers, by a power of two: the remainder that is not negative."""
@@ -55,10 +49,10 @@ class Value:
     __radd__, __rmul__ = __add__, __mul__
 
     def __rsub__(self, other: Operand) -> Value:
-        return self._with(other, "fsub", "sub", is_reversed=True)
+        return _combined(self, other, "fsub", "sub", is_reversed=True)
 
     def __rtruediv__(self, other: Operand) -> Value:
-        return self._with(other, "fdiv", "", is_reversed=True)
+        return _combined(self, other, "fdiv", "", is_reversed=True)
 
     def __neg__(self) -> Value:
         builder = self.code.builder
@@ -67,64 +61,85 @@ class Value:
     def __abs__(self) -> Value:
         return self.code.call("fabs", self)
 
-    def __and__(self, other: Value) -> Value:
-        return Value(self.code, self.code.builder.and_(self.raw, other.raw))
+    def __lt__(self, other: Operand) -> Flag:
+        return _compared(self, "<", other)
 
-    def __or__(self, other: Value) -> Value:
-        return Value(self.code, self.code.builder.or_(self.raw, other.raw))
+    def __le__(self, other: Operand) -> Flag:
+        return _compared(self, "<=", other)
 
-    def __invert__(self) -> Value:
-        return Value(self.code, self.code.builder.not_(self.raw))
+    def __gt__(self, other: Operand) -> Flag:
+        return _compared(self, ">", other)
 
-    def _compared(self, sign: str, other: Operand) -> Value:
-        """False where a number is NaN."""
-        first, second = self.code.alike(self, other)
-        builder = self.code.builder
-        compare = builder.icmp_signed if first.type in (INTEGER, INTEGERS) else builder.fcmp_ordered
-        return Value(self.code, compare(sign, first, second))
+    def __ge__(self, other: Operand) -> Flag:
+        return _compared(self, ">=", other)
 
-    def __lt__(self, other: Operand) -> Value:
-        return self._compared("<", other)
 
-    def __le__(self, other: Operand) -> Value:
-        return self._compared("<=", other)
+class Flag:
+    """The result of a comparison, or four."""
 
-    def __gt__(self, other: Operand) -> Value:
-        return self._compared(">", other)
+    def __init__(self, code: Writer, raw: Any) -> None:
+        self.code, self.raw = code, raw
 
-    def __ge__(self, other: Operand) -> Value:
-        return self._compared(">=", other)
+    def __and__(self, other: Flag) -> Flag:
+        return Flag(self.code, self.code.builder.and_(self.raw, other.raw))
 
-    def equals(self, other: Operand) -> Value:
-        return self._compared("==", other)
+    def __or__(self, other: Flag) -> Flag:
+        return Flag(self.code, self.code.builder.or_(self.raw, other.raw))
 
-    def differs(self, other: Operand) -> Value:
-        """True where a number is NaN."""
-        first, second = self.code.alike(self, other)
-        return Value(self.code, self.code.builder.fcmp_unordered("!=", first, second))
+    def __invert__(self) -> Flag:
+        return Flag(self.code, self.code.builder.not_(self.raw))
 
-    def integer(self) -> Value:
-        """The whole number that this number is, lane by lane."""
-        return Value(self.code, self.code.builder.fptosi(self.raw, INTEGERS if self.raw.type == VECTOR else INTEGER))
-
-    def number(self) -> Value:
-        """The number that this integer is."""
-        return Value(self.code, self.code.builder.sitofp(self.raw, NUMBER))
-
-    def lane(self, lane: int) -> Value:
-        return Value(self.code, self.code.builder.extract_element(self.raw, ir.Constant(LANE, lane)))
-
-    def total(self) -> Value:
-        """The sum over the lanes."""
-        return (self.lane(0) + self.lane(1)) + (self.lane(2) + self.lane(3))
-
-    def any(self) -> Value:
-        """Whether a flag is true in one of the lanes."""
+    def any(self) -> Flag:
+        """True where one of the lanes is."""
         bits = self.code.builder.bitcast(self.raw, ir.IntType(LANES))
-        return Value(self.code, self.code.builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0)))
+        return Flag(self.code, self.code.builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0)))
 
 
 Operand = Value | float
+
+
+def _combined(value: Value, other: Operand, of_numbers: str, of_integers: str, is_reversed: bool = False) -> Value:
+    first, second = value.code.alike(value, other)
+    name = of_integers if first.type in (INTEGER, INTEGERS) else of_numbers
+    pair = (second, first) if is_reversed else (first, second)
+    return Value(value.code, getattr(value.code.builder, name)(*pair))
+
+
+def _compared(value: Value, sign: str, other: Operand) -> Flag:
+    """False where a number is NaN."""
+    first, second = value.code.alike(value, other)
+    builder = value.code.builder
+    compare = builder.icmp_signed if first.type in (INTEGER, INTEGERS) else builder.fcmp_ordered
+    return Flag(value.code, compare(sign, first, second))
+
+
+def equals(value: Value, other: Operand) -> Flag:
+    return _compared(value, "==", other)
+
+
+def differs(value: Value, other: Operand) -> Flag:
+    """True where a number is NaN."""
+    first, second = value.code.alike(value, other)
+    return Flag(value.code, value.code.builder.fcmp_unordered("!=", first, second))
+
+
+def as_integer(value: Value) -> Value:
+    """The whole number that a number is, lane by lane."""
+    return Value(value.code, value.code.builder.fptosi(value.raw, INTEGERS if value.raw.type == VECTOR else INTEGER))
+
+
+def as_number(value: Value) -> Value:
+    """The number that an integer is."""
+    return Value(value.code, value.code.builder.sitofp(value.raw, NUMBER))
+
+
+def lane_of(value: Value, lane: int) -> Value:
+    return Value(value.code, value.code.builder.extract_element(value.raw, ir.Constant(LANE, lane)))
+
+
+def sum_of_lanes(value: Value) -> Value:
+    """The sum over the lanes."""
+    return (lane_of(value, 0) + lane_of(value, 1)) + (lane_of(value, 2) + lane_of(value, 3))
 
 
 class Variable:
@@ -162,7 +177,7 @@ class Array:
     def __getitem__(self, indices: Value | int | tuple[Value | int, ...]) -> Value:
         indices = indices if isinstance(indices, tuple) else (indices,)
         if isinstance(indices[0], Value) and indices[0].raw.type == INTEGERS:
-            return self.code.gathered([self[(indices[0].lane(lane), *indices[1:])] for lane in range(LANES)])
+            return self.code.gathered([self[(lane_of(indices[0], lane), *indices[1:])] for lane in range(LANES)])
         raw = self.code.builder.load(self._place(indices), align=_align(self.pointer))
         return Value(self.code, self.code.builder.sext(raw, INTEGER) if raw.type == HALF_INTEGER else raw)
 
@@ -187,7 +202,7 @@ def _align(pointer: Any) -> int:
     return 4 if pointer.type.pointee == HALF_INTEGER else _ALIGNMENT
 
 
-def select(flag: Value, first: Operand, second: Operand) -> Value:
+def select(flag: Flag, first: Operand, second: Operand) -> Value:
     """``first`` where the flag is true, else ``second``; both are known."""
     code = flag.code
     kinds = [value.raw.type for value in (first, second) if isinstance(value, Value)] or [NUMBER]

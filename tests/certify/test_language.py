@@ -14,7 +14,7 @@ from harness.certify import closing, loops
 from harness.certify.language import Writer, module_of
 from harness.certify.machine_code import compiled
 from harness.certify.numbers import LANES
-from harness.certify.values import Value, floor, fma, larger, root_of, select, smaller
+from harness.certify.values import Value, as_integer, as_number, differs, equals, floor, fma, larger, root_of, select, smaller, sum_of_lanes
 
 SPECIAL = [0.0, -0.0, 1.0, -1.0, 0.1, 3.0, 2.0**-1074, 1.7e308, math.inf, -math.inf, math.nan]
 FIRST, SECOND = (part.ravel() for part in np.meshgrid(SPECIAL, SPECIAL))
@@ -36,8 +36,8 @@ OPERATIONS: dict[str, tuple[Callable[[Value, Value], Value], Callable[[Array, Ar
     "at most": (lambda a, b: select(a <= b, 1.0, 0.0), lambda a, b: (a <= b) * 1.0),
     "more": (lambda a, b: select(a > b, 1.0, 0.0), lambda a, b: (a > b) * 1.0),
     "at least": (lambda a, b: select(a >= b, 1.0, 0.0), lambda a, b: (a >= b) * 1.0),
-    "equal": (lambda a, b: select(a.equals(b), 1.0, 0.0), lambda a, b: (a == b) * 1.0),
-    "different": (lambda a, b: select(a.differs(b), 1.0, 0.0), lambda a, b: (a != b) * 1.0),
+    "equal": (lambda a, b: select(equals(a, b), 1.0, 0.0), lambda a, b: (a == b) * 1.0),
+    "different": (lambda a, b: select(differs(a, b), 1.0, 0.0), lambda a, b: (a != b) * 1.0),
     "both": (lambda a, b: select((a > 0.0) & (b > 0.0), a, b), lambda a, b: np.where((a > 0) & (b > 0), a, b)),
     "one": (lambda a, b: select((a > 0.0) | ~(b > 0.0), a, b), lambda a, b: np.where((a > 0) | ~(b > 0), a, b)),
 }
@@ -91,13 +91,13 @@ def test_loops_choices_tables_and_lanes() -> None:
         total = code.variable(0.0)
         for i in code.range(2, code.argument("n")):
             for j in code.range(i):
-                with code.when((i - j).equals(1)):
-                    total.value += i.number()
+                with code.when(equals(i - j, 1)):
+                    total.value += as_number(i)
         results[0] = total.value
         for key in code.range(3):
             code.choose(key, {1: lambda: results.__setitem__(1, 7.0)}, lambda: results.__setitem__(2, results[2] + 1.0))
-        places = code.gathered([code.number(float(place)) for place in (1, 3, 4, 5)]).integer() % 4
-        results[3] = rows[places, 1].total()
+        places = as_integer(code.gathered([code.number(float(place)) for place in (1, 3, 4, 5)])) % 4
+        results[3] = sum_of_lanes(rows[places, 1])
 
     compiled(write, {"n": "integer", "found": "numbers"})(5, found)
     assert found.tolist() == [2.0 + 3.0 + 4.0, 7.0, 2.0, 3.0 + 7.0 + 1.0 + 3.0]
