@@ -303,11 +303,14 @@ from harness.library import Library
 library, package = Library.built_in(), str(Path(harness.__file__).parent)
 assignment = Assignment.of(library, "double_pendulum", Subject("mujoco", "mjcf"))
 states = generic_sample(load_mechanism(library, "double_pendulum"), 1, seed=0)
-files = {}
+files, importing = {}, 0
 
 
 def enter(frame, event, argument):
-    if event == "call" and frame.f_code.co_filename.startswith(package):
+    global importing
+    if event in {"call", "return"} and frame.f_code.co_name == "<module>":
+        importing += 1 if event == "call" else -1
+    elif event == "call" and not importing and frame.f_code.co_filename.startswith(package):
         files.setdefault(frame.f_code.co_filename)
 
 
@@ -320,7 +323,7 @@ print("\\n".join(["files:", *(str(Path(file).relative_to(package)) for file in f
 
 
 def files_of_a_state(folder: Path) -> list[str]:
-    """Files of the harness in ``folder`` whose functions the first state of a process enters, from its certificate to its verdict."""
+    """Files of the harness in ``folder`` whose functions the first state of a process enters until its verdict, imports left out."""
     # The first process fills the cache.
     for done in (python(JOURNEY, folder), python(JOURNEY, folder)):
         assert done.returncode == 0, done.stderr
