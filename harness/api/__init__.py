@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from harness.api.loaded_system import Accelerations as Accelerations
 from harness.api.loaded_system import CertifiedValues as CertifiedValues
 from harness.api.loaded_system import Derivatives as Derivatives
 from harness.api.loaded_system import LoadedSystem as LoadedSystem
-from harness.library import Library
+from harness.library import Library, nearest
 from harness.results.records import ACCELERATIONS, Records
 
 if TYPE_CHECKING:
@@ -56,28 +56,35 @@ def _library_of(names: Sequence[str], library: str | Path | None, floating_base:
     return resolved(found, names, floating_base)
 
 
-def check(
-    names: Names = (),
-    *,
-    library: str | Path | None = None,
-    mjcf: str | Path | None = None,
-    urdf: str | Path | None = None,
-    subjects: Subjects = (),
-    quantities: str | Sequence[str] = (),
-    states: int = 1000,
-    seed: int = 0,
-    workers: int | None = None,
-    time_limit: float = 60.0,
-    floating_base: bool = False,
-) -> Records:
+class Options(TypedDict, total=False):
+    """The choice of what ``check`` and ``diagnose`` run, and on what.
+
+    Attributes:
+        library: a folder or an installed library's name; the built-in one for None.
+        mjcf, urdf: stand in for the one system's models. subjects: as "mujoco/mjcf"; all for none.
+        states: per system, 1000 by default. seed: of the sampled ones, 0 by default.
+        workers: processes; one per CPU for None. time_limit: of one task [s], 60 by default.
+        floating_base: whether a free joint is put under the roots of robots' URDFs.
+    """
+
+    library: str | Path | None
+    mjcf: str | Path | None
+    urdf: str | Path | None
+    subjects: Subjects
+    states: int
+    seed: int
+    workers: int | None
+    time_limit: float
+    floating_base: bool
+
+
+def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options: Unpack[Options]) -> Records:
     """Cross-check mechanisms, all of the library and the variants of their models for none, on worker processes; or robots.
 
     Args:
         names: of mechanisms, of variants as "acrobot.frames", and patterns as "acrobot*"; or paths of robots' files, URDF or MJCF.
-        mjcf, urdf: stand in for the one system's models. subjects: as "mujoco/mjcf"; all for none.
         quantities: as "mass_matrix", "reactions" or "accelerations"; accelerations for none, and "all" stands for all.
-        states: per system. workers: processes; one per CPU for None. time_limit: of one task [s].
-        floating_base: whether a free joint is put under the roots of robots' URDFs.
+        options: those of ``harness.api.Options``.
 
     Raises:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
@@ -85,29 +92,16 @@ def check(
     """
     from harness.certify.quantities import select_quantities
 
-    settings = _settings(names, library, mjcf, urdf, subjects, states, seed, floating_base)
+    settings = _settings(names, options)
     chosen = select_quantities([quantities] if isinstance(quantities, str) else quantities)
-    with _checked(settings, workers, time_limit, chosen) as (studies, _):
+    with _checked(settings, options, chosen) as (studies, _):
         for problem in (problem for study in studies for problem in study.problems):
             raise problem
         return Records(record for study in studies for record in study.result().records)
 
 
-def diagnose(
-    name: str,
-    *,
-    library: str | Path | None = None,
-    mjcf: str | Path | None = None,
-    urdf: str | Path | None = None,
-    subjects: Subjects = (),
-    quantity: str = ACCELERATIONS,
-    states: int = 1000,
-    seed: int = 0,
-    workers: int | None = None,
-    time_limit: float = 60.0,
-    floating_base: bool = False,
-) -> list[Cause]:
-    """Why records of ``name`` are not as expected in one quantity, a ``Cause`` each; none where all are. Arguments as of ``check``.
+def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Options]) -> list[Cause]:
+    """Why records of ``name`` are not as expected in one quantity, a ``Cause`` each; none where all are. Options as of ``check``.
 
     What the audit refuses of a file, which is another mechanism than the system's, is in the causes.
 
@@ -121,10 +115,10 @@ def diagnose(
     from harness.study import run_study
 
     require_quantity(quantity)
-    settings = _settings([name], library, mjcf, urdf, subjects, states, seed, floating_base)
+    settings = _settings([name], options)
     if quantity != ACCELERATIONS:
         refuse_robots(settings.library, quantity)
-    with _checked(settings, workers, time_limit, [quantity]) as ([study], pool):
+    with _checked(settings, options, [quantity]) as ([study], pool):
         diagnoses = wanted_diagnosis(study, quantity)
         if diagnoses is None:
             return []
@@ -188,48 +182,41 @@ def _compare_robots(
 
 
 @contextmanager
-def _checked(
-    settings: Settings, workers: int | None, time_limit: float, quantities: Sequence[str] = (ACCELERATIONS,)
-) -> Iterator[tuple[list[CrossCheck], Workers]]:
+def _checked(settings: Settings, options: Options, quantities: Sequence[str]) -> Iterator[tuple[list[CrossCheck], Workers]]:
     """The complete cross-check of each quantity, and the workers that ran them."""
     from harness.crosscheck.run import CrossCheck
     from harness.engines import describe_engines
     from harness.study import run_study
     from harness.workers import Workers
 
-    describe_engines(settings.library, lambda: Workers(workers, time_limit=time_limit))
+    def workers() -> Workers:
+        return Workers(options.get("workers"), time_limit=options.get("time_limit", 60.0))
+
+    describe_engines(settings.library, workers)
     studies = [CrossCheck(settings, [name], audits=False) for name in quantities]
-    with Workers(workers, time_limit=time_limit) as pool:
+    with workers() as pool:
         for study in studies:
             for _ in run_study(study, pool):
                 pass
         yield studies, pool
 
 
-def _settings(
-    names: Names,
-    library: str | Path | None,
-    mjcf: str | Path | None,
-    urdf: str | Path | None,
-    subjects: Subjects,
-    states: int,
-    seed: int,
-    floating_base: bool,
-) -> Settings:
-    from harness.crosscheck.settings import Settings
+def _settings(names: Names, options: Options) -> Settings:
+    from harness.crosscheck.settings import DEFAULT_STATES, Settings
 
-    stand_ins: Mapping[str, Path] = {key: Path(path) for key, path in (("mjcf", mjcf), ("urdf", urdf)) if path is not None}
-    given = [("--library", library), ("--mjcf", mjcf), ("--urdf", urdf)]
+    if unknown := sorted(options.keys() - Options.__annotations__.keys()):
+        raise TypeError(f"got an unexpected keyword argument {unknown[0]!r}; {nearest(unknown[0], Options.__annotations__)}")
+    given = {name: str(path) for name in ("library", "mjcf", "urdf") if (path := options.get(name)) is not None}
+    floating_base, subjects = options.get("floating_base", False), options.get("subjects", ())
     chosen = [str(name) for name in ([names] if isinstance(names, str | Path) else names)]
-    found = _library_of(chosen, library, floating_base)
+    found = _library_of(chosen, given.get("library"), floating_base)
     return Settings(
         library=found,
         names=found.matching(chosen),
         subjects=[subjects] if isinstance(subjects, str) else list(subjects),
-        states=states,
-        seed=seed,
-        stand_ins=stand_ins,
+        states=options.get("states", DEFAULT_STATES),
+        seed=options.get("seed", 0),
+        stand_ins={name: Path(path) for name, path in given.items() if name != "library"},
         examples=None,
-        replay_options=[word for option, value in given if value is not None for word in (option, str(value))]
-        + ["--floating-base"] * floating_base,
+        replay_options=[word for name, path in given.items() for word in (f"--{name}", path)] + ["--floating-base"] * floating_base,
     )

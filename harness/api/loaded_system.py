@@ -15,6 +15,7 @@ from harness.library import Library
 if TYPE_CHECKING:
     import sympy as sp
 
+    from harness.certify.certified import Certified
     from harness.certify.compare import Comparison
     from harness.certify.equation_values import EquationValues
     from harness.certify.quantities.derivatives import DerivativeTruth
@@ -78,6 +79,7 @@ class CertifiedValues:
     certified: np.ndarray[Any, np.dtype[np.bool_]]
 
 
+@dataclass(eq=False, repr=False)
 class LoadedSystem:
     """A textbook mechanism or a robot, ready to be read and evaluated; ``harness.load`` makes it.
 
@@ -85,8 +87,8 @@ class LoadedSystem:
         mechanism: its plain data: coordinates, joints, parameters, ranges. library: where it is from.
     """
 
-    def __init__(self, library: Library, mechanism: Mechanism) -> None:
-        self.library, self.mechanism = library, mechanism
+    library: Library
+    mechanism: Mechanism
 
     @property
     def name(self) -> str:
@@ -153,7 +155,7 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        reference = self._kernel.evaluate(self._states(q, v, tau))
+        reference = self._kernel.evaluate(_states(self.mechanism, q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
     def derivatives(self, q: Any, v: Any, tau: Any = None) -> Derivatives:
@@ -165,7 +167,7 @@ class LoadedSystem:
         """
         from harness.certify.numbers import UNIT_ROUNDOFF
 
-        states, nv = self._states(q, v, tau), self.mechanism.nv
+        states, nv = _states(self.mechanism, q, v, tau), self.mechanism.nv
         found = self._derivatives.evaluate(states)
         shape = (len(states), 3, nv, nv)
         bound = np.abs(found.low) + _reach(found.norm_factor)[:, None] * found.radius[:, :, None]
@@ -186,7 +188,7 @@ class LoadedSystem:
             ValueError: the size is not that of the mechanism.
         """
         still = np.zeros((len(np.atleast_2d(q)), self.mechanism.nv))
-        return self._values("mass_matrix", self._states(q, still, None))
+        return _entries(self._equation_values.evaluate("mass_matrix", _states(self.mechanism, q, still, None)), (self.mechanism.nv,) * 2)
 
     def bias(self, q: Any, v: Any) -> CertifiedValues:
         """Certified velocity terms and gravity together, without springs and dampers; under constraints as ``mass_matrix``.
@@ -197,7 +199,7 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        return self._values("bias", self._states(q, v, None))
+        return _entries(self._equation_values.evaluate("bias", _states(self.mechanism, q, v, None)), (self.mechanism.nv,))
 
     def inverse_dynamics(self, q: Any, v: Any, qdd: Any) -> CertifiedValues:
         """Certified applied forces that give these accelerations, beside springs and dampers.
@@ -211,17 +213,7 @@ class LoadedSystem:
         """
         if self.mechanism.constraints is not None:
             raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
-        return self._values("inverse_dynamics", self._states(q, v, qdd))
-
-    def _values(self, name: str, states: States) -> CertifiedValues:
-        from harness.certify.numbers import UNIT_ROUNDOFF
-
-        n, nv = states.v.shape
-        found = self._equation_values.evaluate(name, states)
-        shape = (n, nv, nv) if name == "mass_matrix" else (n, nv)
-        bound = np.where(found.certified[:, None], (np.abs(found.low[:, :, 0]) + found.radius) * (1 + 1e-6), np.inf)
-        roundoff = UNIT_ROUNDOFF * found.sensitivity
-        return CertifiedValues(found.high.reshape(shape), bound.reshape(shape), roundoff.reshape(shape), found.certified)
+        return _entries(self._equation_values.evaluate("inverse_dynamics", _states(self.mechanism, q, v, qdd)), (self.mechanism.nv,))
 
     @cached_property
     def _equation_values(self) -> EquationValues:
@@ -240,7 +232,7 @@ class LoadedSystem:
         from harness.certify.compare import compare
 
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
-        return compare(self._kernel.evaluate(self._states(q, v, tau)), answers, factorises)
+        return compare(self._kernel.evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)
 
     @cached_property
     def _kernel(self) -> ReferenceKernel:
@@ -258,14 +250,24 @@ class LoadedSystem:
         except NotOffered as reason:
             raise InvalidRequest(f"{self.name}: {reason}") from reason
 
-    def _states(self, q: Any, v: Any, tau: Any) -> States:
-        from harness.equations.states import States
 
-        states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau)
-        found, expected = (states.q.shape, states.v.shape, states.tau.shape), (self.mechanism.nq, self.mechanism.nv, self.mechanism.nv)
-        if tuple(shape[1] for shape in found) != expected or len({shape[0] for shape in found}) != 1:
-            raise ValueError(f"q, v and tau have shapes {found}; {self.name} has {expected} numbers of each, as many rows of each")
-        return states
+def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:
+    from harness.equations.states import States
+
+    states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau)
+    found, expected = (states.q.shape, states.v.shape, states.tau.shape), (mechanism.nq, mechanism.nv, mechanism.nv)
+    if tuple(shape[1] for shape in found) != expected or len({shape[0] for shape in found}) != 1:
+        raise ValueError(f"q, v and tau have shapes {found}; {mechanism.name} has {expected} numbers of each, as many rows of each")
+    return states
+
+
+def _entries(found: Certified, shape: tuple[int, ...]) -> CertifiedValues:
+    """Values each of whose entries is a block of its own."""
+    from harness.certify.numbers import UNIT_ROUNDOFF
+
+    bound = np.where(found.certified[:, None], (np.abs(found.low[:, :, 0]) + found.radius) * (1 + 1e-6), np.inf)
+    value, bound, roundoff = (entries.reshape(len(bound), *shape) for entries in (found.high, bound, UNIT_ROUNDOFF * found.sensitivity))
+    return CertifiedValues(value, bound, roundoff, found.certified)
 
 
 def _error_bound(reference: Reference) -> Array:
