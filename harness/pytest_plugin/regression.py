@@ -16,6 +16,7 @@ from harness.results.records import ACCELERATIONS
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
+    from harness.crosscheck.settings import Settings
     from harness.engines import Subject
     from harness.library import Library
     from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
@@ -45,12 +46,60 @@ def register(config: pytest.Config, chosen: str, states: int) -> None:
         library = Library.at(None if chosen == BUILT_IN_NAME else directory if directory.exists() else chosen)
     except InvalidInput as error:
         raise pytest.UsageError(str(error)) from error
-    config.pluginmanager.register(_Regression(config, library, chosen, states), "harness-regression")
+    config.pluginmanager.register(_Regression(_Choice(config, library, chosen, states)), "harness-regression")
     # The option asks for the library; arguments on the command line may ask for something else besides.
     if config.getoption("--harness-library"):
         if config.args_source is not pytest.Config.ArgsSource.ARGS:
             config.args[:] = []
         config.args.append(str(library.systems))
+
+
+class _Choice:
+    """The library, and what of it options and settings of pytest ask for."""
+
+    def __init__(self, config: pytest.Config, library: Library, chosen: str, states: int) -> None:
+        self.option, self.library, self.states = config.getoption, library, states
+        self.named: list[str] = list(config.getoption("--harness-quantity") or config.getini("harness_quantity"))
+        self.is_distributed = hasattr(config, "workerinput")
+        self._replay_options = [] if chosen == BUILT_IN_NAME else ["--library", chosen]
+        self._described = False
+
+    @cached_property
+    def quantities(self) -> list[str]:
+        """The quantities asked for, by default accelerations."""
+        from harness.certify.quantities import select_quantities
+        from harness.errors import InvalidRequest
+
+        try:
+            return select_quantities(self.named)
+        except InvalidRequest as error:
+            raise pytest.UsageError(str(error)) from error
+
+    def subjects(self) -> list[Subject]:
+        """The subjects asked for."""
+        from harness.engines import describe_engines, select_subjects
+        from harness.errors import InvalidInput, InvalidRequest
+
+        if not self._described:
+            self._described = bool(describe_engines(self.library, self.new_workers))
+        try:
+            return select_subjects(self.library, self.option("--harness-subject"))
+        except (InvalidInput, InvalidRequest) as error:
+            raise pytest.UsageError(str(error)) from error
+
+    def settings(self, names: list[str], subjects: list[str]) -> Settings:
+        from harness.crosscheck.settings import Settings
+
+        seed, again = self.option("--harness-seed"), self._replay_options
+        return Settings(library=self.library, names=names, subjects=subjects, states=self.states, seed=seed, replay_options=again)
+
+    def new_workers(self) -> Workers:
+        from harness.workers import Scheduler, Workers
+
+        count = self.option("--harness-workers") or (1 if self.is_distributed else None)
+        address = self.option("--harness-scheduler")
+        scheduler = Scheduler(address, *(self.option(f"--harness-tls-{file}") for file in TLS_FILES)) if address else None
+        return Workers(count, scheduler, self.option("--harness-time-limit"))
 
 
 class _Regression:
@@ -59,23 +108,18 @@ class _Regression:
     Where pytest-xdist spreads the tests over processes, each process runs the systems that come to it, one by one.
     """
 
-    def __init__(self, config: pytest.Config, library: Library, chosen: str, states: int) -> None:
-        self.config = config
-        self.library = library
-        self.chosen = chosen
-        self.states = states
+    def __init__(self, choice: _Choice) -> None:
+        self.choice = choice
         self._exit = contextlib.ExitStack()
         self._started: dict[str, Workers] = {}
-        self._distributed = hasattr(config, "workerinput")
         # By the systems that run together, all of them under one name where nothing is distributed; and by quantity.
         self._checks: dict[tuple[str, str], tuple[CrossCheck, Iterator[Part]]] = {}
         self._known: dict[tuple[str, str, str], Record] = {}
         self._causes: dict[str, dict[str, Cause]] = {}
-        self._described = False
         self._wanted: tuple[list[str], list[str]] = ([], [])
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> SystemFile | None:
-        if file_path.parent != self.library.systems or file_path.suffix != ".py" or file_path.stem.startswith("_"):
+        if file_path.parent != self.choice.library.systems or file_path.suffix != ".py" or file_path.stem.startswith("_"):
             return None
         return SystemFile.from_parent(parent, path=file_path, regression=self)
 
@@ -87,37 +131,10 @@ class _Regression:
         self._exit.close()
 
     def pytest_report_header(self) -> str:
-        seed = self.config.getoption("--harness-seed")
-        named = f", {' '.join(self._named)}" if self._named else ""
-        return f"harness: library {self.library.name}, {self.states} states per system, seed {seed}{named}"
-
-    @cached_property
-    def quantities(self) -> list[str]:
-        """The quantities asked for, by default accelerations."""
-        from harness.certify.quantities import select_quantities
-        from harness.errors import InvalidRequest
-
-        try:
-            return select_quantities(self._named)
-        except InvalidRequest as error:
-            raise pytest.UsageError(str(error)) from error
-
-    @property
-    def _named(self) -> list[str]:
-        """The quantities as options or settings name them."""
-        return list(self.config.getoption("--harness-quantity") or self.config.getini("harness_quantity"))
-
-    def subjects(self) -> list[Subject]:
-        """The subjects asked for."""
-        from harness.engines import describe_engines, select_subjects
-        from harness.errors import InvalidInput, InvalidRequest
-
-        if not self._described:
-            self._described = bool(describe_engines(self.library, self._new_workers))
-        try:
-            return select_subjects(self.library, self.config.getoption("--harness-subject"))
-        except (InvalidInput, InvalidRequest) as error:
-            raise pytest.UsageError(str(error)) from error
+        choice = self.choice
+        named = f", {' '.join(choice.named)}" if choice.named else ""
+        seed = choice.option("--harness-seed")
+        return f"harness: library {choice.library.name}, {choice.states} states per system, seed {seed}{named}"
 
     def record(self, item: CrossCheckItem) -> Record:
         """The record of one item, running the cross-check until it comes."""
@@ -186,41 +203,25 @@ class _Regression:
     def _check_of(self, item: CrossCheckItem) -> tuple[CrossCheck, Iterator[Part]]:
         """The cross-check that an item belongs to, and its records to come."""
         from harness.crosscheck.run import CrossCheck
-        from harness.crosscheck.settings import Settings
         from harness.study import run_study
 
-        group = item.system if self._distributed else "", item.quantity
+        distributed = self.choice.is_distributed
+        group = item.system if distributed else "", item.quantity
         if group not in self._checks:
-            settings = Settings(
-                library=self.library,
-                names=[item.system] if self._distributed else self._wanted[0],
-                subjects=self._wanted[1],
-                states=self.states,
-                seed=self.config.getoption("--harness-seed"),
-                replay_options=[] if self.chosen == BUILT_IN_NAME else ["--library", self.chosen],
-            )
+            settings = self.choice.settings([item.system] if distributed else self._wanted[0], self._wanted[1])
             # The workers run one check at a time.
             for _, coming in self._checks.values():
                 for part in coming:
                     self._take(part)
-            check = CrossCheck(settings, [item.quantity], audits=item.quantity == self.quantities[0])
+            check = CrossCheck(settings, [item.quantity], audits=item.quantity == self.choice.quantities[0])
             self._checks[group] = check, run_study(check, self._workers("check"))
         return self._checks[group]
 
     def _workers(self, work: str) -> Workers:
         """The workers of "check" or "diagnosis", started on first use: a diagnosis comes while records of the check are outstanding."""
         if work not in self._started:
-            self._started[work] = self._exit.enter_context(self._new_workers())
+            self._started[work] = self._exit.enter_context(self.choice.new_workers())
         return self._started[work]
-
-    def _new_workers(self) -> Workers:
-        from harness.workers import Scheduler, Workers
-
-        option = self.config.getoption
-        count = option("--harness-workers") or (1 if self._distributed else None)
-        address = option("--harness-scheduler")
-        scheduler = Scheduler(address, *(option(f"--harness-tls-{file}") for file in TLS_FILES)) if address else None
-        return Workers(count, scheduler, option("--harness-time-limit"))
 
 
 class SystemFile(pytest.File):
@@ -233,11 +234,12 @@ class SystemFile(pytest.File):
     def collect(self) -> Iterator[CrossCheckItem]:
         from harness.engines import asked_of
 
-        library, regression = self.regression.library, self.regression
+        regression, choice = self.regression, self.regression.choice
+        library = choice.library
         names = library.names_in(self.path)
         for name in [*names, *(variant for variant in library.variant_names() if library.system_of(variant) in names)]:
-            for subject in map(str, asked_of(library, name, regression.subjects())):
-                for quantity in regression.quantities:
+            for subject in map(str, asked_of(library, name, choice.subjects())):
+                for quantity in choice.quantities:
                     # The members of a family and variants share a file, so their tests carry the name too.
                     title = subject if name == self.path.stem else f"{name}:{subject}"
                     title += "" if quantity == ACCELERATIONS else f"[{quantity}]"
