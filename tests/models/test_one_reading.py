@@ -72,3 +72,12 @@ def test_what_is_read_is_read_alike(tmp_path: Path) -> None:
     assert [one.reflected_inertia for one in model.armatures] == [float(joint.armature)] == [0.5]
     assert [one.stiffness for one in model.force_elements if isinstance(one, JointSpring)] == [float(joint.stiffness)] == [2.0]
     assert {one.what for one in robot.left_out} <= {"effort and velocity limits"}
+
+
+def test_a_transmission_without_rotors_moves_nothing_whatever_joints_it_names(tmp_path: Path) -> None:
+    two_joints = TRANSMISSION.replace("Simple", "Differential").replace(ROTOR, "").replace('<joint name="pin"/>', 2 * '<joint name="pin"/>')
+    for kind in (two_joints, two_joints.replace("Differential", "Simple")):
+        text = URDF.replace("</robot>", f"{kind}\n</robot>")
+        with pytest.raises(InvalidModel):
+            parse_model(Path("model.urdf"), text, "urdf")
+        assert {one.what for one in robot_in(text, tmp_path).left_out} <= {"effort and velocity limits", "transmissions"}

@@ -63,16 +63,17 @@ def _armatures(source: Source, root: etree._Element, joints: Elements, single: s
     """Drake's rotors, joint by joint: of a transmission, the float64 gear_ratio^2 rotor_inertia."""
     driven: set[str] = set()
     for transmission in root.iterchildren("transmission"):
-        rotor, carrier = has_rotor(transmission), source.one(transmission, "joint")
-        unread = UNREAD_ROTORS if rotor else ""
+        rotor = has_rotor(transmission)
         kind = transmission.findtext("type") or transmission.get("type") or ""
         if "SimpleTransmission" not in kind:
             what = f"is of type {shorten(kind)!r}" if kind else "has no <type>"
             expected = "expected <type>transmission_interface/SimpleTransmission</type>"
-            source.pass_over(transmission, f"{describe(transmission)} {what}; {expected}", unread)
+            source.pass_over(transmission, f"{describe(transmission)} {what}; {expected}", UNREAD_ROTORS if rotor else "")
             continue
+        # Without a rotor it moves nothing, whatever joints it names.
+        carrier = source.one(transmission, "joint") if rotor else transmission.find("joint")
         if carrier is None:
-            source.pass_over(transmission, f"{describe(transmission)} has no <joint>; add it", unread)
+            source.pass_over(transmission, f"{describe(transmission)} has no <joint>; add it", UNREAD_ROTORS if rotor else "")
             continue
         if not rotor and carrier.get("name") in joints:
             problem = f"has no <{ROTOR_INERTIA}>; add it, or remove the transmission, which does nothing"
