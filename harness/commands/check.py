@@ -5,34 +5,34 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
 from harness.commands.frame.model_files import refuse_alone
-from harness.commands.frame.options import quantities_option, stand_in_options, states_option, subjects_option
+from harness.commands.frame.options import quantities_option, stand_in_options, states_option, subjects_option, takes
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions:
+    """Cross-check that is asked for."""
+
+    names: Annotated[tuple[str, ...], click.argument("names", nargs=-1, metavar="[NAME|FILE]...")]
+    states: Annotated[int, states_option]
+    subjects: Annotated[tuple[str, ...], subjects_option]
+    quantities: Annotated[tuple[str, ...], quantities_option("accelerations, and in a line for each subject the others at a few states")]
+    stand_ins: Annotated[Mapping[str, Path], stand_in_options]
+    state: Annotated[str | None, click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')]
 
 
 @click.command("check")
-@click.argument("names", nargs=-1, metavar="[NAME|FILE]...")
-@states_option
-@subjects_option
-@quantities_option("accelerations, and in a line for each subject the others at a few states")
-@stand_in_options
-@click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')
+@takes(CheckOptions)
 @computing(time_limit=60.0, scheduler=True, floating_base=True)
-def command(
-    bracket: Bracket,
-    names: tuple[str, ...],
-    states: int,
-    subjects: tuple[str, ...],
-    quantities: tuple[str, ...],
-    stand_ins: Mapping[str, Path],
-    state: str | None,
-) -> None:
+def command(bracket: Bracket, asked: CheckOptions) -> None:
     """Cross-check NAMEs, or all there are, and print a table.
 
     NAME is a mechanism with its plain models, or a variant, MECHANISM.VARIANT;
@@ -54,22 +54,22 @@ def command(
     from harness.certify.quantities import select_quantities
     from harness.crosscheck.settings import Settings
 
-    refuse_alone(bracket, "check", names, stand_ins)
-    bracket.choose_library(names)
+    refuse_alone(bracket, "check", asked.names, asked.stand_ins)
+    bracket.choose_library(asked.names)
     settings = Settings(
         library=bracket.library,
-        names=bracket.library.matching(names),
-        subjects=subjects,
-        states=states,
+        names=bracket.library.matching(asked.names),
+        subjects=asked.subjects,
+        states=asked.states,
         seed=bracket.seed,
-        stand_ins=stand_ins,
-        state=_parse_state(state),
-        componentwise=state is not None,
-        replay_options=[*bracket.replay_options, *(word for name, path in stand_ins.items() for word in (f"--{name}", str(path)))],
+        stand_ins=asked.stand_ins,
+        state=_parse_state(asked.state),
+        componentwise=asked.state is not None,
+        replay_options=[*bracket.replay_options, *(word for name, path in asked.stand_ins.items() for word in (f"--{name}", str(path)))],
     )
-    bracket.begin(states, "check")
-    asked = select_quantities(quantities)
-    finish(bracket, cross_check(bracket, settings, asked, brief=not quantities), asked)
+    bracket.begin(asked.states, "check")
+    quantities = select_quantities(asked.quantities)
+    finish(bracket, cross_check(bracket, settings, quantities, brief=not asked.quantities), quantities)
 
 
 def _parse_state(text: str | None) -> Any:

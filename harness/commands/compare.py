@@ -2,44 +2,58 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import click
 
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.options import subjects_option
+from harness.commands.frame.options import subjects_option, takes
+from harness.commands.frame.pages import leave_page
 from harness.commands.frame.robots import compare_robots
-from harness.commands.frame.terminal import print_section, say
+from harness.commands.frame.terminal import print_sections
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareOptions:
+    """Comparison that is asked for, of files or of motions."""
+
+    files: Annotated[tuple[Path, ...], click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))]
+    renamed: Annotated[
+        tuple[str, ...],
+        click.option(
+            "--map", "renamed", multiple=True, metavar="JOINT=OTHER", help="Joint of the first file, and its name in another; repeatable."
+        ),
+    ]
+    states: Annotated[int, click.option("--states", type=click.IntRange(min=1), default=64, show_default=True, help="States per file.")]
+    steps: Annotated[
+        int | None,
+        click.option("--steps", type=click.IntRange(min=1), help="Compare the motions of two engines after so many steps instead."),
+    ]
+    by: Annotated[
+        tuple[str, ...],
+        click.option(
+            "--by",
+            multiple=True,
+            metavar="ENGINE/INTEGRATOR[@SECONDS]",
+            help="Who moves the first file, and who the second or the same one; with --steps, twice. SECONDS is the step length.",
+        ),
+    ]
+    start: Annotated[
+        str,
+        click.option("--start", default="", metavar="JSON", help='With --steps: {"q": [...], "v": [...]} by the joints of the first file.'),
+    ]
+    html_path: Annotated[
+        str | None, click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
+    ]
+    subjects: Annotated[tuple[str, ...], subjects_option]
 
 
 @click.command("compare")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
-@click.option(
-    "--map", "renamed", multiple=True, metavar="JOINT=OTHER", help="Joint of the first file, and its name in another; repeatable."
-)
-@click.option("--states", type=click.IntRange(min=1), default=64, show_default=True, help="States per file.")
-@click.option("--steps", type=click.IntRange(min=1), help="Compare the motions of two engines after so many steps instead.")
-@click.option(
-    "--by",
-    multiple=True,
-    metavar="ENGINE/INTEGRATOR[@SECONDS]",
-    help="Who moves the first file, and who the second or the same one; with --steps, twice. SECONDS is the step length.",
-)
-@click.option("--start", default="", metavar="JSON", help='With --steps: {"q": [...], "v": [...]} by the joints of the first file.')
-@click.option("--html", "html_path", type=click.Path(dir_okay=False), help="Write one offline page to this file.")
-@subjects_option
+@takes(CompareOptions)
 @computing(time_limit=300.0, library=False, floating_base=True)
-def command(
-    bracket: Bracket,
-    files: tuple[Path, ...],
-    renamed: tuple[str, ...],
-    subjects: tuple[str, ...],
-    states: int,
-    steps: int | None,
-    by: tuple[str, ...],
-    start: str,
-    html_path: str | None,
-) -> None:
+def command(bracket: Bracket, asked: CompareOptions) -> None:
     """Compare engines on a robot's FILE, or several FILEs.
 
     FILE is a URDF or an MJCF, as its root element says. Prints what the file is, what no body
@@ -59,46 +73,45 @@ def command(
       harness compare robot.urdf --floating-base --html robot.html
       harness compare r.xml --steps 100 --by mujoco/Euler --by mujoco/RK4@0.001
     """
-    if steps is not None:
-        _compare_motions(bracket, files, dict(map(_names, renamed)), steps, by, start, html_path)
+    renamed = dict(map(_names, asked.renamed))
+    if asked.steps is not None:
+        _compare_motions(bracket, asked, asked.steps, renamed)
         return
-    if by or start:
+    if asked.by or asked.start:
         raise click.UsageError("--by and --start are for motions; add --steps")
     from harness.comparison.study import RobotComparison, Settings
     from harness.report.comparison import render, sections
-    from harness.storage import write_atomically
 
     settings = Settings(
-        tuple(dict.fromkeys(files)), states, bracket.seed, bracket.floating_base, dict(map(_names, renamed)), subjects=subjects
+        tuple(dict.fromkeys(asked.files)), asked.states, bracket.seed, bracket.floating_base, renamed, subjects=asked.subjects
     )
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
-    bracket.begin(states, "compare")
+    bracket.begin(asked.states, "compare")
     found = compare_robots(bracket, study, sections)
-    if html_path is not None:
-        write_atomically(html_path, render(bracket.run, title, sections(found)))
-        say("", f"page: {html_path}")
+    leave_page(asked.html_path, lambda: render(bracket.run, title, sections(found)))
     bracket.finish(study.problems, study.crashed, found.as_expected)
 
 
-def _compare_motions(
-    bracket: Bracket, files: tuple[Path, ...], renamed: dict[str, str], steps: int, by: tuple[str, ...], start: str, html_path: str | None
-) -> None:
+def _compare_motions(bracket: Bracket, asked: CompareOptions, steps: int, renamed: dict[str, str]) -> None:
     """Print the gap between two motions, and end the command."""
     from harness.comparison.gap_study import By, GapStudy, Settings
     from harness.report.comparison import gap_sections
 
-    if len(files) > 2 or len(by) != 2 or html_path is not None:
+    if len(asked.files) > 2 or len(asked.by) != 2 or asked.html_path is not None:
         raise click.UsageError("--steps takes one file or two, --by twice, and no --html")
     settings = Settings(
-        (files[0], files[-1]), (By.parsed(by[0]), By.parsed(by[1])), steps, bracket.floating_base, tuple(renamed.items()), start
+        (asked.files[0], asked.files[-1]),
+        (By.parsed(asked.by[0]), By.parsed(asked.by[1])),
+        steps,
+        bracket.floating_base,
+        tuple(renamed.items()),
+        asked.start,
     )
     study = GapStudy(settings)
     bracket.begin(1, "gap")
     found = bracket.complete(study, lambda: vars(study.result()))
-    for number, section in enumerate(gap_sections(found)):
-        say(*([""] if number else []), section.title)
-        print_section(section.parts)
+    print_sections(gap_sections(found))
     bracket.finish(study.problems, study.crashed, bool(found.gaps))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.pages import leave_page
 from harness.commands.frame.robots import show_robot
 from harness.commands.frame.terminal import say
 
@@ -26,6 +27,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
       harness show robot.urdf
     """
     from harness.show.exhibit import Exhibition, as_text
+    from harness.show.page import render
 
     if bracket.library.is_file(name):
         show_robot(bracket, name, html_path)
@@ -35,10 +37,5 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     exhibit = bracket.complete(study)
     for text in as_text(exhibit):
         say(*text.split("\n"))
-    if html_path is not None:
-        from harness.show.page import render
-        from harness.storage import write_atomically
-
-        write_atomically(html_path, render(exhibit, bracket.library.name, study.problems))
-        say("", f"page: {html_path}")
+    leave_page(html_path, lambda: render(exhibit, bracket.library.name, study.problems))
     bracket.finish(study.problems, study.crashed, True)

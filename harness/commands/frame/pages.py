@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from harness.commands.frame.terminal import say
+from harness.storage import write_atomically
 
 if TYPE_CHECKING:
     from harness.commands.frame.bracket import Bracket
     from harness.report import Survey
     from harness.results.history import History
+
+
+def leave_page(path: str | None, text: Callable[[], str]) -> None:
+    """Write one offline page to the file that was asked for, if one was, and say so."""
+    if path is not None:
+        write_atomically(path, text())
+        say("", f"page: {path}")
 
 
 def write_page(bracket: Bracket, number: int | None = None) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.commands.frame.bracket import Bracket
-from harness.commands.frame.terminal import print_section, say
+from harness.commands.frame.pages import leave_page
+from harness.commands.frame.terminal import print_sections
 
 if TYPE_CHECKING:
     from harness.comparison.study import RobotComparison
@@ -30,21 +31,16 @@ def show_robot(bracket: Bracket, path: str, html_path: str | None) -> None:
     """Print what the file at ``path`` is and what no body of it can have, write the same as a page, and end the command."""
     from harness.comparison.study import RobotComparison, Settings
     from harness.report.comparison import file_sections, render
-    from harness.storage import write_atomically
 
     study = RobotComparison(Settings((Path(path),), 1, floating_base=bracket.floating_base, stances=()), "reading")
     bracket.begin(1, "show")
     found = compare_robots(bracket, study, file_sections)
-    if html_path is not None:
-        write_atomically(html_path, render(bracket.run, Path(path).name, file_sections(found)))
-        say("", f"page: {html_path}")
+    leave_page(html_path, lambda: render(bracket.run, Path(path).name, file_sections(found)))
     bracket.finish(study.problems, study.crashed, True)
 
 
 def compare_robots(bracket: Bracket, study: RobotComparison, shown: Callable[[FilesComparison], Iterable[Section]]) -> FilesComparison:
     """Run a study of robots' files that has begun: progress, JSON, and ``shown`` on standard output."""
     found: FilesComparison = bracket.complete(study, lambda: study.result().to_json())
-    for number, section in enumerate(shown(found)):
-        say(*([""] if number else []), section.title)
-        print_section(section.parts)
+    print_sections(shown(found))
     return found

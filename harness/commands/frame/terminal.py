@@ -7,7 +7,7 @@ import itertools
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.faults.summary import KindOfFault, SmallestChange
     from harness.report.benchmarks import BenchmarkSummary
+    from harness.report.comparison import Section
     from harness.report.hard_cases import HardSummary
     from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
 
@@ -134,6 +135,13 @@ def print_section(parts: Sequence[str | Table]) -> None:
         else:
             indent = len(part) - len(part.lstrip())
             say(f"  {' ' * indent}{part.strip()}")
+
+
+def print_sections(sections: Iterable[Section]) -> None:
+    """Each section below its title, with an empty line between two."""
+    for number, section in enumerate(sections):
+        say(*([""] if number else []), section.title)
+        print_section(section.parts)
 
 
 def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
