@@ -19,14 +19,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from harness.bench import acceleration_cost
+from harness.bench import measuring
 from harness.bench.methods import select_methods
 from harness.bench.robot_growth import arms
 from harness.certify.encoding import encode
 from harness.certify.manifold import closed
 from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.certify.reference import PRECISIONS, ReferenceKernel
-from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, load_model
@@ -37,6 +36,7 @@ from harness.equations.states import States
 from harness.equations.system import TIME
 from harness.library import Library
 from harness.models.model_file import read_model
+from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import read_robot
 
 LIBRARY = Library.built_in()
@@ -168,7 +168,7 @@ def test_certified_reference_over_balls(name: str) -> None:
     parameters = np.broadcast_to(np.array(mechanism.parameter_values), (FEWEST, len(mechanism.parameters)))
     [(chart, _), *_] = kernel.by_chart(few)
     calls = (lambda: chart.balls.solve(few, parameters, PRECISIONS[0])), (lambda: kernel.evaluate(states))
-    rounds = [[min(acceleration_cost.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS // 4)]
+    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS // 4)]
     in_balls, certified = np.min(rounds, axis=0) / (FEWEST, FEW)
     print(f"\n{name}: certified in 1/{in_balls / certified:.1f} of the time of balls; the bar is {FASTER_THAN_BALLS:g}")
     assert mechanism.nv < 2 or in_balls >= FASTER_THAN_BALLS * certified
@@ -189,9 +189,7 @@ def test_certified_reference_over_pinocchio_in_a_loop(name: str) -> None:
         for row in rows:
             pinocchio.aba(loaded.model, data, *row)
 
-    rounds = [
-        [min(acceleration_cost.measure(call, 1, SECONDS_EACH)) for call in (loop, lambda: kernel.evaluate(states))] for _ in range(ROUNDS)
-    ]
+    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in (loop, lambda: kernel.evaluate(states))] for _ in range(ROUNDS)]
     aba, certified = np.min(rounds, axis=0)
     print(f"\n{name}: the certified reference costs {certified / aba:.1f} times pin.aba; the bar is {SLOWER_THAN_ABA:g}")
     assert certified <= SLOWER_THAN_ABA * aba
@@ -260,7 +258,7 @@ def test_certifying_a_program_of_30_000_instructions(tmp_path: Path) -> None:
     """A trunk with seven arms of seven joints each, nowhere parallel."""
     path = tmp_path / "arms.urdf"
     path.write_text(arms(7))
-    mechanism = RobotReference(read_robot(path)).mechanism
+    mechanism = mechanism_of(read_robot(path))
     started = time.process_time()
     encoded = encode(mechanism.program)
     ready = time.process_time() - started
@@ -339,7 +337,7 @@ def cost_ratio(name: str, first: str, second: str) -> float:
     scene = Scene.of(LIBRARY, name)
     states = generic_sample(scene.mechanism, FEW, seed=0)
     calls = [method.prepare(scene, states).compute for method in select_methods([first, second])]
-    rounds = [[min(acceleration_cost.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
+    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
     fastest = np.min(rounds, axis=0)
     return float(fastest[0] / fastest[1])
 
@@ -377,7 +375,7 @@ def test_kernel_over_pinocchio_in_a_loop(name: str) -> None:
         lambda: kernel.compiled.accelerations(inputs),
         lambda: kernel.accelerations(states.q, states.v, states.tau),
     )
-    rounds = [[min(acceleration_cost.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
+    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
     slow, *fast = np.min(rounds, axis=0)
     bars = FASTER_THAN_A_LOOP, FASTER_WITH_INPUTS.get(name, FASTER_THAN_A_LOOP)
     for what, seconds, bar in zip(("the kernel", "the whole call"), fast, bars, strict=True):

@@ -8,23 +8,22 @@ one half joule. A step is best where the median over the states is least.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.acceleration_cost import measure
+from harness.bench.measuring import Effort, cost_of_each, measure
 from harness.bench.methods import DerivativeMethod
 from harness.certify.certified import Certified
 from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.results.benchmark import DerivativeCost
-from harness.study import sentence
 
 # States at which errors are measured.
 STATES = 32
@@ -33,7 +32,7 @@ MINIMUM_COUNT = 3
 
 @dataclass(frozen=True)
 class _Truth:
-    """What methods of one kind are held against, at ``STATES`` states; ``weights``, (n, nv), are of the columns by q and by v."""
+    """Derivatives that methods of one kind are held against; ``weights``, (n, nv), are of the columns by q and by v."""
 
     truth: DerivativeTruth
     certified: Certified
@@ -62,59 +61,45 @@ class _Truth:
         return np.asarray(np.linalg.norm(lengths * self.weights[:, None], axis=2))
 
 
-def derivative_costs(
-    scene: Scene, methods: Sequence[DerivativeMethod], counts: Sequence[int], seed: int, minimum_seconds: float, note: Note
-) -> list[DerivativeCost]:
-    """One measurement per method, in their order: errors at ``STATES`` states, and costs of ``counts`` states at the best step.
+def derivative_costs(scene: Scene, methods: Sequence[DerivativeMethod], effort: Effort, note: Note) -> list[DerivativeCost]:
+    """One measurement per method, in their order: errors over the steps, and costs at the best step.
 
     A method that cannot do the system, or that fails, has an entry with the reason as its note.
     """
-    mechanism, found = scene.mechanism, list[DerivativeCost]()
-    states = generic_sample(mechanism, max(STATES, *counts), seed)
+    mechanism = scene.mechanism
+    states = generic_sample(mechanism, effort.most, effort.seed)
+    few = states[: effort.judged]
     truths: dict[tuple[bool, bool], _Truth] = {}
-    for method in methods:
-        note(f"{mechanism.name}: {method.name}")
+
+    def cost(method: DerivativeMethod) -> Iterator[DerivativeCost]:
         of = method.is_inverse, method.linear_velocity_in_body and bool(mechanism.charts_in_body)
-        try:
-            if of not in truths:
-                truths[of] = _Truth.of(scene, *of, states[:STATES])
-            found.append(_cost(scene, method, truths[of], states, counts, minimum_seconds))
-        except Unsupported as reason:
-            found.append(_missing(mechanism.name, method, str(reason)))
-        except Exception as error:
-            # What one method raises or answers is not the others' fault.
-            found.append(_missing(mechanism.name, method, sentence(error), failed=True))
-    return found
+        if of not in truths:
+            truths[of] = _Truth.of(scene, *of, few)
+        truth, third = truths[of], truths[of].truth.third(states)
+        errors = [truth.errors(method.prepare(scene, few, third[: len(few)], step)()) for step in method.steps or (0.0,)]
+        medians = [float(np.median(one)) for one in errors]
+        best = int(np.argmin(medians))
+        step = method.steps[best] if method.steps else 0.0
+        seconds = []
+        for count in effort.counts:
+            compute = method.prepare(scene, states[:count], third[:count], step)
+            seconds.append(float(np.median(measure(compute, MINIMUM_COUNT, effort.minimum_seconds))) / count)
+        yield DerivativeCost(
+            **about(method),
+            steps=list(method.steps),
+            errors=medians,
+            worst_errors=[float(one.max(initial=0.0)) for one in errors],
+            best_step=step or None,
+            error=medians[best],
+            states=list(effort.counts),
+            seconds_per_state=seconds,
+        )
 
+    def about(method: DerivativeMethod) -> dict[str, Any]:
+        result = "tau" if method.is_inverse else "qdd"
+        return {"system": mechanism.name, "method": method.name, "of": result, "loop": method.loop}
 
-def _cost(
-    scene: Scene, method: DerivativeMethod, truth: _Truth, states: States, counts: Sequence[int], minimum_seconds: float
-) -> DerivativeCost:
-    third = truth.truth.third(states)
-    few = states[:STATES]
-    errors = [truth.errors(method.prepare(scene, few, third[:STATES], step)()) for step in method.steps or (0.0,)]
-    medians = [float(np.median(one)) for one in errors]
-    best = int(np.argmin(medians))
-    step = method.steps[best] if method.steps else 0.0
-    seconds = []
-    for count in counts:
-        compute = method.prepare(scene, states[:count], third[:count], step)
-        seconds.append(float(np.median(measure(compute, MINIMUM_COUNT, minimum_seconds))) / count)
-    return DerivativeCost(
-        system=scene.mechanism.name,
-        method=method.name,
-        of="tau" if method.is_inverse else "qdd",
-        steps=list(method.steps),
-        errors=medians,
-        worst_errors=[float(one.max(initial=0.0)) for one in errors],
-        best_step=step or None,
-        error=medians[best],
-        states=list(counts),
-        seconds_per_state=seconds,
-        loop=method.loop,
-    )
+    def missing(method: DerivativeMethod, why: str, failed: bool) -> DerivativeCost:
+        return DerivativeCost(**about(method), note=why, failed=failed)
 
-
-def _missing(system: str, method: DerivativeMethod, why: str, failed: bool = False) -> DerivativeCost:
-    of = "tau" if method.is_inverse else "qdd"
-    return DerivativeCost(system=system, method=method.name, of=of, loop=method.loop, note=why, failed=failed)
+    return cost_of_each([(f"{mechanism.name}: {method.name}", method) for method in methods], cost, missing, note)

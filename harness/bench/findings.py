@@ -13,8 +13,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
+from harness.certify.certified import Certified
 from harness.certify.compare import Comparison
-from harness.certify.reference import Reference
 from harness.results.benchmark import EngineFinding
 from harness.verdict import AGREEMENT, Verdict
 
@@ -28,7 +28,7 @@ class Judged:
 
     method: Method
     prepared: Prepared
-    reference: Reference
+    reference: Certified
     comparison: Comparison
 
     @property

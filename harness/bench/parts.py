@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from harness.bench.acceleration_cost import FAMILY, acceleration_costs, growth
-from harness.bench.derivative_cost import derivative_costs
+from harness.bench.acceleration_cost import acceleration_costs
+from harness.bench.derivative_cost import STATES, derivative_costs
 from harness.bench.energy_drift import drifts
+from harness.bench.growth import FAMILY, growth
+from harness.bench.measuring import Effort
 from harness.bench.methods import Method, find_derivative_methods, find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.quantity_cost import SIZES, quantity_costs
@@ -63,9 +65,18 @@ class BenchmarkSettings:
         return THOROUGHNESS[self.profile]
 
     @property
+    def effort(self) -> Effort:
+        """Of each way of computing accelerations."""
+        return Effort((self.thoroughness.states,), self.thoroughness.states, self.seed, self.thoroughness.minimum_seconds)
+
+    def effort_at(self, counts: Sequence[int], judged: int) -> Effort:
+        """Of each way of computing something else, a tenth of the time at each of several numbers of states."""
+        return Effort(counts, judged, self.seed, self.thoroughness.minimum_seconds / 10)
+
+    @property
     def further_quantities(self) -> list[str]:
         """The quantities beyond accelerations that are asked for; raises InvalidRequest where there is none of a name."""
-        return [name for name in select_quantities(self.quantities) if name != ACCELERATIONS]
+        return [name for name in select_quantities(self.quantities) if not find_quantities()[name].is_default]
 
     @property
     def kinds(self) -> Sequence[str]:
@@ -114,7 +125,7 @@ def _integrators(settings: BenchmarkSettings, kind: str) -> list[str]:
 
 
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent, methods = settings.thoroughness, _chosen(settings, kind_of(scene))
+    methods = _chosen(settings, kind_of(scene))
     stopwatch = Stopwatch()
 
     def noted(text: str) -> None:
@@ -122,7 +133,7 @@ def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Ben
         stopwatch.time()
         note(text)
 
-    costs, found = acceleration_costs(scene, methods, extent.states, settings.seed, extent.minimum_seconds, noted)
+    costs, found = acceleration_costs(scene, methods, settings.effort, noted)
     return Benchmark(
         accelerations=costs,
         findings=found,
@@ -133,7 +144,7 @@ def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Ben
 
 def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
     extent, methods = settings.thoroughness, _chosen(settings, MECHANISMS)
-    found = growth(settings.library, methods, extent.states, settings.seed, extent.minimum_seconds, note, extent.sizes)
+    found = growth(settings.library, methods, extent.sizes, settings.effort, note)
     return Benchmark(growth=found)
 
 
@@ -175,18 +186,15 @@ def _derivatives(settings: BenchmarkSettings, scene: Scene, note: Note) -> Bench
     if scene.mechanism.constraints is not None:
         # None is along motions that they allow.
         return Benchmark()
-    extent, methods = settings.thoroughness, [one for one in find_derivative_methods() if one.name in settings.methods]
-    # A tenth, as each method is timed at several numbers of states.
-    costs = derivative_costs(scene, methods, extent.derivative_states, settings.seed, extent.minimum_seconds / 10, note)
+    methods = [one for one in find_derivative_methods() if one.name in settings.methods]
+    costs = derivative_costs(scene, methods, settings.effort_at(settings.thoroughness.derivative_states, STATES), note)
     return Benchmark(derivatives=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
 
 
 def _quantity(quantity: str, settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent, library, name = settings.thoroughness, settings.library, scene.mechanism.name
-    asked = asked_of(library, name, select_subjects(library, settings.methods))
-    # A tenth, as each subject is timed at several numbers of states.
-    times = SIZES, extent.quantity_states, settings.seed, extent.minimum_seconds / 10
-    costs = quantity_costs(scene, find_quantities()[quantity], asked, *times, note)
+    asked = asked_of(settings.library, scene.mechanism.name, select_subjects(settings.library, settings.methods))
+    effort = settings.effort_at(SIZES, settings.thoroughness.quantity_states)
+    costs = quantity_costs(scene, find_quantities()[quantity], asked, effort, note)
     problems = [f"{cost.system}, {cost.quantity} of {cost.method}: {cost.note}" for cost in costs if cost.failed]
     return Benchmark(quantities=costs, problems=problems)
 

@@ -6,73 +6,60 @@ cross-check, at the same states for each number of states at once, so that they 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.acceleration_cost import MINIMUM_COUNT, measure, shared_fields
-from harness.certify.certified import Certified
+from harness.bench.acceleration_cost import MINIMUM_COUNT
+from harness.bench.measuring import Effort, cost_of_each, measure, shared_fields
 from harness.certify.compare import compare
-from harness.certify.quantities import Quantity, Truth
+from harness.certify.quantities import Quantity
 from harness.certify.sampling import generic_sample
-from harness.crosscheck.assignment import Assignment, load_audited, truth_of
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
+from harness.crosscheck.stages import Truths
 from harness.crosscheck.tasks import Note
-from harness.engines import Subject, Unsupported, load_engine, runs_elsewhere
-from harness.equations.states import States
+from harness.engines import Subject, load_engine, runs_elsewhere
 from harness.results.benchmark import QuantityCost
-from harness.study import sentence
 
 # Numbers of states that are asked for at once.
 SIZES = (1, 10, 100, 1000, 10_000)
 
 
-def quantity_costs(
-    scene: Scene,
-    quantity: Quantity,
-    subjects: Sequence[Subject],
-    counts: Sequence[int],
-    judged: int,
-    seed: int,
-    minimum_seconds: float,
-    note: Note,
-) -> list[QuantityCost]:
-    """Of each subject, in their order, one measurement per number of states in ``counts``; errors at ``judged`` states.
+def quantity_costs(scene: Scene, quantity: Quantity, subjects: Sequence[Subject], effort: Effort, note: Note) -> list[QuantityCost]:
+    """Costs of each subject, in their order: one for each number of states that are asked for at once.
 
-    A subject that does not offer the quantity, or that fails, has one entry with the reason as its note. ``minimum_seconds`` is how long
-    each number of states is timed at least.
+    A subject that does not offer the quantity, or that fails, has one entry with the reason as its note.
     """
-    mechanism, found = scene.mechanism, list[QuantityCost]()
-    states = generic_sample(mechanism, max(judged, *counts), seed)
-    known: dict[Hashable, Certified] = {}
-    for subject in subjects:
-        note(f"{mechanism.name}: {quantity.name} of {subject}")
-        try:
-            assignment = Assignment(scene.library, subject, mechanism, scene.models.get(subject.format), quantity=quantity.name)
-            model, truth = load_audited(assignment), truth_of(assignment)
-            if truth.key not in known:
-                known[truth.key] = truth.evaluate(states[:judged])
-            certified = known[truth.key]
-            elsewhere = runs_elsewhere(load_engine(scene.library, subject.engine))
-            remark = "times hold the exchange with the process of its environment" if elsewhere else ""
-            found += [
-                QuantityCost(
-                    system=mechanism.name,
-                    quantity=quantity.name,
-                    method=str(subject),
-                    states=count,
-                    **_measured(truth, model, certified, states, count, minimum_seconds, remark),
-                )
-                for count in counts
-            ]
-        except Unsupported as reason:
-            found.append(_missing(mechanism.name, quantity, subject, str(reason)))
-        except Exception as error:
-            # What one subject raises or answers is not the others' fault.
-            found.append(_missing(mechanism.name, quantity, subject, sentence(error), failed=True))
-    return found
+    mechanism = scene.mechanism
+    states = generic_sample(mechanism, effort.most, effort.seed)
+    truths = Truths(states[: effort.judged])
+
+    def costs(subject: Subject) -> Iterator[QuantityCost]:
+        assignment = Assignment(scene.library, subject, mechanism, scene.models.get(subject.format), quantity=quantity.name)
+        model, truth = load_audited(assignment), assignment.truth
+        elsewhere = runs_elsewhere(load_engine(scene.library, subject.engine))
+        remark = "times hold the exchange with the process of its environment" if elsewhere else ""
+        certified = truths.of(truth)
+        for count in effort.counts:
+            batch, judged = states[:count], len(certified)
+            calls = EngineCalls(model, batch.q)
+            first = truth.answers(calls, batch)
+            rest = [truth.answers(model, states[start : min(start + count, judged)]) for start in range(count, judged, count)]
+            comparison = compare(certified, np.concatenate([first, *rest])[:judged])
+            times = measure(calls.again, MINIMUM_COUNT, effort.minimum_seconds)
+            yield QuantityCost(**about(subject), states=count, **shared_fields(comparison, certified.certified, times, count, remark))
+
+    def about(subject: Subject) -> dict[str, Any]:
+        return {"system": mechanism.name, "quantity": quantity.name, "method": str(subject)}
+
+    def missing(subject: Subject, why: str, failed: bool) -> QuantityCost:
+        return QuantityCost(**about(subject), states=0, seconds_per_state=None, note=why, failed=failed)
+
+    asked = [(f"{mechanism.name}: {quantity.name} of {subject}", subject) for subject in subjects]
+    return cost_of_each(asked, costs, missing, note)
 
 
 class EngineCalls:
@@ -107,21 +94,3 @@ class EngineCalls:
             raise ValueError("the engine was asked nothing at the states")
         for method, arguments in self._calls:
             method(*arguments)
-
-
-def _measured(
-    truth: Truth, model: Any, certified: Certified, states: States, count: int, minimum_seconds: float, remark: str
-) -> dict[str, Any]:
-    """What ``QuantityCost`` has of ``count`` states at once."""
-    batch, judged = states[:count], len(certified)
-    calls = EngineCalls(model, batch.q)
-    first = truth.answers(calls, batch)
-    rest = [truth.answers(model, states[start : min(start + count, judged)]) for start in range(count, judged, count)]
-    comparison = compare(certified, np.concatenate([first, *rest])[:judged])
-    return shared_fields(comparison, certified.certified, measure(calls.again, MINIMUM_COUNT, minimum_seconds), count, remark)
-
-
-def _missing(system: str, quantity: Quantity, subject: Subject, why: str, failed: bool = False) -> QuantityCost:
-    return QuantityCost(
-        system=system, quantity=quantity.name, method=str(subject), states=0, seconds_per_state=None, note=why, failed=failed
-    )

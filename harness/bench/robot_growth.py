@@ -12,10 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.bench.acceleration_cost import FEWEST_STATES, exponent, measure
-from harness.certify.robot_reference import RobotReference
+from harness.bench.growth import FEWEST_STATES, exponent
+from harness.bench.measuring import measure
+from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.results.benchmark import Growth
+from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import read_robot
 
 FAMILY, METHOD = "arms of seven joints", "certified reference of a robot"
@@ -49,7 +51,7 @@ def robot_growth(counts: Sequence[int], seed: int, minimum_seconds: float, note:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "arms.urdf"
             path.write_text(arms(count))
-            reference = RobotReference(read_robot(path))
+            reference = ReferenceKernel(mechanism_of(read_robot(path)))
         states = generic_sample(reference.mechanism, FEWEST_STATES, seed)
         times = measure(lambda of=reference, at=states: of.evaluate(at), MINIMUM_COUNT, minimum_seconds)  # type: ignore[misc]
         found = reference.evaluate(states)

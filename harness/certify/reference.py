@@ -13,6 +13,9 @@ along at 10 m/s, or a pendulum at its dead centre, would condemn every general a
 Norms are kinetic-energy norms |x|_M = sqrt(x' M x), which make metres and radians comparable and do
 not depend on the choice of coordinates.
 
+The data roundoff of a robot is that of a mechanism whose parameters are the numbers of its file: half an ulp of each number as it stands
+there, once however many elements share it through a class. Numbers that are zero are exact.
+
 Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 7; Demmel, Underflow
 and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), for inputs near zero.
 """
@@ -121,6 +124,14 @@ class ReferenceKernel:
         states = self.asked_at(states)
         found = Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
         return found if self.unit_roundoff == UNIT_ROUNDOFF else found.for_unit_roundoff(self.unit_roundoff)
+
+    def derivatives(self, states: States, accelerations: Array, parameters: Array | None = None) -> Array:
+        """d(force - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64; ``parameters`` as of ``evaluate``."""
+        inputs = self.mechanism.inputs(states, parameters)
+        found = np.zeros((len(states), self.mechanism.nv, len(inputs)))
+        for chart, chosen in self.by_chart(states):
+            found[chosen] = chart.derivatives(np.ascontiguousarray(inputs.T[chosen]), np.ascontiguousarray(accelerations[chosen]))
+        return found
 
     def asked_at(self, states: States) -> States:
         """The states as an engine of this unit roundoff takes them."""

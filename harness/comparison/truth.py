@@ -10,8 +10,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.certified import Flags
-from harness.certify.reference import Reference, energy_norm
-from harness.certify.robot_reference import RobotReference
+from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
 from harness.comparison.same_states import SameStates
 from harness.comparison.states import spread
@@ -20,13 +19,14 @@ from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.files.tree import Joint, Tree
 from harness.robots.bounds import bounded
+from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import Robot
 from harness.storage import Kept
 
 # States at which the effect of one change is computed.
 STATES_OF_EFFECTS = 16
 # Programs of humanoids take megabytes.
-_REFERENCES: Kept[RobotReference] = Kept(most=8)
+_REFERENCES: Kept[ReferenceKernel] = Kept(most=8)
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Meant:
         return asked_joints(self.robot.tree, self.robot.joints)
 
 
-def reference_of(robot: Robot) -> RobotReference:
+def reference_of(robot: Robot) -> ReferenceKernel:
     """The evaluator of a robot's truth; kept in the process."""
-    return _REFERENCES.get((robot.path, robot.tree, robot.joints), lambda: RobotReference(robot))
+    return _REFERENCES.get((robot.path, robot.tree, robot.joints), lambda: ReferenceKernel(mechanism_of(robot)))
 
 
 def meant(robot: Robot, count: int, seed: int) -> Meant:
@@ -136,7 +136,7 @@ def largest_change(truth: Reference, accelerations: Array, among: Flags) -> floa
     return float(known.max()) if len(known) else None
 
 
-def change_by_numbers(reference: RobotReference, states: States, own: Array, changed: Array) -> float | None:
+def change_by_numbers(reference: ReferenceKernel, states: States, own: Array, changed: Array) -> float | None:
     """The largest relative change of qdd when a robot's numbers, (number of parameters,), become others; as of ``change``."""
     before, after = (reference.evaluate(states, np.tile(numbers, (len(states), 1))) for numbers in (own, changed))
     both = before.certified & after.certified

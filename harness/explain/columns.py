@@ -193,14 +193,9 @@ def parameter_derivatives(kernel: ReferenceKernel, states: States, reference: Re
 
     Not a number at a state that is not certified.
     """
-    mechanism = kernel.mechanism
     parameters = np.broadcast_to(np.array(values, dtype=np.float64), (len(states), len(values)))
-    forces = np.empty((len(values), *reference.high.shape))
-    for chart, chosen in kernel.by_chart(states):
-        inputs = mechanism.inputs(states[chosen], parameters[chosen])
-        derivatives = chart.derivatives(np.ascontiguousarray(inputs.T), reference.high[chosen])
-        forces[:, chosen] = derivatives[:, :, -len(values) :].transpose(2, 0, 1)
-    factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(mechanism.nv))
+    forces = kernel.derivatives(states, reference.high, parameters)[:, :, -len(values) :]
+    factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(kernel.mechanism.nv))
     with np.errstate(all="ignore"):
-        slopes = np.linalg.solve(factor, np.linalg.solve(factor.transpose(0, 2, 1), forces.transpose(1, 2, 0)))
+        slopes = np.linalg.solve(factor, np.linalg.solve(factor.transpose(0, 2, 1), forces))
     return np.where(reference.certified[:, None], slopes.transpose(2, 0, 1), np.nan)

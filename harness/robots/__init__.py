@@ -15,5 +15,5 @@ works on mechanisms, and ``accelerations`` evaluates them in balls. All are writ
 and ``reactions`` write what engines compute besides, and ``constraints`` the rows of what the file ties beside its joints.
 ``steps`` writes the state after one step of an integrator by its rule, of the forces of ``step_forces``.
 
-Certified accelerations at states are those of ``harness.certify.robot_reference``.
+Certified accelerations at states are those of ``harness.certify.reference``.
 """

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from harness.bench.acceleration_cost import acceleration_costs
+from harness.bench.measuring import Effort
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.study import BenchmarkStudy
@@ -50,7 +51,7 @@ def scene(name: str) -> Scene:
 
 
 def measured(*methods: Method) -> tuple[list[AccelerationCost], list[EngineFinding]]:
-    return acceleration_costs(scene("four_bar"), methods, COUNT, 3, 0.0, lambda text: None)
+    return acceleration_costs(scene("four_bar"), methods, Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)
 
 
 @functools.cache
@@ -116,7 +117,7 @@ def test_a_residual_that_tells_nothing_is_said_to() -> None:
 
 def test_all_stages_leave_a_mechanism_without_gravity_as_it_is() -> None:
     methods = select_methods(["mujoco batch", "mujoco batch, all stages on"], CONSTRAINED)
-    costs, found = acceleration_costs(scene("andrews_squeezer"), methods, COUNT, 3, 0.0, lambda text: None)
+    costs, found = acceleration_costs(scene("andrews_squeezer"), methods, Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)
     assert found == [] and all(cost.backward_error is not None and cost.backward_error <= AGREEMENT for cost in costs)
 
 

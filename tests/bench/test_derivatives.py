@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.bench.derivative_cost import derivative_costs
+from harness.bench.derivative_cost import STATES, derivative_costs
+from harness.bench.measuring import Effort
 from harness.bench.methods import DerivativeMethod, find_derivative_methods
 from harness.bench.parts import DERIVATIVES, PARTS, BenchmarkSettings
 from harness.bench.study import BenchmarkStudy, not_for
@@ -41,7 +42,7 @@ def scene(name: str) -> Scene:
 
 
 def costs(name: str, *methods: DerivativeMethod) -> list[DerivativeCost]:
-    return derivative_costs(scene(name), methods, (1, 4), 3, 0.0, lambda text: None)
+    return derivative_costs(scene(name), methods, Effort((1, 4), STATES, 3, 0.0), lambda text: None)
 
 
 def is_installed(engine: str) -> bool:

@@ -13,7 +13,9 @@ import pytest
 import harness.bench.methods
 from harness.arrays import Array
 from harness.bench import acceleration_cost
-from harness.bench.acceleration_cost import acceleration_costs, exponent, growth
+from harness.bench.acceleration_cost import acceleration_costs
+from harness.bench.growth import exponent, growth
+from harness.bench.measuring import Effort
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.robot_growth import robot_growth
@@ -55,7 +57,7 @@ def reference(name: str, in_body: bool) -> Reference:
 
 
 def costs(name: str, *methods: Method, count: int = COUNT, seconds: float = 0.0) -> list[AccelerationCost]:
-    return acceleration_costs(scene(name), methods, count, 3, seconds, lambda text: None)[0]
+    return acceleration_costs(scene(name), methods, Effort((count,), count, 3, seconds), lambda text: None)[0]
 
 
 @pytest.mark.costly
@@ -138,7 +140,7 @@ def test_what_a_method_cannot_do_is_its_note() -> None:
 
     without_mjcf = replace(scene("arm_2r"), models={"urdf": scene("arm_2r").models["urdf"]})
     methods = [Method("planted", "urdf", refuse), METHODS["mujoco batch"], METHODS["pinocchio aba"]]
-    refused, missing, done = acceleration_costs(without_mjcf, methods, COUNT, 3, 0.0, lambda text: None)[0]
+    refused, missing, done = acceleration_costs(without_mjcf, methods, Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)[0]
     assert (refused.note, refused.states, refused.seconds_per_state, refused.backward_error) == ("too round", 0, None, None)
     assert missing.note == "arm_2r has no MJCF model" and missing.seconds_per_state is None
     assert done.note == "" and done.seconds_per_state is not None
@@ -149,20 +151,20 @@ def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypat
         raise ZeroDivisionError("planted")
 
     planted, sound = Method("planted", "equations", fail), METHODS["heyoka float64"]
-    failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], COUNT, 3, 0.0, lambda text: None)[0]
+    failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)[0]
     assert (failed.failed, failed.note, failed.seconds_per_state) == (True, "ZeroDivisionError: planted", None)
     assert not done.failed and done.seconds_per_state is not None
     monkeypatch.setattr("harness.bench.parts.select_methods", lambda names, of: [planted])
     settings = BenchmarkSettings(library=Library.built_in())
     assert _accelerations(settings, scene("arm_2r"), lambda text: None).problems == ["arm_2r, planted: ZeroDivisionError: planted"]
     with pytest.raises(RuntimeError, match="planted: ZeroDivisionError"):
-        growth(Library.built_in(), [planted], COUNT, 3, 0.0, lambda text: None, [1])
+        growth(Library.built_in(), [planted], [1], Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)
 
 
 def test_cost_is_per_state_and_notes_say_what_runs() -> None:
     notes: list[str] = []
     method = replace(METHODS["heyoka float64"], most_states=8)
-    (cost,) = acceleration_costs(scene("arm_2r"), [method], COUNT, 3, 0.01, notes.append)[0]
+    (cost,) = acceleration_costs(scene("arm_2r"), [method], Effort((COUNT,), COUNT, 3, 0.01), notes.append)[0]
     assert notes == ["arm_2r: heyoka float64"]
     assert cost.states == 8 and cost.threads == 1 and cost.repetitions >= acceleration_cost.MINIMUM_COUNT
     assert cost.fastest is not None and cost.seconds_per_state is not None and cost.slowest is not None
@@ -235,7 +237,7 @@ def test_growth_of_a_robot() -> None:
 
 def test_growth_over_a_family() -> None:
     methods = select_methods(["pinocchio aba", "heyoka float64"])
-    found = growth(LIBRARY, methods, 64, 0, 0.0, lambda text: None, (1, 3))
+    found = growth(LIBRARY, methods, (1, 3), Effort((64,), 64, 0, 0.0), lambda text: None)
     assert [(entry.family, entry.method, entry.expected) for entry in found] == [
         (("chain"), method.name, method.growth) for method in methods
     ]
@@ -251,6 +253,6 @@ def test_a_size_that_a_method_cannot_do_is_none() -> None:
             raise Unsupported("too long")
         return METHODS["heyoka float64"].prepare(scene, states)
 
-    (entry,) = growth(LIBRARY, [Method("planted", "equations", refuse)], 64, 0, 0.0, lambda text: None, (1, 3))
+    (entry,) = growth(LIBRARY, [Method("planted", "equations", refuse)], (1, 3), Effort((64,), 64, 0, 0.0), lambda text: None)
     assert entry.sizes == [1, 3] and entry.seconds_per_state[0] is not None and entry.backward_errors[0] is not None
     assert (entry.seconds_per_state[1], entry.backward_errors[1], entry.exponent) == (None, None, None)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
+from harness.bench.measuring import Effort
 from harness.bench.parts import QUANTITIES, BenchmarkSettings, parts_of
 from harness.bench.quantity_cost import EngineCalls, quantity_costs
 from harness.bench.study import BenchmarkStudy
@@ -41,7 +42,7 @@ def scene() -> Scene:
 
 
 def costs(quantity: str, asked: Sequence[Subject] = SUBJECTS) -> list[QuantityCost]:
-    return quantity_costs(scene(), find_quantities()[quantity], asked, COUNTS, JUDGED, SEED, 0.0, lambda text: None)
+    return quantity_costs(scene(), find_quantities()[quantity], asked, Effort(COUNTS, JUDGED, SEED, 0.0), lambda text: None)
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES_TESTED)

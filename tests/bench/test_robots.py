@@ -11,6 +11,7 @@ from support import InThisProcess, completed, harness
 
 from harness.arrays import Array
 from harness.bench.acceleration_cost import acceleration_costs
+from harness.bench.measuring import Effort
 from harness.bench.methods import find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.parts import BenchmarkSettings
@@ -42,7 +43,7 @@ def scene(path: Path) -> Scene:
 
 
 def costs(path: Path) -> dict[str, AccelerationCost]:
-    found = acceleration_costs(scene(path), find_methods(ROBOTS), COUNT, 3, 0.0, lambda text: None)[0]
+    found = acceleration_costs(scene(path), find_methods(ROBOTS), Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)[0]
     return {cost.method: cost for cost in found}
 
 

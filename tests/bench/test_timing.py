@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from harness.bench.acceleration_cost import measure
+from harness.bench.measuring import measure
 
 
 class Clock:

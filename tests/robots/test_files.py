@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from harness.certify.compare import compare
-from harness.certify.reference import Reference
-from harness.certify.robot_reference import RobotReference
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.files.tree import Given
+from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import LeftOut, Robot, read_robot
 
 FILES = Path(__file__).parent / "files"
@@ -68,7 +68,7 @@ def test_every_number_stands_at_its_line(name: str) -> None:
 
 
 def test_the_parameters_of_a_program_are_numbers_of_the_file() -> None:
-    reference = RobotReference(read_robot(FILES / "arm.urdf"))
+    reference = ReferenceKernel(mechanism_of(read_robot(FILES / "arm.urdf")))
     names = [name for name, _, _ in reference.mechanism.parameters]
     lines = (FILES / "arm.urdf").read_text().split("\n")
     masses = [number for number, line in enumerate(lines, 1) if "<mass" in line]
@@ -106,7 +106,7 @@ def test_numbers_of_classes_stand_in_the_included_file() -> None:
     anchor = robot.joint("left_knee").places["anchor"]
     assert 'name="left_knee"' in anchor.path.read_text().split("\n")[anchor.line - 1]
     # Of the numbers that all legs share, the program has one input.
-    inputs = [name for name, _, _ in RobotReference(robot).mechanism.parameters if name.endswith(" joint damping[0]")]
+    inputs = [name for name, _, _ in mechanism_of(robot).parameters if name.endswith(" joint damping[0]")]
     assert len(inputs) == 3
 
 
@@ -152,8 +152,8 @@ def test_joints_stand_in_the_order_of_the_file() -> None:
     assert (robot.bodies, len(robot.joints), robot.degrees_of_freedom) == (15, 18, 25)
 
 
-def certified(robot: Robot, like: RobotReference | None = None) -> tuple[RobotReference, Reference]:
-    reference = RobotReference(robot)
+def certified(robot: Robot, like: ReferenceKernel | None = None) -> tuple[ReferenceKernel, Reference]:
+    reference = ReferenceKernel(mechanism_of(robot))
     states = sample((like or reference).mechanism, 40, SEED)
     return reference, reference.evaluate(states)
 
@@ -177,7 +177,7 @@ def test_twins_in_both_formats_have_the_same_accelerations() -> None:
 @pytest.mark.costly
 def test_a_free_joint_may_have_its_velocity_in_its_own_frame() -> None:
     robot = read_robot(FILES / "humanoid.urdf", floating_base=True)
-    in_parent, in_body = RobotReference(robot), RobotReference(robot, linear_velocity_in_body=True)
+    in_parent, in_body = ReferenceKernel(mechanism_of(robot)), ReferenceKernel(mechanism_of(robot), linear_velocity_in_body=True)
     states = sample(in_parent.mechanism, 10, SEED)
     expected = in_parent.evaluate(states).high
     for row in range(len(states)):

@@ -10,8 +10,9 @@ import pytest
 from support_robots import by_mujoco, by_pinocchio
 
 from harness.certify.compare import compare
-from harness.certify.robot_reference import RobotReference
+from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
+from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import read_robot
 
 FILES = Path(__file__).parent / "files"
@@ -59,7 +60,7 @@ def test_the_quadruped_is_that_of_mujoco(tmp_path: Path, changes: dict[str, str]
     model = mujoco.MjModel.from_xml_path(str(path))
     assert robot.joints == tuple(model.joint(number).name or robot.joints[number] for number in range(model.njnt))
     assert robot.total_mass == pytest.approx(mujoco.mj_getTotalmass(model), rel=1e-14)
-    reference = RobotReference(robot)
+    reference = ReferenceKernel(mechanism_of(robot))
     states = sample(reference.mechanism, STATES, SEED)
     truth = reference.evaluate(states)
     assert truth.certified.all()
@@ -80,7 +81,7 @@ def test_a_time_constant_and_damping_ratio_are_those_of_mujoco(flag: str, tmp_pa
         <geom size="0.1" pos="0 0.1 0.2"/></body></body></body></worldbody></mujoco>"""
     )
     robot, model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
-    reference = RobotReference(robot)
+    reference = ReferenceKernel(mechanism_of(robot))
     states = sample(reference.mechanism, STATES, SEED)
     assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
 
@@ -118,14 +119,14 @@ def test_bounds_of_inertias_are_those_of_mujoco(options: str, tmp_path: Path) ->
     robot, model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
     assert robot.impossible == ()
     assert robot.total_mass == pytest.approx(mujoco.mj_getTotalmass(model), rel=1e-14)
-    reference = RobotReference(robot)
+    reference = ReferenceKernel(mechanism_of(robot))
     states = sample(reference.mechanism, STATES, SEED)
     assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
 
 
 def test_the_humanoid_is_that_of_mujoco_and_of_pinocchio() -> None:
     robot = read_robot(FILES / "humanoid.xml")
-    reference = RobotReference(robot)
+    reference = ReferenceKernel(mechanism_of(robot))
     states = sample(reference.mechanism, STATES, SEED)
     model = mujoco.MjModel.from_xml_path(str(robot.path))
     assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
@@ -140,7 +141,7 @@ def test_the_arm_is_that_of_pinocchio(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(text.replace(' xmlns="http://www.ros.org/urdf"', ""))
     robot = read_robot(path)
-    reference = RobotReference(robot)
+    reference = ReferenceKernel(mechanism_of(robot))
     states = sample(reference.mechanism, STATES, SEED)
     assert compare(reference.evaluate(states), by_pinocchio(path, robot, states)).backward_error.max() < 4
 
@@ -156,7 +157,7 @@ def test_a_follower_has_its_damping_times_the_square_of_its_multiple(tmp_path: P
         leader = changed.index('damping="2"', changed.index('<joint name="left_finger_joint"'))
         path = tmp_path / "arm.urdf"
         path.write_text(changed[:leader] + f'damping="{of_leader}"' + changed[leader + len('damping="2"') :])
-        reference = RobotReference(read_robot(path))
+        reference = ReferenceKernel(mechanism_of(read_robot(path)))
         found.append(reference.evaluate(sample(reference.mechanism, STATES, SEED)))
     assert compare(found[0], found[1].high).backward_error.max() < 4
 
@@ -171,6 +172,6 @@ def test_a_replica_stands_in_the_frame_of_the_one_before(tmp_path: Path) -> None
     for number, bodies in enumerate((f'<replicate count="3" offset="0.1 0 0.2" {turn}>{body}</replicate>', by_hand)):
         path = tmp_path / f"replicas{number}.xml"
         path.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
-        reference = RobotReference(read_robot(path))
+        reference = ReferenceKernel(mechanism_of(read_robot(path)))
         found.append(reference.evaluate(sample(reference.mechanism, STATES, SEED)))
     assert compare(found[0], found[1].high).backward_error.max() < 1

@@ -12,10 +12,11 @@ import pytest
 from support_robots import by_mujoco, by_pinocchio, only_single_axes
 
 from harness.certify.compare import compare
-from harness.certify.robot_reference import RobotReference
+from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.comparison.meshes import compiled_meshes
 from harness.errors import InvalidModel
+from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import read_robot
 
 pytestmark = pytest.mark.robots
@@ -52,7 +53,7 @@ def test_a_robot_is_read_as_its_engine_compiles_it_or_refused_by_name(path: Path
         return
     if not robot.joints or (robot.format == "urdf" and not only_single_axes(robot)):
         return
-    reference = RobotReference(robot)
+    reference = ReferenceKernel(mechanism_of(robot))
     states = sample(reference.mechanism, STATES, SEED)
     if robot.format == "mjcf":
         model = mujoco.MjModel.from_xml_path(str(path))

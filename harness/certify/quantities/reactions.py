@@ -19,7 +19,6 @@ from harness.certify.quantities import Quantity, Question, Truth
 from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.robot_reference import RobotReference
 from harness.certify.sampling import sample
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.mechanism import Mechanism
@@ -57,8 +56,8 @@ class ReactionTruth(Truth):
             raise NotOffered("no joint of the mechanism transmits anything: all are free")
         self.blocks = [f"{kind} of joint {name!r}" for kind in ("force", "moment") for name in self.reactions.joints]
         self._energies = ReferenceKernel(mechanism, in_body)
-        self._reference = RobotReference(robot, in_body, own)
-        self._rigid = self._reference if rigid is own else RobotReference(robot, in_body, rigid)
+        self._reference = ReferenceKernel(own, in_body)
+        self._rigid = self._reference if rigid is own else ReferenceKernel(rigid, in_body)
         self._multipliers = MultiplierKernel(own, len(bearing))
         nq, nv = mechanism.nq, mechanism.nv
         self._between, blocks = slice(nq + nv, nq + 2 * nv + len(bearing)), np.arange(6 * len(self.reactions.joints)).reshape(-1, 3)

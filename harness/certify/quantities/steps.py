@@ -24,11 +24,11 @@ from harness.certify.quantities._declared_file import hold_against_energies
 from harness.certify.quantities._step_mistakes import describe
 from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.robot_reference import RobotReference
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.evaluation import values
 from harness.equations.states import States
 from harness.models.step_rule import StepRule
+from harness.robots.mechanism import mechanism_of
 from harness.robots.step_forces import step_forces
 from harness.robots.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
 
@@ -50,7 +50,7 @@ class StepTruth(Truth):
         robot = replace(question.robot_of(declared), joints=tuple(dict.fromkeys(mechanism.joints)))
         self._forces = step_forces(robot.tree, robot.joints)
         self._steps = steps_program(self._forces, mechanism.attitudes, self.rules)
-        self._energies, self._reference = ReferenceKernel(mechanism), RobotReference(robot)
+        self._energies, self._reference = ReferenceKernel(mechanism), ReferenceKernel(mechanism_of(robot))
         self.blocks = [name(rule) for rule in self.rules for name in (velocities, positions)]
         nv, nq = mechanism.nv, mechanism.nq
         # A block holds velocities and then positions, of which it has either, and zeros in place of the other.

@@ -1,0 +1,103 @@
+"""The measuring that all costs of a benchmark share: calls that are timed, errors at the same states, and ways that fail by themselves."""
+
+from __future__ import annotations
+
+import statistics
+import time
+import timeit
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from harness.certify.certified import Flags
+from harness.certify.compare import Comparison
+from harness.crosscheck.tasks import Note
+from harness.engines import Unsupported
+from harness.study import sentence
+
+Way = TypeVar("Way")
+Cost = TypeVar("Cost")
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Work that measuring one way of computing something takes.
+
+    Attributes:
+        counts: numbers of states that are asked for at once. judged: states at which errors are measured. seed: of the sampled states.
+        minimum_seconds: of each timing.
+    """
+
+    counts: Sequence[int]
+    judged: int
+    seed: int
+    minimum_seconds: float
+
+    @property
+    def most(self) -> int:
+        """States that are sampled."""
+        return max(self.judged, *self.counts)
+
+
+def cost_of_each(
+    ways: Iterable[tuple[str, Way]], cost: Callable[[Way], Iterable[Cost]], missing: Callable[[Way, str, bool], Cost], note: Note
+) -> list[Cost]:
+    """Costs of each way, each noted by its title before; ``missing`` makes that of one that is not measured: why, and whether it failed.
+
+    One that cannot do the system raises ``Unsupported``.
+    """
+    found: list[Cost] = []
+    for title, way in ways:
+        note(title)
+        try:
+            found += list(cost(way))
+        except Unsupported as reason:
+            found.append(missing(way, str(reason), False))
+        except Exception as error:
+            # What one way raises or answers is not the others' fault.
+            found.append(missing(way, sentence(error), True))
+    return found
+
+
+def measure(function: Callable[[], object], minimum_count: int, minimum_seconds: float) -> list[float]:
+    """Wall times of calls of ``function`` [s] by a monotonic clock, after one call to warm up, until both minima are met.
+
+    ``timeit`` keeps Python's garbage collector out of what is timed. What ``function`` raises is passed on.
+
+    Source: Chen, Revels, Robust benchmarking in noisy environments, IEEE HPEC (2016): the noise of a machine only ever adds
+    time, so the fastest call is reported beside the median.
+    """
+    function()
+    timer = timeit.Timer(function, timer=time.perf_counter)
+    seconds: list[float] = []
+    total = 0.0
+    while len(seconds) < minimum_count or total < minimum_seconds:
+        seconds.append(timer.timeit(1))
+        total += seconds[-1]
+    return seconds
+
+
+def shared_fields(comparison: Comparison, certified: Flags, times: Sequence[float], count: int, remark: str) -> dict[str, Any]:
+    """What costs of accelerations and of other quantities have in common, by the names of their fields.
+
+    ``comparison`` and ``certified`` are of the states at which errors are measured, ``times`` [s] of calls for ``count`` states each.
+    """
+    n, decided = len(certified), int(certified.sum())
+    backward, relative = comparison.known("backward_error"), comparison.known("relative_error")
+    remarks = [remark]
+    if decided < n:
+        remarks.append(f"{n - decided} of {n} states are undecided")
+    if len(backward) < decided:
+        remarks.append(f"{decided - len(backward)} of {n} answers are not finite")
+    return {
+        "seconds_per_state": statistics.median(times) / count,
+        "fastest": min(times) / count,
+        "slowest": max(times) / count,
+        "repetitions": len(times),
+        "backward_error": max(backward.tolist(), default=None),
+        "median_backward_error": float(np.median(backward)) if len(backward) else None,
+        "relative_error": max(relative.tolist(), default=None),
+        "note": "; ".join(filter(None, remarks)),
+    }
