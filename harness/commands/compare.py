@@ -95,12 +95,12 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
 
 def _compare_motions(bracket: Bracket, asked: CompareOptions, steps: int, renamed: dict[str, str]) -> None:
     """Print the gap between two motions, and end the command."""
-    from harness.comparison.gap_study import By, GapStudy, Settings
+    from harness.comparison.gap_study import By, GapSettings, GapStudy
     from harness.report.comparison import gap_sections
 
     if len(asked.files) > 2 or len(asked.by) != 2 or asked.html_path is not None:
         raise click.UsageError("--steps takes one file or two, --by twice, and no --html")
-    settings = Settings(
+    settings = GapSettings(
         (asked.files[0], asked.files[-1]),
         (By.parsed(asked.by[0]), By.parsed(asked.by[1])),
         steps,

@@ -79,8 +79,8 @@ def command(bracket: Bracket, asked: FaultOptions) -> None:
       harness faults arm_2r --smallest --subject mujoco/mjcf
     """
     from harness.diagnosis.faults.campaign import SIZES, CampaignSettings, kinds_of_faults
-    from harness.diagnosis.faults.study import CampaignStudy, SmallestStudy
-    from harness.diagnosis.faults.summary import by_kind, shares
+    from harness.diagnosis.faults.study import campaign, smallest
+    from harness.diagnosis.faults.summary import broken_bars, by_kind, shares
     from harness.errors import InvalidRequest
     from harness.library import nearest
 
@@ -93,38 +93,38 @@ def command(bracket: Bracket, asked: FaultOptions) -> None:
     for kind in asked.kinds:
         if kind not in kinds_of_faults():
             raise InvalidRequest(f"no fault is of kind {kind!r}; {nearest(kind, kinds_of_faults())}; see harness list faults")
-    study: CampaignStudy | SmallestStudy
     if asked.smallest:
-        study = SmallestStudy(bracket.library, asked.names, asked.subjects, asked.states, bracket.seed)
+        study = smallest(bracket.library, asked.names, asked.subjects, asked.states, bracket.seed)
     else:
         diagnosed = None if asked.every_diagnosis else asked.diagnoses
         settings = CampaignSettings(
             kinds=asked.kinds, sizes=sorted(asked.sizes) or SIZES, states=asked.states, seed=bracket.seed, diagnosed=diagnosed
         )
-        study = CampaignStudy(bracket.library, asked.names, settings)
+        study = campaign(bracket.library, asked.names, settings)
     bracket.begin(asked.states, "faults")
 
     def document() -> dict[str, Any]:
         rows = study.result()
-        summary = {} if isinstance(study, SmallestStudy) else {"shares": shares(by_kind(rows))}
+        summary = {} if asked.smallest else {"shares": shares(by_kind(rows))}
         return {"faults": [row.as_json() for row in rows], **summary}
 
     rows = bracket.complete(study, document)
     for sentence in study.deaths:
         say(f"harness: {sentence}", err=True)
     if rows:
-        if isinstance(study, SmallestStudy):
+        if asked.smallest:
             print_caught(rows)
         else:
             print_kinds(by_kind(rows))
     elif study.steps and not study.problems and not study.crashed and not asked.smallest:
         say("no faults: mistakes of these kinds can be made nowhere in the models")
     _print_left_out(study.left_out)
-    if isinstance(study, CampaignStudy):
+    broken = [row for row in rows if not row.as_in_theory] if asked.smallest else broken_bars(rows)
+    if not asked.smallest:
         _print_faults(rows)
-        for sentence in study.broken():
+        for sentence in broken:
             say(sentence)
-    bracket.finish(study.problems, study.crashed, not study.broken())
+    bracket.finish(study.problems, study.crashed, not broken)
 
 
 def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:

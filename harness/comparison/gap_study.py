@@ -25,6 +25,7 @@ from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.changes.readings import find_readings
+from harness.files.joint_kinds import JointKind
 from harness.library import nearest
 from harness.models.step_rule import StepRule
 from harness.models.xml import read_any
@@ -75,7 +76,7 @@ class By:
 
 
 @dataclass(frozen=True)
-class Settings:
+class GapSettings:
     """Two motions: of ``paths``, one for both or one each, by ``by``; ``steps`` of the first, of the second as many as last as long.
 
     ``start`` is {"q": [...], "v": [...]} by the joints of the first file, as JSON, "" for a moderate one that moves every joint;
@@ -111,7 +112,7 @@ class GapStudy(Inquiries):
 
     title, steps = "gap", 3
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: GapSettings) -> None:
         super().__init__()
         self.settings = settings
         self._found = Gaps()
@@ -149,7 +150,7 @@ class GapStudy(Inquiries):
 # Tasks for worker processes.
 
 
-def _prepare(settings: Settings, note: Callable[[str], None]) -> tuple[tuple[_Case, _Case], tuple[str, ...], tuple[Array, Array]]:
+def _prepare(settings: GapSettings, note: Callable[[str], None]) -> tuple[tuple[_Case, _Case], tuple[str, ...], tuple[Array, Array]]:
     """Both cases, the joints of the first, and where both start."""
     robots = [read_robot(path, floating_base=settings.floating_base, compile_meshes=compiled_meshes) for path in settings.paths]
     matching = match(robots[0], robots[1], dict(settings.renamed))
@@ -204,8 +205,8 @@ def _as_long(steps: int, length: float, other: float) -> int:
 
 
 def _case(robot: Robot, by: By, rule: StepRule, steps: int) -> _Case:
-    if unread := sorted({joint.kind for joint in robot.tree.joints} - {"hinge", "slide", "ball", "free"}):
-        raise InvalidRequest(f"{robot.path.name} has a {unread[0]} joint, which no rule moves")
+    if any(joint.kind == JointKind.PLANAR for joint in robot.tree.joints):
+        raise InvalidRequest(f"{robot.path.name} has a {JointKind.PLANAR} joint, which no rule moves")
     if any(joint.follows for joint in robot.tree.joints) or robot.equalities:
         raise InvalidRequest(f"{robot.path.name} ties joints beside its tree; the gap is that of trees")
     if not all(joint.is_measured_in_the_world for joint in asked_joints(robot.tree)):
@@ -247,13 +248,7 @@ def _move(case: _Case, q: Array, v: Array, names: Sequence[str], note: Callable[
     return found_q, found_v
 
 
-def _gap(
-    cases: Sequence[_Case],
-    start: tuple[Array, Array],
-    names: Sequence[str],
-    ends: Sequence[tuple[Array, Array]],
-    note: Callable[[str], None],
-) -> Gap:
+def _gap(cases: Sequence[_Case], start: _Place, names: Sequence[str], ends: Sequence[_Place], note: Callable[[str], None]) -> Gap:
     q, v = start
     motions = [Motion(step_forces(case.read.tree, names), case.rule, case.steps, *end) for case, end in zip(cases, ends, strict=True)]
     found = shares_of(motions[0], motions[1], q, v, mechanism_of(replace(cases[0].read, joints=tuple(names))).attitudes)

@@ -18,7 +18,7 @@ from support import InThisProcess, harness
 
 from harness.certify.declared_motion import DeclaredMotion
 from harness.comparison.asking import engines_of_files
-from harness.comparison.gap_study import By, GapStudy, Settings
+from harness.comparison.gap_study import By, GapSettings, GapStudy
 from harness.errors import InvalidRequest
 from harness.models.step_rule import Part, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
@@ -61,7 +61,7 @@ def heavier(tmp_path: Path) -> Path:
 
 
 def gap_of(first: Path, second: Path, *by: str, steps: int = 40, **further: Any) -> Gap:
-    study = GapStudy(Settings((first, second), (By.parsed(by[0]), By.parsed(by[-1])), steps, **further))
+    study = GapStudy(GapSettings((first, second), (By.parsed(by[0]), By.parsed(by[-1])), steps, **further))
     list(run_study(study, InThisProcess(1)))
     if study.problems:
         raise study.problems[0]

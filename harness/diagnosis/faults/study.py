@@ -2,88 +2,85 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 from harness.crosscheck.expected import load_expectations
 from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, smallest_changes
-from harness.diagnosis.faults.summary import Fault, SmallestChange, broken_bars
 from harness.engines import EQUATIONS, Subject, engine_files, select_subjects, subjects_beside
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
-from harness.study import Part, Rounds
+from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import Verdict
-from harness.workers import Outcome, Task
 
 
-class FaultStudy(Rounds):
+@dataclass(frozen=True)
+class _Rows:
+    """The task of one model: ``function(library, system, format or subject, *given)``."""
+
+    function: Callable[..., Any]
+    library: Library
+    given: tuple[Any, ...]
+
+
+class FaultStudy(Inquiries):
     """Rows of every model, each found by one task; a ``harness.study.Study``.
 
+    Args:
+        models: (system, format or subject) of each. left_out: the same of those that are expected to be unsupported, to the reason.
+        order: of all rows, as names of attributes. rows_of: the task of one model.
+
     Attributes:
-        left_out: (system, subject or format) that is expected to be unsupported, to the reason.
         deaths: a sentence for each model whose process died.
     """
 
     title = "faults"
-    # The order of rows, as names of attributes.
-    order: tuple[str, ...]
 
     def __init__(
-        self, models: Sequence[tuple[str, Any]], left_out: Mapping[tuple[str, str], str], function: Callable[..., Any], *given: Any
+        self, models: Sequence[tuple[str, Any]], left_out: Mapping[tuple[str, str], str], order: Sequence[str], rows_of: _Rows
     ) -> None:
         super().__init__()
-        self.left_out, self.deaths = dict(left_out), list[str]()
-        self._rows: list[Any] = []
-        self.steps = len(models)
-        library, *rest = given
-        for file in engine_files(library).values():
+        self.left_out, self.deaths, self.steps = dict(left_out), list[str](), len(models)
+        self._models, self._order, self._rows_of, self._rows = models, order, rows_of, list[Any]()
+        for file in engine_files(rows_of.library).values():
             self.failure(file.outcome)
-        self._next = [Task((self._taken, *model), function, (library, *model, *rest), model[0]) for model in models]
+
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._ask(*model) for model in self._models]
 
     def result(self) -> list[Any]:
-        return sorted(self._rows, key=lambda row: [getattr(row, name) for name in self.order])
+        return sorted(self._rows, key=attrgetter(*self._order))
 
-    def _taken(self, outcome: Outcome, name: str, what: Any) -> Iterator[Part]:
-        rows = outcome.value or []
+    def _ask(self, name: str, what: Any) -> Inquiry[None]:
+        asked = self._rows_of
+        outcome = yield from ask(asked.function, asked.library, name, what, *asked.given, affinity=name)
         if outcome.crash is not None:
             noted = f" at {outcome.crash.note}" if outcome.crash.note else ""
             self.deaths.append(f"{name}, {what}: {self.failure(outcome)}{noted}")
         elif outcome.exception is not None:
             of_file = isinstance(outcome.exception, InvalidInput)
             self.report(outcome.exception if of_file else InvalidRequest(f"{name}, {what}: {outcome.exception}"))  # type: ignore[arg-type]
-        self._rows += rows
-        yield Part(f"{name} {what}", rows)
+        self._rows += outcome.value or []
+        yield Part(f"{name} {what}", outcome.value or [])
 
 
-class CampaignStudy(FaultStudy):
-    """Every kind of fault in the models of ``names``, or in those of ``formats``: what is caught, what is named."""
-
-    order = ("system", "format", "kind")
-
-    def __init__(self, library: Library, names: Sequence[str], settings: CampaignSettings, formats: Sequence[str] = ()) -> None:
-        models, left_out = select_models(library, names)
-        chosen = [model for model in models if model[1] in formats or not formats]
-        super().__init__(chosen, left_out, run_campaign, library, settings)
-
-    def broken(self) -> list[str]:
-        """A sentence for each bar that does not hold."""
-        rows: list[Fault] = self.result()
-        return broken_bars(rows)
+def campaign(library: Library, names: Sequence[str], settings: CampaignSettings, formats: Sequence[str] = ()) -> FaultStudy:
+    """Every kind of fault in the models of ``names``, or in those of ``formats``: what is caught, what is named; rows are ``Fault``."""
+    models, left_out = select_models(library, names)
+    chosen = [model for model in models if model[1] in formats or not formats]
+    return FaultStudy(chosen, left_out, ("system", "format", "kind"), _Rows(run_campaign, library, (settings,)))
 
 
-class SmallestStudy(FaultStudy):
-    """The smallest change of each number that is caught. The numbers are the same for every reader: its native subject is asked."""
+def smallest(library: Library, names: Sequence[str], subjects: Sequence[str], states: int, seed: int) -> FaultStudy:
+    """The smallest change of each number that is caught; rows are ``SmallestChange``.
 
-    order = ("system", "subject")
-
-    def __init__(self, library: Library, names: Sequence[str], subjects: Sequence[str], states: int, seed: int) -> None:
-        pairs, excused = select_pairs(library, names, select_subjects(library, subjects, native_only=True))
-        left_out = {(name, str(subject)): reason for (name, subject), reason in excused.items()}
-        super().__init__(pairs, left_out, smallest_changes, library, states, seed)
-
-    def broken(self) -> list[SmallestChange]:
-        """The numbers whose smallest change is not as theory has it."""
-        return [number for number in self.result() if not number.as_in_theory]
+    The numbers are the same for every reader: its native subject is asked.
+    """
+    pairs, excused = select_pairs(library, names, select_subjects(library, subjects, native_only=True))
+    left_out = {(name, str(subject)): reason for (name, subject), reason in excused.items()}
+    return FaultStudy(pairs, left_out, ("system", "subject"), _Rows(smallest_changes, library, (states, seed)))
 
 
 def select_pairs(

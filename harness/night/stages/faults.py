@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from harness.diagnosis.faults.campaign import CampaignSettings
-from harness.diagnosis.faults.study import CampaignStudy, select_models
+from harness.diagnosis.faults.study import campaign, select_models
 from harness.diagnosis.faults.summary import Campaign, Fault, broken_bars
 from harness.night.stage import NightChoice, Stage, Steps, UnitFound
 from harness.results.night import BROKEN, Case
@@ -31,7 +31,7 @@ def _steps(choice: NightChoice, model: str) -> Steps:
     name, _, model_format = model.rpartition("/")
     states = min(STATES, choice.settings.states)
     settings = CampaignSettings(sizes=SIZES, states=states, seed=choice.settings.seed, diagnosed=DIAGNOSED)
-    study = CampaignStudy(choice.library, [name], settings, [model_format])
+    study = campaign(choice.library, [name], settings, [model_format])
     yield study
     return UnitFound(result=Campaign(faults=study.result(), deaths=study.deaths), problems=study.problems, crashed=study.crashed)
 

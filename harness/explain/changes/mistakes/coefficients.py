@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from harness.explain.changes.mistakes import FixedChange, FreeChange, Mistake, is_zero, times
+from harness.files.joint_kinds import JointKind
 from harness.models.anatomy.parts import Anatomy, Slot
 
 # What a mistake leaves in, of the natural size, to one digit.
@@ -80,7 +81,7 @@ def _springs(parts: Anatomy) -> Iterator[Coefficient]:
         alone = joint.spring_reference is None or is_zero(joint.spring_reference.words)
         yield Coefficient(joint.stiffness, parts.inertia(joint), removable=alone)
         if joint.spring_reference is not None and not is_zero(joint.stiffness.words):
-            yield Coefficient(joint.spring_reference, 1.0 if joint.kind == "hinge" else parts.length, removable=False)
+            yield Coefficient(joint.spring_reference, 1.0 if joint.kind == JointKind.HINGE else parts.length, removable=False)
     for stiffness, _, length in parts.others:
         yield Coefficient(stiffness, parts.mass, removable=False)
         yield Coefficient(length, parts.length, removable=False)

@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Iterator
 
 from harness.explain.changes.mistakes import COMPONENTS, FixedChange, Mistake, exchanged, times
+from harness.files.joint_kinds import JointKind
 from harness.models.anatomy.parts import Anatomy
 
 
@@ -24,7 +25,7 @@ def _turned(parts: Anatomy) -> Iterator[FixedChange]:
 
 def _renamed(parts: Anatomy) -> Iterator[FixedChange]:
     for one, other in itertools.combinations(parts.joints, 2):
-        if one.kind == other.kind or {one.kind, other.kind} <= {"hinge", "slide"}:
+        if one.kind == other.kind or (JointKind(one.kind).is_single and JointKind(other.kind).is_single):
             statement = f"joints {one.name.words[0]} and {other.name.words[0]} exchanged"
             yield FixedChange(statement, [(one.name, other.name.words), (other.name, one.name.words)])
 

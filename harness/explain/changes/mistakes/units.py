@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from harness.explain.changes.mistakes import FixedChange, Mistake, Write, Writes, times
+from harness.files.joint_kinds import JointKind
 from harness.models.anatomy.parts import ENTRIES, Anatomy, Inertial, Slot
 
 # Of a mass or length, and of an inertia: g m^2, kg mm^2 and g mm^2, and back.
@@ -50,7 +51,7 @@ def _angles(parts: Anatomy) -> Iterator[tuple[Slot, tuple[int, ...]]]:
         if not slot.absent and slot.place.attribute in ("euler", "rpy", "axisangle"):
             yield slot, (3,) if slot.place.attribute == "axisangle" else (0, 1, 2)
     for joint in parts.joints:
-        if joint.kind == "hinge":
+        if joint.kind == JointKind.HINGE:
             for found in (joint.spring_reference, joint.stiffness, joint.damping):
                 if found is not None:
                     yield found, (0,)

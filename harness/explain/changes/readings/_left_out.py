@@ -10,8 +10,9 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from harness.explain.changes.readings import Reading, freed, with_joints, without_bodies
-from harness.files.tree import Body, Joint, Solid, Tree
+from harness.explain.changes.readings import Reading, freed, with_bodies, with_joints, without_bodies
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import Body, Solid, Tree
 from harness.robots.robot import Robot
 
 Declare = Callable[..., Reading]
@@ -46,8 +47,10 @@ def _without_linear_tendons(robot: Robot) -> Tree:
 
 
 def _without_ball_joints(robot: Robot) -> Tree:
-    bodies = tuple(replace(body, joints=tuple(joint for joint in body.joints if joint.kind != "ball")) for body in robot.tree.bodies)
-    return replace(robot.tree, bodies=bodies) if bodies != robot.tree.bodies else robot.tree
+    def read(body: Body) -> Body:
+        return replace(body, joints=tuple(joint for joint in body.joints if joint.kind != JointKind.BALL))
+
+    return with_bodies(robot.tree, read)
 
 
 def _is_framed(part: Body | Solid) -> bool:
@@ -55,25 +58,12 @@ def _is_framed(part: Body | Solid) -> bool:
     return len(part.pose) > 1
 
 
-def _has_no_frame(joint: Joint) -> bool:
-    return not joint.pose
-
-
 def _without_frames(robot: Robot) -> Tree:
-    tree = without_bodies(robot.tree, [body.name for body in robot.tree.bodies if _is_framed(body)])
-    if not any(joint.pose for joint in tree.joints) and not any(_is_framed(solid) for body in tree.bodies for solid in body.solids):
-        return tree
-    return replace(
-        tree,
-        bodies=tuple(
-            replace(
-                body,
-                joints=tuple(filter(_has_no_frame, body.joints)),
-                solids=tuple(solid for solid in body.solids if not _is_framed(solid)),
-            )
-            for body in tree.bodies
-        ),
-    )
+    def read(body: Body) -> Body:
+        joints = tuple(joint for joint in body.joints if not joint.pose)
+        return replace(body, joints=joints, solids=tuple(solid for solid in body.solids if not _is_framed(solid)))
+
+    return with_bodies(without_bodies(robot.tree, [body.name for body in robot.tree.bodies if _is_framed(body)]), read)
 
 
 def _declaring(name: str, concerns: str, tree: Callable[[Robot], Tree], is_supplied: bool = True) -> Declare:

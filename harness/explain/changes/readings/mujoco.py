@@ -7,6 +7,7 @@ from fractions import Fraction
 from lxml import etree
 
 from harness.explain.changes.readings import Reading, _left_out, element_at, mujoco_settings, with_bodies, with_inertias, with_joints
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
@@ -78,7 +79,7 @@ def _numbers(element: etree._Element | None, name: str) -> list[Fraction]:
 
 def _damped_in_each_velocity(robot: Robot) -> Tree:
     def read(joint: Joint) -> Joint:
-        element = element_at(joint.place) if joint.kind in ("planar", "free") else None
+        element = element_at(joint.place) if joint.kind in (JointKind.PLANAR, JointKind.FREE) else None
         dynamics = None if element is None else element.find("dynamics")
         damping = 0.0 if dynamics is None else float(dynamics.get("damping", "0"))
         return replace(joint, damping=Given(damping, joint.place, "damping")) if damping and joint.place else joint

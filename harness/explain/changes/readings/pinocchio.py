@@ -4,6 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from harness.explain.changes.readings import Reading, _left_out, with_joints
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import Given, Joint, Tree, vector
 from harness.robots.robot import Robot
 
@@ -25,7 +26,7 @@ def _gravity(robot: Robot) -> Tree:
 def _in_the_plane_of_the_frame(robot: Robot) -> Tree:
     def read(joint: Joint) -> Joint:
         x, y, z = joint.axis
-        return replace(joint, axis=_UPWARD) if joint.kind == "planar" and (x or y or z < 0) else joint
+        return replace(joint, axis=_UPWARD) if joint.kind == JointKind.PLANAR and (x or y or z < 0) else joint
 
     return with_joints(robot.tree, read)
 
