@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.results.cross_check import Cause
@@ -19,6 +18,8 @@ def diagnoses_of(settings: Settings, records: Sequence[Record], **options: Any) 
 
     ``options`` are of ``harness.diagnosis.causes.Diagnoses``; those of robots' files are found without.
     """
+    from harness.comparison.robot_library import RobotLibrary
+
     if isinstance(settings.library, RobotLibrary):
         from harness.comparison.causes import RobotDiagnoses
 

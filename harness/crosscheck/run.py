@@ -17,7 +17,6 @@ from typing import Any
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import asked_features, describe_system
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.explanation import explain
 from harness.crosscheck.judgement import LARGEST
 from harness.crosscheck.loading import assign, batches_of, chosen_names, led_together, natives_among, orphans, readers_among, why_no_model
 from harness.crosscheck.progress import Pair, Pairs, System, answering
@@ -280,6 +279,9 @@ class CrossCheck(Inquiries):
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves = pair.quantity == ACCELERATIONS
         if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES):
+            # A run in which all is well imports nothing of it.
+            from harness.crosscheck.explanation import explain
+
             outcome = yield from ask(explain, pair.assignment, self.settings.seed, affinity=system.name)
             if failure := self.failure(outcome):
                 pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
