@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import graphlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -61,6 +61,21 @@ class Reading:
     def places(self, robot: Robot) -> list[Place]:
         """Where the elements stand that it concerns, in the order of the file."""
         return changed_places(bounded(robot.tree), bounded(self.read(robot).tree))
+
+
+# A reading that an engine has, from its name, its formats, the sentence and the source; see ``law``.
+Declare = Callable[[str, Sequence[str], str, str], Reading]
+
+
+def law(name: str, concerns: str, supplied: bool = False, after: tuple[str, ...] = ()) -> Callable[[Callable[[Robot], Tree]], Declare]:
+    """Declares what a function makes of a robot, which any number of engines have as a ``Reading`` with these attributes."""
+
+    def declaring(tree: Callable[[Robot], Tree]) -> Declare:
+        return lambda engine, formats, sentence, source: Reading(
+            name, engine, tuple(formats), sentence, concerns, source, tree, supplied, after
+        )
+
+    return declaring
 
 
 def find_readings(engine: str, model_format: str, reader: str = "") -> list[Reading]:

@@ -7,7 +7,6 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
-from harness.explain.changes.readings import with_inertias
 from harness.files.tree import WORLD, Body, Given, Inertia, Tree
 
 _ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
@@ -20,18 +19,6 @@ def moving(tree: Tree) -> set[str]:
         if body.joints or (body.parent != WORLD and body.parent in found):
             found.add(body.name)
     return found
-
-
-def with_unit_inertias(tree: Tree) -> Tree:
-    """The tree whose moving bodies have 1 kg and moments of 1 kg m^2 about their origins where the file gives them no inertia."""
-    one, moved = Fraction(1), moving(tree)
-
-    def read(body: Body) -> Inertia | None:
-        if body.inertia is not None or body.name not in moved:
-            return body.inertia
-        return Inertia((), one, (one, one, one, *[Fraction(0)] * 3), body.place)
-
-    return with_inertias(tree, read)
 
 
 def matrix_of(inertia: Inertia) -> Array:

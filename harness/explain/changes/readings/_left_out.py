@@ -1,21 +1,22 @@
-"""Readings that several engines have: elements that an engine leaves out, and that nothing stands for.
+"""Readings that several engines have: elements that an engine leaves out, and what it takes where nothing stands in a file.
 
-Each takes the engine, its formats, the sentence and the source, and whether the harness supplies it to an aided engine.
+Each takes the engine, its formats, the sentence and the source.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from harness.explain.changes.readings import Reading, freed, with_bodies, with_joints, without_bodies
+from harness.explain.changes.readings import freed, law, with_bodies, with_inertias, with_joints, without_bodies
+from harness.explain.changes.readings._inertias import moving
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Solid, Tree
+from harness.files.tree import Body, Inertia, Solid, Tree
 from harness.robots.robot import Robot
 
-Declare = Callable[..., Reading]
+_ONE = Fraction(1)
 
 
 def _without(number: str) -> Callable[[Robot], Tree]:
@@ -29,24 +30,29 @@ def _without(number: str) -> Callable[[Robot], Tree]:
     return tree
 
 
-def _without_mimics(robot: Robot) -> Tree:
+@law("mimic joints", "joints", supplied=True)
+def mimics(robot: Robot) -> Tree:
     return with_joints(robot.tree, freed)
 
 
-def _without_tendons(robot: Robot) -> Tree:
+@law("tendons", "tendons")
+def tendons(robot: Robot) -> Tree:
     tree = robot.tree
     return replace(tree, springs=(), couplings=()) if tree.springs or tree.couplings else tree
 
 
-def _without_point_springs(robot: Robot) -> Tree:
+@law("tendons", "tendons", supplied=True)
+def point_springs(robot: Robot) -> Tree:
     return replace(robot.tree, springs=()) if robot.tree.springs else robot.tree
 
 
-def _without_linear_tendons(robot: Robot) -> Tree:
+@law("tendons on joints", "tendons")
+def linear_tendons(robot: Robot) -> Tree:
     return replace(robot.tree, couplings=()) if robot.tree.couplings else robot.tree
 
 
-def _without_ball_joints(robot: Robot) -> Tree:
+@law("ball joint", "joints", supplied=True)
+def ball_joints(robot: Robot) -> Tree:
     def read(body: Body) -> Body:
         return replace(body, joints=tuple(joint for joint in body.joints if joint.kind != JointKind.BALL))
 
@@ -58,7 +64,8 @@ def _is_framed(part: Body | Solid) -> bool:
     return len(part.pose) > 1
 
 
-def _without_frames(robot: Robot) -> Tree:
+@law("frames", "elements")
+def frames(robot: Robot) -> Tree:
     def read(body: Body) -> Body:
         joints = tuple(joint for joint in body.joints if not joint.pose)
         return replace(body, joints=joints, solids=tuple(solid for solid in body.solids if not _is_framed(solid)))
@@ -66,19 +73,19 @@ def _without_frames(robot: Robot) -> Tree:
     return with_bodies(without_bodies(robot.tree, [body.name for body in robot.tree.bodies if _is_framed(body)]), read)
 
 
-def _declaring(name: str, concerns: str, tree: Callable[[Robot], Tree], is_supplied: bool = True) -> Declare:
-    def declare(engine: str, formats: Sequence[str], sentence: str, source: str, supplied: bool = is_supplied) -> Reading:
-        return Reading(name, engine, tuple(formats), sentence, concerns, source, tree, supplied)
-
-    return declare
+dampers = law("joint damping", "joints", supplied=True)(_without("damping"))
+springs = law("springs", "joints", supplied=True)(_without("stiffness"))
+rotors = law("rotor inertias", "joints", supplied=True)(_without("armature"))
 
 
-dampers = _declaring("joint damping", "joints", _without("damping"))
-springs = _declaring("springs", "joints", _without("stiffness"))
-rotors = _declaring("rotor inertias", "joints", _without("armature"))
-mimics = _declaring("mimic joints", "joints", _without_mimics)
-tendons = _declaring("tendons", "tendons", _without_tendons, is_supplied=False)
-point_springs = _declaring("tendons", "tendons", _without_point_springs)
-linear_tendons = _declaring("tendons on joints", "tendons", _without_linear_tendons, is_supplied=False)
-ball_joints = _declaring("ball joint", "joints", _without_ball_joints)
-frames = _declaring("frames", "elements", _without_frames, is_supplied=False)
+@law("links without inertia", "links", supplied=True)
+def unit_inertias(robot: Robot) -> Tree:
+    """1 kg and moments of 1 kg m^2 about the origin of each moving body to which the file gives no inertia."""
+    moved = moving(robot.tree)
+
+    def read(body: Body) -> Inertia | None:
+        if body.inertia is not None or body.name not in moved:
+            return body.inertia
+        return Inertia((), _ONE, (*(_ONE,) * 3, *(Fraction(0),) * 3), body.place)
+
+    return with_inertias(robot.tree, read)

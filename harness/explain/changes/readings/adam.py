@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from harness.explain.changes.readings import Reading, _left_out
+from harness.explain.changes.readings import _left_out, law
 from harness.files.tree import Given, Tree, vector
 from harness.robots.robot import Robot
 
@@ -15,6 +15,7 @@ _GRAVITY = float(np.float32(-9.80665))
 _PARSER = "adam, src/adam/model/std_factories: of a URDF it takes links with their inertials, and joints with origin, axis and limits"
 
 
+@law("gravity", "files", supplied=True)
 def _gravity(robot: Robot) -> Tree:
     tree, place = robot.tree, robot.tree.place
     down = Fraction(_GRAVITY) if place is None else Given(_GRAVITY, place, "gravity of adam")
@@ -27,14 +28,10 @@ READINGS = (
     _left_out.rotors("adam", _FORMATS, "The parser of adam reads no rotor inertias", _PARSER),
     _left_out.mimics("adam", _FORMATS, "The parser of adam takes a joint that mimics another for one that moves by itself", _PARSER),
     _left_out.tendons("adam", _FORMATS, "The parser of adam reads no springs between points", _PARSER),
-    Reading(
-        name="gravity",
-        engine="adam",
-        formats=_FORMATS,
-        sentence="The computations of adam take 9.80665 m/s^2 along -z for gravity, rounded to float32",
-        concerns="files",
-        source="adam, src/adam/numpy/computations.py, KinDynComputations: gravity",
-        tree=_gravity,
-        supplied=True,
+    _gravity(
+        "adam",
+        _FORMATS,
+        "The computations of adam take 9.80665 m/s^2 along -z for gravity, rounded to float32",
+        "adam, src/adam/numpy/computations.py, KinDynComputations: gravity",
     ),
 )

@@ -3,8 +3,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from harness.explain.changes.readings import Reading, _left_out, with_joints
-from harness.explain.changes.readings._inertias import with_unit_inertias
+from harness.explain.changes.readings import _left_out, law, with_joints
 from harness.files.tree import Joint, Tree
 from harness.robots.robot import Robot
 
@@ -14,6 +13,7 @@ _LOADER = "DART, dart/utils/urdf/DartLoader.cpp, which reads links, and of joint
 _TIME_STEP = Fraction(0.001)
 
 
+@law("implicit dampers", "joints", supplied=True, after=("rotor inertias",))
 def _damped_implicitly(robot: Robot) -> Tree:
     """At the end of a step h the damper acts on v + h a, as if h times the damping were an inertia of a rotor."""
 
@@ -23,20 +23,12 @@ def _damped_implicitly(robot: Robot) -> Tree:
     return with_joints(robot.tree, read)
 
 
-def _with_default_inertias(robot: Robot) -> Tree:
-    return with_unit_inertias(robot.tree)
-
-
 READINGS = (
-    Reading(
-        name="links without inertia",
-        engine="dartpy",
-        formats=_FORMATS,
-        sentence="DART gives a link without <inertial> 1 kg and moments of 1 kg m^2",
-        concerns="links",
-        source="DART, dart/utils/urdf/DartLoader.hpp, Options::mDefaultInertia",
-        tree=_with_default_inertias,
-        supplied=True,
+    _left_out.unit_inertias(
+        "dartpy",
+        _FORMATS,
+        "DART gives a link without <inertial> 1 kg and moments of 1 kg m^2",
+        "DART, dart/utils/urdf/DartLoader.hpp, Options::mDefaultInertia",
     ),
     _left_out.springs("dartpy", _FORMATS, "DART's loader reads no springs", _LOADER),
     _left_out.rotors("dartpy", _FORMATS, "DART knows no rotor inertias of joints", _LOADER),
@@ -47,15 +39,10 @@ READINGS = (
         "DART, dart/utils/urdf/DartLoader.cpp, and dart/constraint/MimicMotorConstraint.cpp",
     ),
     _left_out.tendons("dartpy", _FORMATS, "DART's loader reads no springs between points", _LOADER),
-    Reading(
-        name="implicit dampers",
-        engine="dartpy",
-        formats=_FORMATS,
-        sentence="DART has the dampers of joints act at the end of its time step, which is 1 ms by default",
-        concerns="joints",
-        source="https://github.com/dartsim/dart/issues/1450; dart/dynamics/detail/GenericJoint.hpp, updateInvProjArtInertiaImplicit",
-        tree=_damped_implicitly,
-        supplied=True,
-        after=("rotor inertias",),
+    _damped_implicitly(
+        "dartpy",
+        _FORMATS,
+        "DART has the dampers of joints act at the end of its time step, which is 1 ms by default",
+        "https://github.com/dartsim/dart/issues/1450; dart/dynamics/detail/GenericJoint.hpp, updateInvProjArtInertiaImplicit",
     ),
 )

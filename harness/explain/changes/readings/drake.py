@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from harness.explain.changes.readings import Reading, _left_out, element_at, with_inertias, with_joints
+from harness.explain.changes.readings import _left_out, element_at, law, with_inertias, with_joints
 from harness.explain.changes.readings._inertias import computed, matrix_of
 from harness.files.tree import Body, Given, Inertia, Tree, vector
 from harness.robots.robot import Robot
@@ -35,6 +35,7 @@ def _sphere(body: Body, inertia: Inertia) -> Inertia:
     return replace(inertia, mass=mass, moments=(moment,) * 3 + (Fraction(0),) * 3)
 
 
+@law("impossible inertias", "links")
 def _possible(robot: Robot) -> Tree:
     def read(body: Body) -> Inertia | None:
         return body.inertia if body.inertia is None or _is_possible(body.inertia) else _sphere(body, body.inertia)
@@ -42,11 +43,13 @@ def _possible(robot: Robot) -> Tree:
     return with_inertias(robot.tree, read)
 
 
+@law("settings of the compiler", "files")
 def _without_settings(robot: Robot) -> Tree:
     tree = robot.tree
     return tree if tree.total_mass is None and tree.bounds is None else replace(tree, total_mass=None, bounds=None)
 
 
+@law("rotor inertias", "joints", supplied=True)
 def _undriven(robot: Robot) -> Tree:
     root = element_at(robot.tree.place)
     driven = set() if root is None else {one.get("joint") for tag in _ACTUATORS for one in root.iterfind(f"actuator/{tag}")}
@@ -54,6 +57,7 @@ def _undriven(robot: Robot) -> Tree:
     return with_joints(robot.tree, lambda joint: joint if joint.name in driven or not joint.armature else replace(joint, armature=nothing))
 
 
+@law("gravity", "files", supplied=True)
 def _written_gravity(robot: Robot) -> Tree:
     """That of ``<option>``, be it switched off by a flag or not."""
     tree, place = robot.tree, robot.tree.place
@@ -67,6 +71,7 @@ def _written_gravity(robot: Robot) -> Tree:
     )
 
 
+@law("several joints of a body", "bodies", after=("frames",))
 def _in_a_row(robot: Robot) -> Tree:
     """Of several joints of a body, all but the last carry bodies of their own, without a pose."""
     taken = {body.name for body in robot.tree.bodies}
@@ -83,46 +88,26 @@ def _in_a_row(robot: Robot) -> Tree:
 
 
 READINGS = (
-    Reading(
-        name="several joints of a body",
-        engine="drake",
-        formats=("mjcf",),
-        sentence="Drake's parser puts all but the last of several joints of a body into the frame of its parent, without the body's pose",
-        concerns="bodies",
-        source="Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
-        tree=_in_a_row,
-        after=("frames",),
+    _in_a_row(
+        "drake",
+        ("mjcf",),
+        "Drake's parser puts all but the last of several joints of a body into the frame of its parent, without the body's pose",
+        "Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
     ),
     _left_out.frames("drake", ("mjcf",), "Drake's parser passes over <frame> and <replicate> with all that they hold", _PARSER),
-    Reading(
-        name="settings of the compiler",
-        engine="drake",
-        formats=("mjcf",),
-        sentence="Drake's parser passes over settotalmass, and boundmass, boundinertia and balanceinertia, with a warning",
-        concerns="files",
-        source=_PARSER,
-        tree=_without_settings,
+    _without_settings(
+        "drake",
+        ("mjcf",),
+        "Drake's parser passes over settotalmass, and boundmass, boundinertia and balanceinertia, with a warning",
+        _PARSER,
     ),
-    Reading(
-        name="rotor inertias",
-        engine="drake",
-        formats=("mjcf",),
-        sentence="Drake's parser gives the armature of a joint to motors and position actuators, and drops it where none drives the joint",
-        concerns="joints",
-        source="https://github.com/RobotLocomotion/drake/pull/21967",
-        tree=_undriven,
-        supplied=True,
+    _undriven(
+        "drake",
+        ("mjcf",),
+        "Drake's parser gives the armature of a joint to motors and position actuators, and drops it where none drives the joint",
+        "https://github.com/RobotLocomotion/drake/pull/21967",
     ),
-    Reading(
-        name="gravity",
-        engine="drake",
-        formats=("mjcf",),
-        sentence="Drake's parser passes over the flag that switches gravity off, with a warning",
-        concerns="files",
-        source=_PARSER,
-        tree=_written_gravity,
-        supplied=True,
-    ),
+    _written_gravity("drake", ("mjcf",), "Drake's parser passes over the flag that switches gravity off, with a warning", _PARSER),
     _left_out.tendons("drake", ("mjcf",), "Drake's parser passes over tendons, with a warning", _PARSER),
     _left_out.springs(
         "drake",
@@ -130,16 +115,11 @@ READINGS = (
         "Drake's parser passes over the springs of joints, with a warning for those of an MJCF",
         'Drake documentation, "Parsing model files": <springStiffness> is unknown, and stiffness of an MJCF\'s joint is not supported',
     ),
-    Reading(
-        name="impossible inertias",
-        engine="drake",
-        formats=("urdf", "mjcf"),
-        sentence=(
-            "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "
-            "or 1 kg where it has none; it warns of it"
-        ),
-        concerns="links",
-        source="Drake, multibody/parsing/detail_common.h, ParseSpatialInertia, and its fallback",
-        tree=_possible,
+    _possible(
+        "drake",
+        ("urdf", "mjcf"),
+        "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "
+        "or 1 kg where it has none; it warns of it",
+        "Drake, multibody/parsing/detail_common.h, ParseSpatialInertia, and its fallback",
     ),
 )

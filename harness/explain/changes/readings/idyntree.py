@@ -1,12 +1,13 @@
 """What iDynTree's parser of URDF stores and its computations leave out."""
 
-from harness.explain.changes.readings import Reading, _left_out, with_inertias
+from harness.explain.changes.readings import _left_out, law, with_inertias
 from harness.files.tree import Tree
 from harness.robots.robot import Robot
 
 _FORMATS = ("urdf",)
 
 
+@law("inertia without mass", "links")
 def _without_frames(robot: Robot) -> Tree:
     """A link is taken for a frame if a fixed joint carries it, nothing but such links hangs on it, and its mass is 0."""
     frames: set[str] = set()
@@ -21,14 +22,11 @@ def _without_frames(robot: Robot) -> Tree:
 
 
 READINGS = (
-    Reading(
-        name="inertia without mass",
-        engine="idyntree",
-        formats=_FORMATS,
-        sentence="The parser of iDynTree takes a link of mass 0 at the end of fixed joints for a frame, and drops its inertia",
-        concerns="links",
-        source="iDynTree, src/model/src/ModelTransformers.cpp, removeFakeLinks",
-        tree=_without_frames,
+    _without_frames(
+        "idyntree",
+        _FORMATS,
+        "The parser of iDynTree takes a link of mass 0 at the end of fixed joints for a frame, and drops its inertia",
+        "iDynTree, src/model/src/ModelTransformers.cpp, removeFakeLinks",
     ),
     _left_out.dampers(
         "idyntree",

@@ -3,11 +3,12 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from harness.explain.changes.readings import Reading, element_at, with_joints
+from harness.explain.changes.readings import element_at, law, with_joints
 from harness.files.tree import Tree
 from harness.robots.robot import Robot
 
 
+@law("flags of springs and dampers", "elements", supplied=True)
 def _tree(robot: Robot) -> Tree:
     root, nothing = element_at(robot.tree.place), Fraction(0)
     flags = [] if root is None else list(root.iterfind("option/flag"))
@@ -18,14 +19,10 @@ def _tree(robot: Robot) -> Tree:
 
 
 READINGS = (
-    Reading(
-        name="flags of springs and dampers",
-        engine="mjx",
-        formats=("mjcf",),
-        sentence="MJX leaves out springs and dampers alike where the file switches off the one or the other",
-        concerns="elements",
-        source="mujoco/mjx/_src/passive.py, passive; https://github.com/google-deepmind/mujoco/pull/3440",
-        tree=_tree,
-        supplied=True,
+    _tree(
+        "mjx",
+        ("mjcf",),
+        "MJX leaves out springs and dampers alike where the file switches off the one or the other",
+        "mujoco/mjx/_src/passive.py, passive; https://github.com/google-deepmind/mujoco/pull/3440",
     ),
 )

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.explain.changes.readings import Reading, _left_out, element_at, mujoco_settings, with_bodies, with_inertias, with_joints
+from harness.explain.changes.readings import _left_out, element_at, law, mujoco_settings, with_bodies, with_inertias, with_joints
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
 from harness.robots.bounds import bounded
@@ -38,10 +38,12 @@ def _centred_body(body: Body) -> Body:
     return replace(body, inertia=Inertia(body.pose[-1:], Fraction(0), _NOTHING, body.place), solids=()) if is_empty else body
 
 
+@law("centre of a massless body", "bodies")
 def _massless_bodies_centred(robot: Robot) -> Tree:
     return _centred(robot.tree)
 
 
+@law("least masses and inertias", "links", supplied=True, after=("mass of collision geometry",))
 def _bounded_as_settings_say(robot: Robot) -> Tree:
     tree, root = robot.tree, element_at(robot.tree.place)
     settings = mujoco_settings(robot, "compiler")
@@ -51,6 +53,7 @@ def _bounded_as_settings_say(robot: Robot) -> Tree:
     return tree if bounded(read) == tree else read
 
 
+@law("mass of collision geometry", "links", supplied=True)
 def _weighed(robot: Robot) -> Tree:
     return with_bodies(robot.tree, lambda body: body if body.inertia is not None else _with_solids(body))
 
@@ -77,6 +80,7 @@ def _numbers(element: etree._Element | None, name: str) -> list[Fraction]:
     return [Fraction(float(word)) for word in text.split()]
 
 
+@law("damping of joints of several degrees of freedom", "joints")
 def _damped_in_each_velocity(robot: Robot) -> Tree:
     def read(joint: Joint) -> Joint:
         element = element_at(joint.place) if joint.kind in (JointKind.PLANAR, JointKind.FREE) else None
@@ -87,12 +91,14 @@ def _damped_in_each_velocity(robot: Robot) -> Tree:
     return with_joints(robot.tree, read)
 
 
+@law("gravity", "files", supplied=True)
 def _gravity_of_settings(robot: Robot) -> Tree:
     gravity = mujoco_settings(robot, "option").get("gravity", ())
     read = replace(robot.tree, gravity=vector(gravity)) if len(gravity) == 3 else robot.tree
     return robot.tree if read.gravity == robot.tree.gravity else read
 
 
+@law("inertia without mass", "links", supplied=True, after=("least masses and inertias",))
 def _without_massless_inertias(robot: Robot) -> Tree:
     def kept(body: Body) -> Inertia | None:
         is_dropped = not body.joints and body.inertia is not None and float(body.inertia.mass) < _LEAST and any(body.inertia.moments)
@@ -103,82 +109,51 @@ def _without_massless_inertias(robot: Robot) -> Tree:
     return robot.tree if read == tree else read
 
 
+@law("settotalmass", "files", supplied=True, after=("inertia without mass",))
 def _scaled_as_settings_say(robot: Robot) -> Tree:
     total = next(iter(mujoco_settings(robot, "compiler").get("settotalmass", ())), Fraction(0))
     return replace(robot.tree, total_mass=total) if total > 0 else robot.tree
 
 
 READINGS = (
-    Reading(
-        name="centre of a massless body",
-        engine="mujoco",
-        formats=("mjcf",),
-        sentence="MuJoCo takes the position of a body in its parent for the centre of the mass that boundmass gives it",
-        concerns="bodies",
-        source="MuJoCo 4.0, user/user_objects.cc, mjCBody::Compile: where ipos is undefined, the body's pos and quat are copied into it",
-        tree=_massless_bodies_centred,
+    _massless_bodies_centred(
+        "mujoco",
+        ("mjcf",),
+        "MuJoCo takes the position of a body in its parent for the centre of the mass that boundmass gives it",
+        "MuJoCo 4.0, user/user_objects.cc, mjCBody::Compile: where ipos is undefined, the body's pos and quat are copied into it",
     ),
-    Reading(
-        name="mass of collision geometry",
-        engine="mujoco",
-        formats=_URDF,
-        sentence="MuJoCo gives a link without <inertial> the mass of its collision geometry, at 1000 kg/m^3",
-        concerns="links",
-        source='MuJoCo documentation, XML reference, compiler, inertiafromgeom="auto", and geom, density',
-        tree=_weighed,
-        supplied=True,
+    _weighed(
+        "mujoco",
+        _URDF,
+        "MuJoCo gives a link without <inertial> the mass of its collision geometry, at 1000 kg/m^3",
+        'MuJoCo documentation, XML reference, compiler, inertiafromgeom="auto", and geom, density',
     ),
-    Reading(
-        name="least masses and inertias",
-        engine="mujoco",
-        formats=_URDF,
-        sentence="MuJoCo bounds masses and inertias by the compiler settings of the file's element <mujoco>, before it fuses links",
-        concerns="links",
-        source=f"{_EXTENSIONS}, compiler: boundmass, boundinertia, balanceinertia",
-        tree=_bounded_as_settings_say,
-        supplied=True,
-        after=("mass of collision geometry",),
+    _bounded_as_settings_say(
+        "mujoco",
+        _URDF,
+        "MuJoCo bounds masses and inertias by the compiler settings of the file's element <mujoco>, before it fuses links",
+        f"{_EXTENSIONS}, compiler: boundmass, boundinertia, balanceinertia",
     ),
-    Reading(
-        name="inertia without mass",
-        engine="mujoco",
-        formats=_URDF,
-        sentence="MuJoCo drops the inertia of a link of mass 0 when it fuses the link with its parent",
-        concerns="links",
-        source="MuJoCo 4.0, user/user_objects.cc, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
-        tree=_without_massless_inertias,
-        supplied=True,
-        after=("least masses and inertias",),
+    _without_massless_inertias(
+        "mujoco",
+        _URDF,
+        "MuJoCo drops the inertia of a link of mass 0 when it fuses the link with its parent",
+        "MuJoCo 4.0, user/user_objects.cc, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
     ),
-    Reading(
-        name="settotalmass",
-        engine="mujoco",
-        formats=_URDF,
-        sentence="MuJoCo scales all masses by the compiler settings of the file's element <mujoco>",
-        concerns="files",
-        source=f"{_EXTENSIONS}, compiler: settotalmass",
-        tree=_scaled_as_settings_say,
-        supplied=True,
-        after=("inertia without mass",),
+    _scaled_as_settings_say(
+        "mujoco",
+        _URDF,
+        "MuJoCo scales all masses by the compiler settings of the file's element <mujoco>",
+        f"{_EXTENSIONS}, compiler: settotalmass",
     ),
-    Reading(
-        name="gravity",
-        engine="mujoco",
-        formats=_URDF,
-        sentence="MuJoCo takes gravity from the option settings of the file's element <mujoco>",
-        concerns="files",
-        source=f"{_EXTENSIONS}, option: gravity",
-        tree=_gravity_of_settings,
-        supplied=True,
+    _gravity_of_settings(
+        "mujoco", _URDF, "MuJoCo takes gravity from the option settings of the file's element <mujoco>", f"{_EXTENSIONS}, option: gravity"
     ),
-    Reading(
-        name="damping of joints of several degrees of freedom",
-        engine="mujoco",
-        formats=_URDF,
-        sentence="MuJoCo applies the damping of a floating or planar joint to each of its velocities",
-        concerns="joints",
-        source="MuJoCo 4.0, xml/xml_urdf.cc, mjXURDF::Joint; wiki.ros.org/urdf/XML/joint: damping is for revolute and prismatic joints",
-        tree=_damped_in_each_velocity,
+    _damped_in_each_velocity(
+        "mujoco",
+        _URDF,
+        "MuJoCo applies the damping of a floating or planar joint to each of its velocities",
+        "MuJoCo 4.0, xml/xml_urdf.cc, mjXURDF::Joint; wiki.ros.org/urdf/XML/joint: damping is for revolute and prismatic joints",
     ),
     _left_out.springs("mujoco", _URDF, "MuJoCo's reader of URDF passes over Gazebo's springs of joints", _ONE_EXTENSION),
     _left_out.point_springs("mujoco", _URDF, "MuJoCo's reader of URDF passes over Drake's springs between points", _ONE_EXTENSION),

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from harness.explain.changes.readings import Reading, _left_out, with_joints
+from harness.explain.changes.readings import _left_out, law, with_joints
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Given, Joint, Tree, vector
 from harness.robots.robot import Robot
@@ -15,6 +15,7 @@ _GRAVITY = -9.81
 _UPWARD = vector((0, 0, 1))
 
 
+@law("gravity", "files", supplied=True)
 def _gravity(robot: Robot) -> Tree:
     tree, place = robot.tree, robot.tree.place
     # A decimal that the engine rounds, as the file's own is.
@@ -23,6 +24,7 @@ def _gravity(robot: Robot) -> Tree:
     return tree if tree.gravity == gravity else replace(tree, gravity=gravity)
 
 
+@law("axis of planar joints", "joints")
 def _in_the_plane_of_the_frame(robot: Robot) -> Tree:
     def read(joint: Joint) -> Joint:
         x, y, z = joint.axis
@@ -32,24 +34,17 @@ def _in_the_plane_of_the_frame(robot: Robot) -> Tree:
 
 
 READINGS = (
-    Reading(
-        name="gravity",
-        engine="pinocchio",
-        formats=_BOTH,
-        sentence="Pinocchio takes 9.81 m/s^2 along -z for gravity, whatever the file says",
-        concerns="files",
-        source="Pinocchio 4.1, multibody/model.hpp, gravity981; its MJCF reader reads no <option gravity>",
-        tree=_gravity,
-        supplied=True,
+    _gravity(
+        "pinocchio",
+        _BOTH,
+        "Pinocchio takes 9.81 m/s^2 along -z for gravity, whatever the file says",
+        "Pinocchio 4.1, multibody/model.hpp, gravity981; its MJCF reader reads no <option gravity>",
     ),
-    Reading(
-        name="axis of planar joints",
-        engine="pinocchio",
-        formats=_URDF,
-        sentence="Pinocchio moves a planar joint in the xy plane of the joint's frame, whatever axis the file gives it",
-        concerns="joints",
-        source="Pinocchio 4.1, multibody/joint/joint-planar.hpp, without axis; parsers/urdf/model.cpp: planar, with normal axis along Z",
-        tree=_in_the_plane_of_the_frame,
+    _in_the_plane_of_the_frame(
+        "pinocchio",
+        _URDF,
+        "Pinocchio moves a planar joint in the xy plane of the joint's frame, whatever axis the file gives it",
+        "Pinocchio 4.1, multibody/joint/joint-planar.hpp, without axis; parsers/urdf/model.cpp: planar, with normal axis along Z",
     ),
     _left_out.dampers(
         "pinocchio",

@@ -1,14 +1,13 @@
 """What Pinocchio's reader of MJCF passes over, and what it reads otherwise than MuJoCo."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 from harness.explain.changes.readings import (
-    Reading,
     _left_out,
     element_at,
+    law,
     with_bodies,
     with_joints,
     with_poses,
@@ -25,6 +24,7 @@ _GRAPH, _GEOMS = "Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp", "Pinocchio 4.1, p
 _ONE = Fraction(1)
 
 
+@law("least masses and inertias", "links")
 def _raised(robot: Robot) -> Tree:
     """Of full moments the entries of the diagonal, whatever the principal moments are."""
     tree, bounds = robot.tree, robot.tree.bounds
@@ -41,6 +41,7 @@ def _raised_inertia(inertia: Inertia, bounds: Bounds) -> Inertia:
     return replace(inertia, mass=max(inertia.mass, bounds.mass), moments=(*diagonal, *inertia.moments[3:]))
 
 
+@law("position of a default class", "joints")
 def _without_anchors_of_classes(robot: Robot) -> Tree:
     def read(joint: Joint) -> Joint:
         is_of_class = any(isinstance(number, Given) and number.place != joint.place for number in joint.anchor)
@@ -49,7 +50,7 @@ def _without_anchors_of_classes(robot: Robot) -> Tree:
     return with_joints(robot.tree, read)
 
 
-def _from_childclass(numbers: dict[str, str]) -> Callable[[Robot], Tree]:
+def _from_childclass(robot: Robot, numbers: dict[str, str]) -> Tree:
     """The tree of a robot whose joints with a class of their own take what that leaves open from the childclass around them.
 
     ``numbers``: the fields of a joint by their attributes.
@@ -66,9 +67,20 @@ def _from_childclass(numbers: dict[str, str]) -> Callable[[Robot], Tree]:
                 found[field] = vector(values) if field == "axis" else values[0]
         return replace(joint, **found) if found else joint
 
-    return lambda robot: with_joints(robot.tree, read)
+    return with_joints(robot.tree, read)
 
 
+@law("class beside a childclass", "joints")
+def _with_class_around(robot: Robot) -> Tree:
+    return _from_childclass(robot, {"axis": "axis", "ref": "reference"})
+
+
+@law("rotor inertia beside a childclass", "joints", supplied=True)
+def _with_rotor_around(robot: Robot) -> Tree:
+    return _from_childclass(robot, {"armature": "armature"})
+
+
+@law("Euler angles about fixed axes", "elements", after=("frames",))
 def _turned_about_moving_axes(robot: Robot) -> Tree:
     """Three turns in the order of ``eulerseq``, those about axes that stay too."""
     root = element_at(robot.tree.place)
@@ -87,6 +99,7 @@ def _turned_about_moving_axes(robot: Robot) -> Tree:
     return with_poses(robot.tree, lambda pose: tuple(map(read, pose)))
 
 
+@law("mass of a default class", "geoms")
 def _without_masses_of_classes(robot: Robot) -> Tree:
     def read(solid: Solid) -> Solid:
         is_of_class = isinstance(solid.mass, Given) and solid.mass.place != solid.place
@@ -95,10 +108,12 @@ def _without_masses_of_classes(robot: Robot) -> Tree:
     return with_solids(robot.tree, lambda solids: tuple(map(read, solids)))
 
 
+@law("further trees", "bodies")
 def _of_the_first_tree(robot: Robot) -> Tree:
     return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
 
 
+@law("inertia of meshes", "geoms", after=("geoms that cannot collide", "frames"))
 def _with_unit_meshes(robot: Robot) -> Tree:
     def read(solid: Solid) -> Solid:
         """In the geom's own position, wherever the centre of the mesh is; a box that has its size from a mesh is a box."""
@@ -111,6 +126,7 @@ def _with_unit_meshes(robot: Robot) -> Tree:
     return with_solids(robot.tree, lambda solids: tuple(map(read, solids)))
 
 
+@law("settotalmass", "files")
 def _unscaled(robot: Robot) -> Tree:
     return robot.tree if robot.tree.total_mass is None else replace(robot.tree, total_mass=None)
 
@@ -120,78 +136,54 @@ def _collides(solid: Solid) -> bool:
     return geom is None or any(resolved_text(geom, name, "1") != "0" for name in ("contype", "conaffinity"))
 
 
+@law("geoms that cannot collide", "geoms")
 def _without_pictures(robot: Robot) -> Tree:
     return with_solids(robot.tree, lambda solids: tuple(filter(_collides, solids)))
 
 
 READINGS = (
-    Reading(
-        name="least masses and inertias",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence=(
-            "Pinocchio's MJCF reader takes boundmass and boundinertia of <compiler> for the numbers of an <inertial> alone, "
-            "and passes over balanceinertia"
-        ),
-        concerns="links",
-        source=f"{_GRAPH}, convertInertiaFromMjcf and parseCompiler",
-        tree=_raised,
+    _raised(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader takes boundmass and boundinertia of <compiler> for the numbers of an <inertial> alone, "
+        "and passes over balanceinertia",
+        f"{_GRAPH}, convertInertiaFromMjcf and parseCompiler",
     ),
-    Reading(
-        name="position of a default class",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader passes over a joint's pos from a default class, and puts the joint into the body's origin",
-        concerns="joints",
-        source=f"{_GRAPH}, MjcfJoint::fill: only the joint's own attribute pos is read",
-        tree=_without_anchors_of_classes,
+    _without_anchors_of_classes(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader passes over a joint's pos from a default class, and puts the joint into the body's origin",
+        f"{_GRAPH}, MjcfJoint::fill: only the joint's own attribute pos is read",
     ),
-    Reading(
-        name="class beside a childclass",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader gives a joint with a class of its own what the childclass around it says besides",
-        concerns="joints",
-        source=f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
-        tree=_from_childclass({"axis": "axis", "ref": "reference"}),
+    _with_class_around(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader gives a joint with a class of its own what the childclass around it says besides",
+        f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
     ),
-    Reading(
-        name="rotor inertia beside a childclass",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader gives a joint with a class of its own the armature of the childclass around it, if it has none",
-        concerns="joints",
-        source=f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
-        tree=_from_childclass({"armature": "armature"}),
-        supplied=True,
+    _with_rotor_around(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader gives a joint with a class of its own the armature of the childclass around it, if it has none",
+        f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
     ),
-    Reading(
-        name="Euler angles about fixed axes",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader takes the capital letters of eulerseq, which turn about axes that stay, for small ones",
-        concerns="elements",
-        source=f"{_GRAPH}, MjcfCompiler::convertEuler, which multiplies the three turns in their order",
-        tree=_turned_about_moving_axes,
-        after=("frames",),
+    _turned_about_moving_axes(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader takes the capital letters of eulerseq, which turn about axes that stay, for small ones",
+        f"{_GRAPH}, MjcfCompiler::convertEuler, which multiplies the three turns in their order",
     ),
-    Reading(
-        name="mass of a default class",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader passes over a geom's mass from a default class, and takes its density",
-        concerns="geoms",
-        source=f"{_GEOMS}: only the geom's own attribute mass is read",
-        tree=_without_masses_of_classes,
+    _without_masses_of_classes(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader passes over a geom's mass from a default class, and takes its density",
+        f"{_GEOMS}: only the geom's own attribute mass is read",
     ),
-    Reading(
-        name="further trees",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader reads the first body in <worldbody> with what it carries, and passes over the others",
-        concerns="bodies",
-        source=f"{_GRAPH}, parseGraph: get_child(worldbody).get_child(body), of which there is one",
-        tree=_of_the_first_tree,
+    _of_the_first_tree(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader reads the first body in <worldbody> with what it carries, and passes over the others",
+        f"{_GRAPH}, parseGraph: get_child(worldbody).get_child(body), of which there is one",
     ),
     _left_out.frames(
         "pinocchio",
@@ -199,32 +191,22 @@ READINGS = (
         "Pinocchio's MJCF reader passes over <frame> and <replicate> with all that they hold",
         f"{_GRAPH}, parseJointAndBody, which knows neither element",
     ),
-    Reading(
-        name="inertia of meshes",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader computes no inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 in its position",
-        concerns="geoms",
-        source=f"{_GEOMS}, MjcfGeom::computeInertia leaves a mesh Inertia::Identity()",
-        tree=_with_unit_meshes,
-        after=("geoms that cannot collide", "frames"),
+    _with_unit_meshes(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader computes no inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 in its position",
+        f"{_GEOMS}, MjcfGeom::computeInertia leaves a mesh Inertia::Identity()",
     ),
-    Reading(
-        name="settotalmass",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence="Pinocchio's MJCF reader passes over <compiler settotalmass>",
-        concerns="files",
-        source=f"{_GRAPH}, parseCompiler, which does not read it",
-        tree=_unscaled,
+    _unscaled(
+        "pinocchio",
+        _MJCF,
+        "Pinocchio's MJCF reader passes over <compiler settotalmass>",
+        f"{_GRAPH}, parseCompiler, which does not read it",
     ),
-    Reading(
-        name="geoms that cannot collide",
-        engine="pinocchio",
-        formats=_MJCF,
-        sentence='Pinocchio\'s MJCF reader gives a geom with contype="0" and conaffinity="0" no mass, as to a picture',
-        concerns="geoms",
-        source=f"{_GEOMS}: such a geom is VISUAL, and its inertia is not computed",
-        tree=_without_pictures,
+    _without_pictures(
+        "pinocchio",
+        _MJCF,
+        'Pinocchio\'s MJCF reader gives a geom with contype="0" and conaffinity="0" no mass, as to a picture',
+        f"{_GEOMS}: such a geom is VISUAL, and its inertia is not computed",
     ),
 )

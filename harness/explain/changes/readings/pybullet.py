@@ -5,10 +5,10 @@ from fractions import Fraction
 
 import numpy as np
 
-from harness.explain.changes.readings import Reading, _left_out, with_inertias
+from harness.explain.changes.readings import _left_out, law, with_inertias
 from harness.explain.changes.readings._bullet_boxes import half_extents
 from harness.explain.changes.readings._bullet_matrices import diagonalized
-from harness.explain.changes.readings._inertias import computed, matrix_of, moments_of, moving, with_unit_inertias
+from harness.explain.changes.readings._inertias import computed, matrix_of, moments_of, moving
 from harness.files.tree import Body, Inertia, Tree
 from harness.robots.robot import Robot
 
@@ -19,10 +19,7 @@ _INERTIAS = "bullet3, examples/Importers/ImportURDFDemo/BulletUrdfImporter.cpp, 
 _NONE = (Fraction(0),) * 3
 
 
-def _with_masses(robot: Robot) -> Tree:
-    return with_unit_inertias(robot.tree)
-
-
+@law("inertia of collision shapes", "links", supplied=True, after=("links without inertia",))
 def _boxes(robot: Robot) -> Tree:
     """In the frame of the inertia; a body without mass has none."""
 
@@ -40,6 +37,7 @@ def _boxes(robot: Robot) -> Tree:
     return with_inertias(robot.tree, read)
 
 
+@law("principal axes", "links", after=("impossible inertias",))
 def _diagonal(robot: Robot) -> Tree:
     moved = moving(robot.tree)
 
@@ -55,6 +53,7 @@ def _diagonal(robot: Robot) -> Tree:
     return with_inertias(robot.tree, read)
 
 
+@law("impossible inertias", "links", after=("inertia of collision shapes",))
 def _possible(robot: Robot) -> Tree:
     moved = moving(robot.tree)
 
@@ -68,46 +67,29 @@ def _possible(robot: Robot) -> Tree:
 
 
 READINGS = (
-    Reading(
-        name="links without inertia",
-        engine="pybullet",
-        formats=_FORMATS,
-        sentence="PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, and warns of it",
-        concerns="links",
-        source="bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
-        tree=_with_masses,
-        supplied=True,
+    _left_out.unit_inertias(
+        "pybullet",
+        _FORMATS,
+        "PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, and warns of it",
+        "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
     ),
-    Reading(
-        name="inertia of collision shapes",
-        engine="pybullet",
-        formats=_FORMATS,
-        sentence="PyBullet passes over moments of inertia, and takes those of the box around the collision shapes of a link, 1 mm wider",
-        concerns="links",
-        source="PyBullet Quickstart Guide, loadURDF, URDF_USE_INERTIA_FROM_FILE; bullet3, btCompoundShape::calculateLocalInertia",
-        tree=_boxes,
-        supplied=True,
-        after=("links without inertia",),
+    _boxes(
+        "pybullet",
+        _FORMATS,
+        "PyBullet passes over moments of inertia, and takes those of the box around the collision shapes of a link, 1 mm wider",
+        "PyBullet Quickstart Guide, loadURDF, URDF_USE_INERTIA_FROM_FILE; bullet3, btCompoundShape::calculateLocalInertia",
     ),
-    Reading(
-        name="impossible inertias",
-        engine="pybullet",
-        formats=_FORMATS,
-        sentence="PyBullet sets moments of inertia to zero where one is negative or more than the sum of the others, and warns of it",
-        concerns="links",
-        source=_INERTIAS,
-        tree=_possible,
-        after=("inertia of collision shapes",),
+    _possible(
+        "pybullet",
+        _FORMATS,
+        "PyBullet sets moments of inertia to zero where one is negative or more than the sum of the others, and warns of it",
+        _INERTIAS,
     ),
-    Reading(
-        name="principal axes",
-        engine="pybullet",
-        formats=_FORMATS,
-        sentence="PyBullet turns an inertia matrix to its principal axes to 1e-6 of it, and passes over the products that are left",
-        concerns="links",
-        source=f"{_INERTIAS}; btMatrix3x3::diagonalize",
-        tree=_diagonal,
-        after=("impossible inertias",),
+    _diagonal(
+        "pybullet",
+        _FORMATS,
+        "PyBullet turns an inertia matrix to its principal axes to 1e-6 of it, and passes over the products that are left",
+        f"{_INERTIAS}; btMatrix3x3::diagonalize",
     ),
     _left_out.dampers("pybullet", _FORMATS, "PyBullet stores the damping of joints, and its inverse dynamics apply none", _READER),
     _left_out.springs("pybullet", _FORMATS, "PyBullet reads no springs of joints", _READER),
