@@ -20,7 +20,7 @@ import numpy as np
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.term import Term, Vector, cross, vector
-from harness.files.constraints import ModelConstraint
+from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Given, Tree
 from harness.robots.constraints import jacobian_of, rows_in, rows_of, untied
@@ -143,7 +143,7 @@ class BoundFreeBodies:
 
 
 def free_bodies(
-    tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, constraints: Sequence[ModelConstraint] = ()
+    tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False, constraints: Sequence[Equality] = ()
 ) -> FreeBodies:
     """The equations of a tree, and of its file's constraints; q, v and tau are as ``recursion_program`` takes them.
 
@@ -158,7 +158,7 @@ def free_bodies(
 class _FreeBodies:
     """The equations of one tree."""
 
-    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool, constraints: Sequence[ModelConstraint]) -> None:
+    def __init__(self, tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool, constraints: Sequence[Equality]) -> None:
         self._world = world = in_world(kinematics(untied(tree, joints), joints, linear_velocity_in_body))
         self._nodes, self._builder, self._moving = world.kinematics, world.kinematics.builder, world.moving
         self._pulls = world.pulls()

@@ -29,7 +29,7 @@ from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
 from harness.equations.states import States
 from harness.explain.changes.readings import element_at, find_readings
-from harness.files.equalities import Equality, Meeting, TendonLinkage
+from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.files.tree import WORLD
 from harness.models.constraint_law import ConstraintLaw
 from harness.results.comparison import EqualitiesRecord, EqualityPart
@@ -92,7 +92,7 @@ def _why_not(equality: Equality, read: Robot) -> str:
     if isinstance(equality.rows, Meeting):
         named, known = set(equality.rows.bodies), bodies
     elif isinstance(equality.rows, TendonLinkage):
-        named, known = {joint for tendon in equality.rows.tendons for joint, _ in tendon.terms}, joints
+        named, known = {joint for tendon in equality.rows.tendons if isinstance(tendon, Sum) for joint, _ in tendon.terms}, joints
     else:
         named, known = {equality.rows.joint, equality.rows.leader or equality.rows.joint}, joints
     missing = ", ".join(sorted(named - known))
@@ -119,13 +119,13 @@ def _declared_truth(read: Meant, caller: Engine, numbers: Sequence[int]) -> Refe
     robot, states = read.robot, read.states
     chosen = {f"{robot.equalities[number].kind} {number}": robot.equalities[number] for number in numbers}
     root = element_at(robot.tree.place)
-    laws = caller.laws(root, robot.format, [one.declared(name) for name, one in chosen.items()])
+    laws = caller.laws(root, robot.format, [replace(one, name=name) for name, one in chosen.items()])
     tied = tied_tree(robot.tree, robot.joints, {name: one.rows for name, one in chosen.items() if one.rows is not None})
     weights = inverse_weights_of(
         robot.tree,
         (part for law in laws.values() for row in law.weights or () for part in row),
         caller.fuses(root, robot.format),
-        (tendon.declared for one in chosen.values() if isinstance(one.rows, TendonLinkage) for tendon in one.rows.tendons),
+        (tendon for one in chosen.values() if isinstance(one.rows, TendonLinkage) for tendon in one.rows.tendons),
     )
     rows = tied.constraints.rows
     places = [rows[:row].count(name) for row, name in enumerate(rows)]

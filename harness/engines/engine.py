@@ -10,7 +10,7 @@ from harness.engines.interface import Unsupported
 from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
 from harness.engines.request import Answers, Question, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
-from harness.files.constraints import ModelConstraint
+from harness.files.equalities import Equality
 from harness.models.constraint_law import ConstraintLaw
 from harness.models.model_file import ModelFile
 from harness.models.step_rule import StepRule
@@ -119,7 +119,7 @@ class Engine:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""
         return {}
 
-    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+    def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
         """The same of constraints of any file with this root element."""
         return {}
 

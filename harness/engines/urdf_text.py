@@ -71,7 +71,7 @@ def take_root_off(request: Request, engine: str) -> tuple[bytes | None, str]:
 def refuse_constraints(file: ModelFile, engine: str) -> None:
     """Raises Unsupported for what closes loops and couples joints in a mechanism's model, and for forces that nobody can supply."""
     if file.constraints:
-        shown = "; ".join(f"line {one.line}: {one.kind} constraint {one.name!r}" for one in file.constraints)
+        shown = "; ".join(f"line {one.line}: {one.couples} constraint {one.name!r}" for one in file.constraints)
         raise Unsupported(f"{engine} reads no constraints and couples no joints: {shown}")
     refuse_unexpressed(file)
 

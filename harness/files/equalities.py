@@ -1,28 +1,36 @@
-"""The equalities of a robot's file besides its joints: points and frames that meet, and joints and tendons that are coupled.
+"""The equalities of a model file besides its joints: points and frames that meet, and joints and tendons that are coupled.
 
 They are no part of the tree's own equations of motion. An engine that has them switched on solves another problem, whose rows
-``harness.robots.constraints`` writes.
+``harness.robots.constraints`` writes. Order and sign of the rows are part of what is said, since engines report forces by them.
 
-Sources: MuJoCo documentation, XML reference, ``equality``; http://wiki.ros.org/urdf/XML/joint, element ``mimic``.
+Sources: MuJoCo documentation, XML reference, ``equality``, and Computation, section Constraint model; Drake, "Parsing model files",
+tag drake:ball_constraint; http://wiki.ros.org/urdf/XML/joint, element ``mimic``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from harness.files.constraints import (
-    POLYNOMIAL,
-    End,
-    FrameConstraint,
-    JointConstraint,
-    ModelConstraint,
-    PointConstraint,
-    Softness,
-    Tendon,
-    TendonConstraint,
-)
 from harness.files.tree import Place, Pose
+
+# What MuJoCo takes for attributes that a constraint leaves out.
+SOLREF = (0.02, 1.0)
+SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
+POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SolverParameters:
+    """The attributes by which MuJoCo makes a constraint soft, its default classes resolved; engines without them hold it rigid.
+
+    ``solref`` is (time constant [s], damping ratio), or (-stiffness [1/s^2], -damping [1/s]) where both are negative. ``solimp`` is
+    (least impedance, most impedance, width [m or rad], midpoint, power).
+    """
+
+    solref: tuple[float, float] = SOLREF
+    solimp: tuple[float, float, float, float, float] = SOLIMP
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,11 @@ class Meeting:
     first: Pose
     second: Pose | None
     floating: tuple[tuple[str, Pose], ...] = ()
+
+    @property
+    def ends(self) -> Iterator[tuple[str, Pose]]:
+        """Body and place of each point; of one that is given."""
+        return ((body, pose) for body, pose in zip(self.bodies, (self.first, self.second), strict=True) if pose is not None)
 
 
 @dataclass(frozen=True)
@@ -75,11 +88,6 @@ class Sum:
     name: str
     terms: tuple[tuple[str, Fraction], ...]
 
-    @property
-    def declared(self) -> Tendon:
-        """The tendon as engines that read models know it."""
-        return Tendon(self.name, tuple((joint, float(multiple)) for joint, multiple in self.terms), ())
-
 
 @dataclass(frozen=True)
 class Polygon:
@@ -89,26 +97,23 @@ class Polygon:
     points: tuple[tuple[str, Pose], ...]
 
 
+Tendon = Sum | Polygon
+
+
 @dataclass(frozen=True)
 class TendonLinkage:
-    """Tendon ``tendon`` is a polynomial of tendon ``leader``: one row; without a leader it is the polynomial's constant."""
+    """Tendon ``tendon`` is a polynomial of tendon ``leader``: one row; without a leader it is the polynomial's constant.
 
-    tendon: Sum
-    leader: Sum | None
+    The length of a polygon is measured from that in the file's zero position [m].
+    """
+
+    tendon: Tendon
+    leader: Tendon | None
     coefficients: tuple[Fraction, ...]
 
     @property
-    def tendons(self) -> tuple[Sum, ...]:
+    def tendons(self) -> tuple[Tendon, ...]:
         return (self.tendon,) if self.leader is None else (self.tendon, self.leader)
-
-
-@dataclass(frozen=True)
-class PathLinkage:
-    """A ``TendonLinkage`` of which a tendon is the length of a polygon; its row is measured from the file's zero position."""
-
-    tendon: Sum | Polygon
-    leader: Sum | Polygon | None
-    coefficients: tuple[Fraction, ...]
 
 
 Rows = Meeting | Linkage | TendonLinkage
@@ -120,33 +125,26 @@ class Equality:
 
     Attributes:
         kind: its tag. line: in the model's own file. is_active: whether it holds from the start.
-        rows: None where the harness does not write them, ``why_not`` then says why. softness: None for a format that has none.
-        name: "" for none. path: what is said of tendons along paths, in place of ``rows``.
+        says: None where the file does not say it in words that are read. why_not: why the harness writes no rows for it, "" where it does.
+        softness: None for a format that has none. name: that a mechanism finds it by, "" for none.
     """
 
     kind: str
     place: Place
     line: int
-    rows: Rows | None
+    says: Rows | None
     why_not: str = ""
-    softness: Softness | None = None
+    softness: SolverParameters | None = None
     is_active: bool = True
     name: str = ""
-    path: PathLinkage | None = None
 
-    def declared(self, name: str) -> ModelConstraint:
-        """The constraint as engines that read models know it, as far as its softness and the weights of its rows go.
+    @property
+    def rows(self) -> Rows | None:
+        """What it says; None where the harness writes no rows for that."""
+        return None if self.why_not else self.says
 
-        The frames of a ``Meeting`` and the coefficients of a polynomial have no part in these.
-        """
-        rows = self.rows
-        assert rows is not None, self.why_not
-        if isinstance(rows, Linkage):
-            return JointConstraint(name, self.line, self.softness, rows.joint, rows.leader, POLYNOMIAL)
-        if isinstance(rows, TendonLinkage):
-            leader = None if rows.leader is None else rows.leader.declared
-            return TendonConstraint(name, self.line, self.softness, rows.tendon.declared, leader, POLYNOMIAL)
-        one, other = (End(body, (0.0, 0.0, 0.0)) for body in rows.bodies)
-        if isinstance(rows, Weld):
-            return FrameConstraint(name, self.line, self.softness, (one, other), float(rows.torque_scale))
-        return PointConstraint(name, self.line, self.softness, (one, other))
+    @property
+    def couples(self) -> str:
+        """The things that are tied: "point", "frame", "joint", "tendon", or its tag."""
+        kinds = {Weld: "frame", Meeting: "point", Linkage: "joint", TendonLinkage: "tendon"}
+        return kinds.get(type(self.says), self.kind)

@@ -1,4 +1,4 @@
-"""The forces, inertias and constraints of a model file in float64, for engines whose readers pass over them."""
+"""The forces and inertias of a model file in float64, for engines whose readers pass over them."""
 
 from __future__ import annotations
 
@@ -6,23 +6,11 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from harness.files.constraints import (
-    UNTURNED,
-    End,
-    FrameConstraint,
-    JointConstraint,
-    ModelConstraint,
-    Point,
-    PointConstraint,
-    Quaternion,
-    Tendon,
-    TendonConstraint,
-)
-from harness.files.equalities import Equality, Linkage, Meeting, PathLinkage, Polygon, Sum, TendonLinkage, Weld
-from harness.files.tree import WORLD, Joint, Pose, Spring, Tree
-from harness.files.tree import Quaternion as Turned
+from harness.files.equalities import Equality, Linkage
+from harness.files.tree import WORLD, Joint, Pose, Quaternion, Spring, Tree
 
-Coefficients = tuple[float, float, float, float, float]
+Point = tuple[float, float, float]
+UNTURNED = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -125,14 +113,9 @@ def point_springs(tree: Tree) -> Iterator[PointSpring | Unexpressed]:
         elif any(len(pose) > 1 or (body not in authored and body != WORLD) for body, pose in spring.ends):
             yield Unexpressed(line, "<site> is not the name of a site right inside a named body")
         else:
-            (body_a, point_a), (body_b, point_b) = ((body, _point(pose)) for body, pose in spring.ends)
+            (body_a, point_a), (body_b, point_b) = ((body, point_of(pose)) for body, pose in spring.ends)
             numbers = float(spring.free_length), float(spring.stiffness), float(spring.damping)
             yield PointSpring(body_a, point_a, body_b, point_b, *numbers, line)
-
-
-def _point(pose: Pose) -> Point:
-    x, y, z = map(float, pose[-1].position)
-    return x, y, z
 
 
 def armatures(joints: Iterable[Joint]) -> Iterator[Armature]:
@@ -148,46 +131,16 @@ def mimics(equalities: Iterable[Equality]) -> Iterator[Mimic]:
             yield Mimic(one.rows.joint, str(one.rows.leader), multiplier, offset, one.line)
 
 
-def constraints(tree: Tree, equalities: Iterable[Equality]) -> Iterator[ModelConstraint]:
-    """What equalities say, each by the name it is found by."""
-    joints = {joint.name: joint for joint in tree.joints}
-    for one in equalities:
-        about = one.name, one.line, one.softness
-        said = one.path or one.rows
-        if isinstance(said, Weld):
-            yield FrameConstraint(*about, _ends(said, True), float(said.torque_scale))
-        elif isinstance(said, Meeting):
-            yield PointConstraint(*about, _ends(said, False))
-        elif isinstance(said, Linkage):
-            references = in_radians(joints[said.joint], "reference"), in_radians(joints[said.leader], "reference") if said.leader else 0.0
-            yield JointConstraint(*about, said.joint, said.leader, _coefficients(said), references)
-        elif said is not None:
-            led = None if said.leader is None else _tendon(said.leader)
-            yield TendonConstraint(*about, _tendon(said.tendon), led, _coefficients(said))
+def point_of(pose: Pose) -> Point:
+    """The origin of the innermost frame of a pose in that around it."""
+    x, y, z = map(float, pose[-1].position)
+    return x, y, z
 
 
-def _coefficients(said: Linkage | TendonLinkage | PathLinkage) -> Coefficients:
-    constant, first, second, third, fourth = map(float, said.coefficients)
-    return constant, first, second, third, fourth
-
-
-def _ends(meeting: Meeting, turned: bool) -> tuple[End, End]:
-    first, second = (
-        End(body, _point(pose), _turn(pose) if turned else UNTURNED)
-        for body, pose in zip(meeting.bodies, (meeting.first, meeting.second or meeting.first), strict=True)
-    )
-    return first, second
-
-
-def _turn(pose: Pose) -> Quaternion:
+def turn_of(pose: Pose) -> tuple[float, float, float, float]:
+    """The orientation (w, x, y, z), of any length but 0, of the innermost frame of a pose, which is given by a quaternion or not at all."""
     for turn in pose[-1].rotation:
-        if isinstance(turn, Turned):
+        if isinstance(turn, Quaternion):
             w, x, y, z = map(float, turn.components)
             return w, x, y, z
     return UNTURNED
-
-
-def _tendon(tendon: Sum | Polygon) -> Tendon:
-    if isinstance(tendon, Sum):
-        return tendon.declared
-    return Tendon(tendon.name, (), tuple(End(body, _point(pose)) for body, pose in tendon.points))

@@ -1,6 +1,6 @@
 """The problem that an engine documents for a constraint that it does not hold rigid, as plain data.
 
-The accelerations are then those of (M + J' D J) qdd = f + J' D aref, with the rows r of ``harness.files.constraints``, J = dr/dq and
+The accelerations are then those of (M + J' D J) qdd = f + J' D aref, with the rows r of ``harness.files.equalities``, J = dr/dq and
 
 - D_i = 1 / R_i, R_i = max((1 - d) / d A_i, ``least_regularisation``);
 - aref = -b J v - k d r, and minus J' v (the derivative of J, times v) where ``has_curvature``;

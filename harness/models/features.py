@@ -27,8 +27,8 @@ def _features(model: ModelFile) -> Iterator[str]:
     if followers:
         yield "mimic joints"
     for constraint in model.constraints:
-        if getattr(constraint, "joint", None) not in followers:
-            yield _CONSTRAINTS[constraint.kind]
+        if constraint.name not in followers:
+            yield _CONSTRAINTS[constraint.couples]
     if model.armatures:
         yield "armature"
     if model.ball_joint:

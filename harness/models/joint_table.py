@@ -14,7 +14,8 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, TendonConstraint
+from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
+from harness.files.facts import point_of
 from harness.library import Library
 from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf.defaults import resolved_text
@@ -117,14 +118,16 @@ def constraint_texts(model: ModelFile) -> list[str]:
     return [f"line {one.line}: constraint {one.name} {_tied(one)}" for one in model.constraints]
 
 
-def _tied(constraint: ModelConstraint) -> str:
-    if isinstance(constraint, PointConstraint | FrameConstraint):
-        return f"holds a {constraint.kind} " + " at one ".join(f"of {end.body} at {_numbers(end.point)}" for end in constraint.ends)
-    if isinstance(constraint, JointConstraint):
-        return f"moves joint {constraint.joint} by {_numbers(constraint.coefficients)} of powers of {constraint.leader or 'nothing'}"
-    assert isinstance(constraint, TendonConstraint)
-    leader = constraint.leader.name if constraint.leader else "nothing"
-    return f"has tendon {constraint.tendon.name} as long as {_numbers(constraint.coefficients)} of powers of {leader}"
+def _tied(constraint: Equality) -> str:
+    says = constraint.says
+    if isinstance(says, Meeting):
+        ends = (f"of {body} at {_numbers(point_of(pose))}" for body, pose in says.ends)
+        return f"holds a {constraint.couples} " + " at one ".join(ends)
+    assert isinstance(says, Linkage | TendonLinkage)
+    coefficients = _numbers(tuple(map(float, says.coefficients)))
+    if isinstance(says, Linkage):
+        return f"moves joint {says.joint} by {coefficients} of powers of {says.leader or 'nothing'}"
+    return f"has tendon {says.tendon.name} as long as {coefficients} of powers of {says.leader.name if says.leader else 'nothing'}"
 
 
 def _numbers(values: tuple[float, ...]) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.equalities import Linkage, Meeting, PathLinkage, TendonLinkage
+from harness.files.equalities import Linkage, Meeting, TendonLinkage
 from harness.files.tree import WORLD
 from harness.models.checks import check_inertia, numbers
 from harness.models.formats import BALL_CONSTRAINT, ORIENTATIONS, SOLVER_OPTIONS
@@ -105,7 +105,7 @@ def _check_equalities(document: Document, reading: Reading) -> None:
     sites = {site.get("name"): site for site in document.root.iterfind("worldbody//site")}
     tendons = {tendon.get("name"): tendon for tendon in document.root.iterfind("tendon/*")}
     for equality, element in zip(reading.equalities, elements.values(), strict=True):
-        said = equality.path or equality.rows
+        said = equality.says
         if said is None:
             document.refuse(element, f"{describe(element)} {equality.why_not}")
         if isinstance(said, Meeting):
@@ -129,11 +129,10 @@ def _refuse_itself(document: Document, element: etree._Element, what: str, name:
 
 
 def _sites_of(
-    said: TendonLinkage | PathLinkage, tendons: dict[str | None, etree._Element], sites: dict[str | None, etree._Element]
+    said: TendonLinkage, tendons: dict[str | None, etree._Element], sites: dict[str | None, etree._Element]
 ) -> Iterator[etree._Element]:
-    for tendon in (said.tendon, said.leader):
-        if tendon is not None:
-            yield from (sites[part.get("site")] for part in tendons[tendon.name].iterchildren("site"))
+    for tendon in said.tendons:
+        yield from (sites[part.get("site")] for part in tendons[tendon.name].iterchildren("site"))
 
 
 def _check_site(document: Document, site: etree._Element, turned: bool) -> None:

@@ -39,7 +39,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.files.constraints import ModelConstraint
+from harness.files.equalities import Equality
 from harness.files.facts import (
     Armature,
     ForceElement,
@@ -49,7 +49,6 @@ from harness.files.facts import (
     PointSpring,
     Unexpressed,
     armatures,
-    constraints,
     joint_forces,
     mimics,
     point_springs,
@@ -96,7 +95,7 @@ class ModelFile:
     mimics: tuple[Mimic, ...] = ()
     gravity: tuple[float, float, float] | None = None
     unexpressed: tuple[Unexpressed, ...] = ()
-    constraints: tuple[ModelConstraint, ...] = ()
+    constraints: tuple[Equality, ...] = ()
 
 
 def read_model(path: Path, format: str) -> ModelFile:
@@ -151,5 +150,5 @@ def _validated(document: Document, format: str) -> ModelFile:
             *(Unexpressed(one.place.line, one.what) for one in reading.unread),
             *(one for one in forces if isinstance(one, Unexpressed)),
         ),
-        constraints=tuple(constraints(tree, reading.equalities)),
+        constraints=reading.equalities,
     )

@@ -12,14 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from pathlib import Path
 
 from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL
 from harness.equations.term import Matrix, Term, Vector, cross, dot, sqrt, vector
-from harness.files.constraints import UNTURNED, End, FrameConstraint, JointConstraint, ModelConstraint, PointConstraint
-from harness.files.equalities import Linkage, Meeting, Rows, TendonLinkage, Weld
-from harness.files.tree import WORLD, Given, Place, Placement, Pose, Quaternion, Tree
-from harness.files.tree import vector as numbers_of
+from harness.files.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
+from harness.files.tree import WORLD, Pose, Tree
 from harness.robots.rigid import Spatial, power, spatial
 from harness.robots.spatial import Frame, angle, placed
 from harness.robots.world_motion import World
@@ -111,7 +108,7 @@ def _rows_of(world: World, name: str, constraint: Rows) -> list[Row]:
     if isinstance(constraint, Meeting):
         return _held(world, name, constraint)
     if isinstance(constraint, TendonLinkage):
-        sums: list[Terms] = [tendon.terms for tendon in constraint.tendons]
+        sums: list[Terms] = [tendon.terms for tendon in constraint.tendons if isinstance(tendon, Sum)]
     else:
         sums = [((joint, Fraction(1)),) for joint in (constraint.joint, constraint.leader) if joint is not None]
     follower, *leaders = sums
@@ -232,39 +229,17 @@ def _summed(world: World, terms: Terms) -> tuple[Term, list[tuple[int, Term]]]:
     return total, columns
 
 
-def rows_of(tree: Tree, constraints: Iterable[ModelConstraint]) -> dict[str, Rows]:
+def rows_of(tree: Tree, constraints: Iterable[Equality]) -> dict[str, Rows]:
     """What constraints of a model say of its tree, by name, without those that the tree holds by itself, whose joint follows another.
 
     Raises:
         ValueError: one couples tendons.
     """
     followers = {joint.name for joint in tree.joints if joint.follows}
-    path = Path() if tree.place is None else tree.place.path
     found: dict[str, Rows] = {}
-    for constraint in constraints:
-        # The points may stand elsewhere.
-        place = Place(path, constraint.line, tag=f"constraint {constraint.name!r}")
-        if isinstance(constraint, JointConstraint):
-            if constraint.joint not in followers:
-                coefficients = _numbers(place, "polycoef", constraint.coefficients)
-                found[constraint.name] = Linkage(constraint.joint, constraint.leader, coefficients)
-        elif isinstance(constraint, PointConstraint | FrameConstraint):
-            bodies = constraint.ends[0].body, constraint.ends[1].body
-            first, second = (_pose(place, number, end) for number, end in enumerate(constraint.ends))
-            if isinstance(constraint, FrameConstraint):
-                (scale,) = _numbers(place, "torquescale", [constraint.torque_scale])
-                found[constraint.name] = Weld(bodies, first, second, torque_scale=scale)
-            else:
-                found[constraint.name] = Meeting(bodies, first, second)
-        else:
-            raise ValueError(f"line {constraint.line}: constraint {constraint.name!r} couples {constraint.kind}s, which have no rows here")
+    for one in constraints:
+        if one.says is None or isinstance(one.says, TendonLinkage):
+            raise ValueError(f"line {one.line}: constraint {one.name!r} couples {one.couples}s, which have no rows here")
+        if not (isinstance(one.says, Linkage) and one.says.joint in followers):
+            found[one.name] = one.says
     return found
-
-
-def _pose(place: Place, number: int, end: End) -> Pose:
-    turn = (Quaternion(_numbers(place, f"orientation {number}", end.turn)),) if end.turn != UNTURNED else ()
-    return (Placement(position=numbers_of(_numbers(place, f"point {number}", end.point)), rotation=turn),)
-
-
-def _numbers(place: Place, attribute: str, values: Sequence[float]) -> tuple[Given, ...]:
-    return tuple(Given(value, place, attribute, index) for index, value in enumerate(values))

@@ -17,9 +17,9 @@ from fractions import Fraction
 from typing import Any
 
 from harness.equations.term import Matrix, Term, Vector, cross, matrix
-from harness.files.constraints import End, Tendon, TendonConstraint
+from harness.files.equalities import Polygon, Tendon, TendonLinkage
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import WORLD, Body, Given, Joint, Tree, vector
+from harness.files.tree import WORLD, Body, Given, Joint, Tree
 from harness.models.constraint_law import InverseWeight
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import parse_document
@@ -39,7 +39,7 @@ def inverse_weights(model: ModelFile, wanted: Iterable[InverseWeight]) -> dict[I
     Raises:
         InvalidModel: as ``read_robot``. ValueError: the zero position has no inverse of M.
     """
-    tendons = (each for one in model.constraints if isinstance(one, TendonConstraint) for each in (one.tendon, one.leader) if each)
+    tendons = (tendon for one in model.constraints if isinstance(one.says, TendonLinkage) for tendon in one.says.tendons)
     # Gravity has no part in it.
     return inverse_weights_of(tree_of(model, 0.0), wanted, _fuses(model), tendons)
 
@@ -127,10 +127,12 @@ class _AtZero:
 
     def _tendon(self, tendon: Tendon) -> Vector:
         found = self._builder.zeros(len(self._motions))
-        for name, multiple in tendon.joints:
-            (column,) = self._columns[name]
-            found[column] = found[column] + Fraction(multiple)
-        places = [self._point(end) for end in tendon.points]
+        if not isinstance(tendon, Polygon):
+            for name, multiple in tendon.terms:
+                (column,) = self._columns[name]
+                found[column] = found[column] + Fraction(multiple)
+            return found
+        places = [(body, placed(self._builder, pose, self._frames[body]).shift) for body, pose in tendon.points]
         for (first, start), (second, end) in itertools.pairwise(places):
             along = unit(end + -start)
             for sign, body, point in ((1, second, end), (-1, first, start)):
@@ -138,9 +140,6 @@ class _AtZero:
                     rate = self._builder.number(sign) * (along @ self._velocity(column, point))
                     found[column] = found[column] + rate
         return found
-
-    def _point(self, end: End) -> tuple[str, Vector]:
-        return end.body, self._frames[end.body].at(self._builder.vector(vector(end.point)))
 
     def evaluated(self, wanted: Sequence[InverseWeight]) -> dict[InverseWeight, float]:
         """The inverse weights."""

@@ -15,7 +15,7 @@ from typing import Any
 
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.term import Term
-from harness.files.constraints import ModelConstraint
+from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Given, Tree
 from harness.robots.constraints import rows_in, rows_of, untied
@@ -50,7 +50,7 @@ def reactions_program(
     joints: Sequence[str],
     linear_velocity_in_body: bool = False,
     points_of: Tree | None = None,
-    constraints: Sequence[ModelConstraint] = (),
+    constraints: Sequence[Equality] = (),
     bearing: Sequence[int] = (),
 ) -> Reactions:
     """The reactions of a tree; q, v and qdd follow ``joints`` as ``recursion_program`` takes them.

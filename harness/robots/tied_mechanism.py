@@ -17,8 +17,7 @@ from harness.equations.constraint_forces import by_multipliers, constrained_prog
 from harness.equations.constraints import JACOBIAN, Constraints
 from harness.equations.program import StraightLineProgram, without_unused
 from harness.equations.states import States
-from harness.files.constraints import ModelConstraint
-from harness.files.equalities import Rows
+from harness.files.equalities import Equality, Rows
 from harness.files.tree import Given, Tree
 from harness.robots.constraints import Row, equations_of_rows, rows_in, rows_of, untied
 from harness.robots.mechanism import RobotMechanism, mechanism_of
@@ -73,7 +72,7 @@ def tied_tree(tree: Tree, joints: Sequence[str], equalities: Mapping[str, Rows],
     return _tied(world, joints, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
 
 
-def tied_mechanism(robot: Robot, constraints: Sequence[ModelConstraint], declared: Constraints, states: States) -> Tied:
+def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Constraints, states: States) -> Tied:
     """The mechanism of a robot whose coordinates, those of single axes, are tied as ``declared`` of the same coordinates says.
 
     ``states`` close the constraints; which rows are independent is found there.

@@ -9,21 +9,15 @@ from pathlib import Path
 import pytest
 
 from harness.errors import InvalidModel
-from harness.files.constraints import (
-    End,
-    FrameConstraint,
-    JointConstraint,
-    ModelConstraint,
-    PointConstraint,
-    Softness,
-    Tendon,
-    TendonConstraint,
-)
+from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, Sum, TendonLinkage, Weld
+from harness.files.facts import in_radians, point_of, turn_of
 from harness.library import Library
 from harness.models.anatomy import anatomy
 from harness.models.lines import JOINT, lines_of
 from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.models.reading import read as read_meaning
 from harness.models.text import find_numbers
+from harness.models.xml import parse_document
 
 LIBRARY = Library.built_in()
 CONNECT = '<connect name="closure" site1="coupler_end" site2="follower_end"/>'
@@ -42,7 +36,7 @@ def four_bar(model_format: str, *changes: tuple[str, str]) -> ModelFile:
     return parse_model(Path(f"model.{model_format}"), text, model_format)
 
 
-def only(file: ModelFile) -> ModelConstraint:
+def only(file: ModelFile) -> Equality:
     (constraint,) = file.constraints
     return constraint
 
@@ -53,41 +47,61 @@ def line(model_format: str, text: str) -> int:
     return next(number for number, content in enumerate(lines, start=1) if text in content)
 
 
-COUPLER_END, FOLLOWER_END = End("coupler", (1.5, 0.0, 0.0)), End("follower", (1.3, 0.0, 0.0))
+COUPLER_END, FOLLOWER_END = ("coupler", (1.5, 0.0, 0.0)), ("follower", (1.3, 0.0, 0.0))
 PLACE = line("mjcf", "<connect")
 
 
+def said(constraint: Equality) -> tuple[object, ...]:
+    """The numbers and names of what a constraint says, as plain data."""
+    says = constraint.says
+    if isinstance(says, Meeting):
+        scale = (float(says.torque_scale),) if isinstance(says, Weld) else ()
+        return constraint.couples, [(body, point_of(pose)) for body, pose in says.ends], *scale
+    assert isinstance(says, Linkage | TendonLinkage)
+    coefficients = tuple(map(float, says.coefficients))
+    if isinstance(says, Linkage):
+        return constraint.couples, says.joint, says.leader, coefficients
+    lengths = [
+        (one.name, tuple((name, float(part) if isinstance(one, Sum) else point_of(part)) for name, part in vars(one)[field]))
+        for one in says.tendons
+        for field in ("terms" if isinstance(one, Sum) else "points",)
+    ]
+    return constraint.couples, lengths, coefficients
+
+
 @pytest.mark.parametrize(
-    ("element", "expected"),
+    ("element", "name", "softness", "expected"),
     [
-        (CONNECT, PointConstraint("closure", PLACE, Softness(), (COUPLER_END, FOLLOWER_END))),
+        (CONNECT, "closure", SolverParameters(), ("point", [COUPLER_END, FOLLOWER_END])),
         (
             '<weld name="w" site1="follower_end" site2="coupler_end" torquescale="0.5" solref="-100 -20"/>',
-            FrameConstraint("w", PLACE, Softness((-100.0, -20.0)), (FOLLOWER_END, COUPLER_END), 0.5),
+            "w",
+            SolverParameters((-100.0, -20.0)),
+            ("frame", [FOLLOWER_END, COUPLER_END], 0.5),
         ),
         (
             '<joint name="j" joint1="crank" joint2="follower" polycoef="0.5 2" solimp="0.8 0.9"/>',
-            JointConstraint(
-                "j", PLACE, Softness(solimp=(0.8, 0.9, 0.001, 0.5, 2.0)), "crank", "follower", (0.5, 2.0, 0.0, 0.0, 0.0), (0.0, 0.0)
-            ),
+            "j",
+            SolverParameters(solimp=(0.8, 0.9, 0.001, 0.5, 2.0)),
+            ("joint", "crank", "follower", (0.5, 2.0, 0.0, 0.0, 0.0)),
         ),
-        ('<joint name="j" joint1="crank"/>', JointConstraint("j", PLACE, Softness(), "crank", None, (0.0, 1.0, 0.0, 0.0, 0.0))),
+        ('<joint name="j" joint1="crank"/>', "j", SolverParameters(), ("joint", "crank", None, (0.0, 1.0, 0.0, 0.0, 0.0))),
         (
             '<tendon name="t" tendon1="cord" tendon2="sum" polycoef="0 1 2 3 4"/>',
-            TendonConstraint(
-                "t",
-                PLACE,
-                Softness(),
-                Tendon("cord", (), (COUPLER_END, FOLLOWER_END)),
-                Tendon("sum", (("crank", 2.0), ("follower", 1.0)), ()),
+            "t",
+            SolverParameters(),
+            (
+                "tendon",
+                [("cord", (COUPLER_END, FOLLOWER_END)), ("sum", (("crank", 2.0), ("follower", 1.0)))],
                 (0.0, 1.0, 2.0, 3.0, 4.0),
             ),
         ),
     ],
 )
-def test_what_is_read_from_equality(element: str, expected: ModelConstraint) -> None:
+def test_what_is_read_from_equality(element: str, name: str, softness: SolverParameters, expected: tuple[object, ...]) -> None:
     file = four_bar("mjcf", TENDONS, (CONNECT, element))
-    assert only(file) == expected
+    read = only(file)
+    assert (read.name, read.line, read.softness, said(read)) == (name, PLACE, softness, expected)
     assert pickle.loads(pickle.dumps(file)) == file
 
 
@@ -98,8 +112,9 @@ def test_a_constraint_of_the_world_and_a_turned_site() -> None:
         '<default><default class="turned"><site quat="0 1 0 0"/></default></default><worldbody><site name="here" class="turned"/>',
     )
     read = only(four_bar("mjcf", site, (CONNECT, weld)))
-    assert isinstance(read, FrameConstraint)
-    assert read.ends == (End("world", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)), FOLLOWER_END)
+    assert said(read)[:2] == ("frame", [("world", (0.0, 0.0, 0.0)), FOLLOWER_END])
+    assert isinstance(read.says, Weld)
+    assert turn_of(read.says.first) == (0.0, 1.0, 0.0, 0.0)
 
 
 def test_softness_comes_from_default_classes_number_by_number() -> None:
@@ -112,7 +127,7 @@ def test_softness_comes_from_default_classes_number_by_number() -> None:
     )
     file = four_bar("mjcf", ("<worldbody>", f"{classes}<worldbody>"), ('name="closure"', 'name="closure" class="hard" solref="0.03"'))
     read, compiled = only(file).softness, mujoco.MjModel.from_xml_string(file.text)
-    assert read == Softness((0.03, 0.5), (0.99, 0.8, 0.002, 0.5, 2.0))
+    assert read == SolverParameters((0.03, 0.5), (0.99, 0.8, 0.002, 0.5, 2.0))
     assert (read.solref, read.solimp) == (tuple(compiled.eq_solref[0]), tuple(compiled.eq_solimp[0]))
 
 
@@ -123,17 +138,23 @@ def test_a_coupling_is_measured_from_the_references_of_its_joints(unit: str, fac
         ('name="crank" type="hinge"', 'name="crank" type="hinge" ref="0.5"'),
         (CONNECT, '<joint name="j" joint1="coupler" joint2="crank"/>'),
     )
-    read = only(four_bar("mjcf", *changes))
-    assert isinstance(read, JointConstraint) and read.references == (0.0, 0.5 * factor)
+    file = four_bar("mjcf", *changes)
+    read = only(file)
+    tree = read_meaning(parse_document(file.path, file.text, "mujoco")).tree
+    (crank,) = (joint for joint in tree.joints if joint.name == "crank")
+    assert said(read)[1:3] == ("coupler", "crank")
+    assert in_radians(crank, "reference") == 0.5 * factor
 
 
 def test_what_is_read_from_urdf() -> None:
     at = line("urdf", "<drake:ball_constraint name")
-    assert only(four_bar("urdf")) == PointConstraint("closure", at, None, (COUPLER_END, FOLLOWER_END))
+    read = only(four_bar("urdf"))
+    assert (read.name, read.line, read.softness, said(read)) == ("closure", at, None, ("point", [COUPLER_END, FOLLOWER_END]))
     file = four_bar("urdf", MIMIC)
-    coupling = JointConstraint("follower", file.mimics[0].line, None, "follower", "coupler", (0.5, -2.0, 0.0, 0.0, 0.0))
-    assert file.constraints[1:] == (coupling,)
-    assert [one.kind for one in file.constraints] == ["point", "joint"]
+    coupling = file.constraints[1]
+    assert (coupling.name, coupling.line, coupling.softness) == ("follower", file.mimics[0].line, None)
+    assert [said(one)[0] for one in file.constraints] == ["point", "joint"]
+    assert said(coupling)[1:] == ("follower", "coupler", (0.5, -2.0, 0.0, 0.0, 0.0))
 
 
 MALFORMED_MJCF = {

@@ -117,7 +117,7 @@ class DartEngine(Engine):
     }
 
     def refuse(self, file: ModelFile) -> None:
-        refused = [(one.line, f"{one.kind} constraint {one.name!r} is none of what its loader reads") for one in file.constraints]
+        refused = [(one.line, f"{one.couples} constraint {one.name!r} is none of what its loader reads") for one in file.constraints]
         refused += [(one.line, f"reflected inertia of joint {one.joint!r}, which its algorithm does not know") for one in file.armatures]
         if file.ball_joint is not None:
             line = file.joint_lines[file.ball_joint]

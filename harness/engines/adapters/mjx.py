@@ -253,7 +253,7 @@ class MjxEngine(Engine):
         if file.constraints and not self._in_float64:
             one = file.constraints[0]
             why = "positions that are rounded to float32 do not close it, and off it there is no truth to judge by"
-            raise Unsupported(f"line {one.line}: {one.kind} constraint {one.name!r}: {why}")
+            raise Unsupported(f"line {one.line}: {one.couples} constraint {one.name!r}: {why}")
         model = mujoco.MjModel.from_xml_string(file.text)
         keep_what_is_on(model)
         try:

@@ -9,8 +9,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from lxml import etree
 
-from harness.files.constraints import POLYNOMIAL, SOLIMP, SOLREF, Softness
-from harness.files.equalities import Equality, Linkage, Meeting, PathLinkage, Polygon, Rows, Sum, TendonLinkage, Weld
+from harness.files.equalities import (
+    POLYNOMIAL,
+    SOLIMP,
+    SOLREF,
+    Equality,
+    Linkage,
+    Meeting,
+    Polygon,
+    Rows,
+    SolverParameters,
+    Sum,
+    Tendon,
+    TendonLinkage,
+    Weld,
+)
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Body, Placement, Pose, Quaternion, vector
 from harness.models.mjcf.defaults import resolved_text
@@ -55,38 +68,30 @@ class _Reader:
         self._floating = tuple((key, attributes.pose(elements[key])) for key in elements if key in floating)
 
     def read(self, element: etree._Element) -> Equality:
-        readers: Mapping[str, Callable[[etree._Element], Rows | PathLinkage]] = {
+        readers: Mapping[str, Callable[[etree._Element], Rows]] = {
             "connect": self._connect,
             "weld": self._weld,
             "joint": self._joint,
             "tendon": self._tendon,
         }
-        said, why_not, softness = None, _UNWRITTEN, None
+        says, why_not, softness = None, _UNWRITTEN, None
         try:
             if element.tag in readers:
-                said, why_not, softness = readers[str(element.tag)](element), "", self._softness(element)
+                says, why_not, softness = readers[str(element.tag)](element), "", self._softness(element)
         except _NotRead as problem:
-            said, why_not = None, str(problem)
-        path = said if isinstance(said, PathLinkage) else None
-        (line,) = self._source.lines([element])
-        return Equality(
-            str(element.tag),
-            self._source.place(element),
-            line,
-            None if isinstance(said, PathLinkage) else said,
-            why_not if path is None else _ALONG_PATH,
-            softness,
-            self._is_on and resolved_text(element, "active", "true") != "false",
-            str(element.get("name") or ""),
-            path,
-        )
+            says, why_not = None, str(problem)
+        if isinstance(says, TendonLinkage) and any(isinstance(tendon, Polygon) for tendon in says.tendons):
+            why_not = _ALONG_PATH
+        place, (line,) = self._source.place(element), self._source.lines([element])
+        is_active = self._is_on and resolved_text(element, "active", "true") != "false"
+        return Equality(str(element.tag), place, line, says, why_not, softness, is_active, str(element.get("name") or ""))
 
-    def _softness(self, element: etree._Element) -> Softness:
+    def _softness(self, element: etree._Element) -> SolverParameters:
         time, ratio = map(float, self._attributes.numbers(element, "solref", SOLREF))
         if complaint := one_sign((time, ratio)):
             raise _NotRead(f'has solref="{time:g} {ratio:g}" with its default class, which {complaint}')
         least, most, width, midpoint, power = map(float, self._attributes.numbers(element, "solimp", SOLIMP))
-        return Softness((time, ratio), (least, most, width, midpoint, power))
+        return SolverParameters((time, ratio), (least, most, width, midpoint, power))
 
     def _connect(self, element: etree._Element) -> Meeting:
         if "site1" in element.attrib:
@@ -134,15 +139,13 @@ class _Reader:
         joint, leader = self._single(element, "joint1"), self._single(element, "joint2") if "joint2" in element.attrib else None
         return Linkage(joint, leader, self._attributes.numbers(element, "polycoef", POLYNOMIAL))
 
-    def _tendon(self, element: etree._Element) -> TendonLinkage | PathLinkage:
+    def _tendon(self, element: etree._Element) -> TendonLinkage:
         tendon = self._length(self._named(element, "tendon1", self._tendons))
         leader = self._length(self._named(element, "tendon2", self._tendons)) if "tendon2" in element.attrib else None
         coefficients = self._attributes.numbers(element, "polycoef", POLYNOMIAL)
-        if isinstance(tendon, Sum) and not isinstance(leader, Polygon):
-            return TendonLinkage(tendon, leader, coefficients)
-        return PathLinkage(tendon, leader, coefficients)
+        return TendonLinkage(tendon, leader, coefficients)
 
-    def _length(self, tendon: etree._Element) -> Sum | Polygon:
+    def _length(self, tendon: etree._Element) -> Tendon:
         name, parts = str(tendon.get("name")), list(tendon.iterchildren("*"))
         if tendon.tag == "fixed":
             return Sum(name, tuple((self._single(part, "joint"), self._source.number(part, "coef", None)) for part in parts))

@@ -128,7 +128,7 @@ def armatures_passed_over(request: Request) -> dict[str, float]:
 def refuse(file: ModelFile) -> None:
     """Raises Unsupported for what Drake cannot hold, and what nobody can supply."""
     if file.constraints:
-        shown = "; ".join(f"line {one.line}: {one.kind} constraint {one.name!r}" for one in file.constraints)
+        shown = "; ".join(f"line {one.line}: {one.couples} constraint {one.name!r}" for one in file.constraints)
         raise Unsupported(f"Drake holds constraints in discrete time steps alone, and has no acceleration at a state with them: {shown}")
     refuse_unexpressed(file)
 

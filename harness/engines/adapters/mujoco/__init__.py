@@ -24,7 +24,7 @@ from harness.engines import ConstraintLaw, Engine, HeldModel, LoadedModel, StepR
 from harness.engines.adapters.mujoco import equalities, held, law, robot, steps, urdf, versions
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.request import Request
-from harness.files.constraints import ModelConstraint
+from harness.files.equalities import Equality
 from harness.models.model_file import ModelFile
 
 
@@ -206,7 +206,7 @@ class MujocoEngine(Engine):
         """See ``harness.engines.adapters.mujoco.steps``."""
         return steps.step_rules(file)
 
-    def laws(self, root: Any, model_format: str, constraints: Sequence[ModelConstraint]) -> Mapping[str, ConstraintLaw]:
+    def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
         return law.laws_in(equalities.settings(root, model_format), constraints)
 
     def fuses(self, root: Any, model_format: str) -> bool:

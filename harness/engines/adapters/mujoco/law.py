@@ -12,10 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
+from typing import Literal
 
 from lxml import etree
 
-from harness.files.constraints import FrameConstraint, JointConstraint, ModelConstraint, PointConstraint, Softness, TendonConstraint
+from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
 from harness.models.constraint_law import ConstraintLaw, Impedance, InverseWeight
 from harness.models.mjcf.options import is_on
 from harness.models.model_file import ROOT_TAGS, ModelFile
@@ -24,6 +25,7 @@ from harness.models.xml import parse_document
 # mjMINIMP, mjMAXIMP and mjMINVAL.
 LEAST_IMPEDANCE, MOST_IMPEDANCE, LEAST_NUMBER = 0.0001, 0.9999, 1e-15
 _TIMESTEP = 0.002
+_OF_BODIES: tuple[Literal["translation", "rotation"], ...] = ("translation", "rotation")
 
 
 def constraint_laws(file: ModelFile) -> dict[str, ConstraintLaw]:
@@ -33,7 +35,7 @@ def constraint_laws(file: ModelFile) -> dict[str, ConstraintLaw]:
     return laws_in(parse_document(file.path, file.text, ROOT_TAGS[file.format]).root, file.constraints)
 
 
-def laws_in(root: etree._Element, constraints: Iterable[ModelConstraint]) -> dict[str, ConstraintLaw]:
+def laws_in(root: etree._Element, constraints: Iterable[Equality]) -> dict[str, ConstraintLaw]:
     """The law of each of some constraints of the file with this root element."""
     least_time = _least_time_constant(root)
     exact = [flag.get("diagexact") for flag in root.iterfind("option/flag[@diagexact]")][-1:] == ["enable"]
@@ -46,8 +48,8 @@ def _least_time_constant(root: etree._Element) -> Fraction:
     return 2 * Fraction(float(written[-1]) if written else _TIMESTEP) if is_on(root, "refsafe") else Fraction(0)
 
 
-def _law(constraint: ModelConstraint, least_time: Fraction, exact: bool) -> ConstraintLaw:
-    softness = constraint.softness or Softness()
+def _law(constraint: Equality, least_time: Fraction, exact: bool) -> ConstraintLaw:
+    softness = constraint.softness or SolverParameters()
     impedance = _impedance(softness)
     stiffness, damping = _stiffness_and_damping(softness, Fraction(impedance.most), least_time)
     return ConstraintLaw(
@@ -55,19 +57,19 @@ def _law(constraint: ModelConstraint, least_time: Fraction, exact: bool) -> Cons
         stiffness=float(stiffness),
         damping=float(damping),
         weights=None if exact else _weights(constraint),
-        has_curvature=isinstance(constraint, PointConstraint | FrameConstraint),
+        has_curvature=isinstance(constraint.says, Meeting),
         least_regularisation=LEAST_NUMBER,
     )
 
 
-def _impedance(softness: Softness) -> Impedance:
+def _impedance(softness: SolverParameters) -> Impedance:
     least, most, width, midpoint, power = softness.solimp
     bounded = (min(MOST_IMPEDANCE, max(LEAST_IMPEDANCE, value)) for value in (least, most, midpoint))
     least, most, midpoint = bounded
     return Impedance(least, most, max(0.0, width), midpoint, max(1.0, power))
 
 
-def _stiffness_and_damping(softness: Softness, most: Fraction, least_time: Fraction) -> tuple[Fraction, Fraction]:
+def _stiffness_and_damping(softness: SolverParameters, most: Fraction, least_time: Fraction) -> tuple[Fraction, Fraction]:
     time, ratio = map(Fraction, softness.solref)
     least = Fraction(LEAST_NUMBER)
     if time <= 0:
@@ -76,15 +78,12 @@ def _stiffness_and_damping(softness: Softness, most: Fraction, least_time: Fract
     return 1 / max(least, (most * time * ratio) ** 2), 2 / max(least, most * time)
 
 
-def _weights(constraint: ModelConstraint) -> tuple[tuple[InverseWeight, ...], ...]:
-    if isinstance(constraint, PointConstraint | FrameConstraint):
-        bodies = [end.body for end in constraint.ends]
-        translation, rotation = (
-            (InverseWeight("translation", bodies[0]), InverseWeight("translation", bodies[1])),
-            (InverseWeight("rotation", bodies[0]), InverseWeight("rotation", bodies[1])),
-        )
-        return (translation,) * 3 + ((rotation,) * 3 if isinstance(constraint, FrameConstraint) else ())
-    if isinstance(constraint, JointConstraint):
-        return (tuple(InverseWeight("joint", name) for name in (constraint.joint, constraint.leader) if name is not None),)
-    assert isinstance(constraint, TendonConstraint)
-    return (tuple(InverseWeight("tendon", one.name) for one in (constraint.tendon, constraint.leader) if one is not None),)
+def _weights(constraint: Equality) -> tuple[tuple[InverseWeight, ...], ...]:
+    says = constraint.says
+    if isinstance(says, Meeting):
+        translation, rotation = (tuple(InverseWeight(kind, body) for body in says.bodies) for kind in _OF_BODIES)
+        return (translation,) * 3 + ((rotation,) * 3 if isinstance(says, Weld) else ())
+    if isinstance(says, Linkage):
+        return (tuple(InverseWeight("joint", name) for name in (says.joint, says.leader) if name is not None),)
+    assert isinstance(says, TendonLinkage)
+    return (tuple(InverseWeight("tendon", one.name) for one in says.tendons),)

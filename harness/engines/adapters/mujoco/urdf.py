@@ -22,7 +22,8 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines.adapters.mujoco.versions import coefficients
-from harness.files.constraints import PointConstraint
+from harness.files.equalities import Meeting
+from harness.files.facts import point_of
 from harness.models.formats import LEAST
 from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
 from harness.models.xml import Document, describe, literal_tag, parse_document
@@ -139,8 +140,8 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
     # The reader names the coupling of a joint that mimics another by nothing.
     edits += [f"s.equalities[{number}].name = {equality.name1!r}" for number, equality in enumerate(spec.equalities)]
     for constraint in file.constraints:
-        if isinstance(constraint, PointConstraint):
-            edits += _connect(constraint)
+        if isinstance(constraint.says, Meeting):
+            edits += _connect(constraint.name, constraint.says)
     return edits, [statement for statements in written_back.values() for statement in statements]
 
 
@@ -159,14 +160,14 @@ def tendon_of(spring: PointSpring, name: str) -> Iterator[str]:
     yield from (f"t.wrap_site({site!r})" for site in sites)
 
 
-def _connect(constraint: PointConstraint) -> Iterator[str]:
+def _connect(name: str, meeting: Meeting) -> Iterator[str]:
     import mujoco
 
-    sites = (f"{constraint.name} A", f"{constraint.name} B")
-    for site, end in zip(sites, constraint.ends, strict=True):
-        yield _add(f"s.body({end.body!r})", "site", {"name": site, "pos": list(end.point)})
+    sites = (f"{name} A", f"{name} B")
+    for site, (body, pose) in zip(sites, meeting.ends, strict=True):
+        yield _add(f"s.body({body!r})", "site", {"name": site, "pos": list(point_of(pose))})
     values = {
-        "name": constraint.name,
+        "name": name,
         "type": mujoco.mjtEq.mjEQ_CONNECT,
         "objtype": mujoco.mjtObj.mjOBJ_SITE,
         "name1": sites[0],

@@ -28,8 +28,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines.adapters.pinocchio.versions import parent_joint, ready_for_constraints, require
-from harness.files.constraints import End, FrameConstraint, ModelConstraint, PointConstraint
-from harness.files.tree import WORLD
+from harness.files.equalities import Equality, Meeting, Weld
+from harness.files.facts import UNTURNED, point_of, turn_of
+from harness.files.tree import WORLD, Pose
 
 _UNIVERSE = 0
 
@@ -76,20 +77,21 @@ class LoopConstraints:
         Unsupported: one that Pinocchio has no model of.
     """
 
-    def __init__(self, model: Any, constraints: Sequence[ModelConstraint]) -> None:
+    def __init__(self, model: Any, constraints: Sequence[Equality]) -> None:
         import pinocchio
 
         require("constraints", "StdVec_RigidConstraintModel")
         self._model, self._names = model, [constraint.name for constraint in constraints]
         self.models, self.data = pinocchio.StdVec_RigidConstraintModel(), pinocchio.StdVec_RigidConstraintData()
-        kinds = {"point": pinocchio.ContactType.CONTACT_3D, "frame": pinocchio.ContactType.CONTACT_6D}
         for constraint in constraints:
-            if constraint.kind not in kinds:
-                why = f"couples {constraint.kind}s, of which Pinocchio's solver has no constraint model"
+            says = constraint.says
+            if not isinstance(says, Meeting):
+                why = f"couples {constraint.couples}s, of which Pinocchio's solver has no constraint model"
                 raise Unsupported(f"line {constraint.line}: constraint {constraint.name!r} {why}")
-            assert isinstance(constraint, PointConstraint | FrameConstraint)
-            places = [part for end in constraint.ends for part in self._place(end)]
-            self.models.append(pinocchio.RigidConstraintModel(kinds[constraint.kind], model, *places, pinocchio.ReferenceFrame.LOCAL))
+            turned = isinstance(says, Weld)
+            places = [part for body, pose in says.ends for part in self._place(body, pose, turned)]
+            kind = pinocchio.ContactType.CONTACT_6D if turned else pinocchio.ContactType.CONTACT_3D
+            self.models.append(pinocchio.RigidConstraintModel(kind, model, *places, pinocchio.ReferenceFrame.LOCAL))
         for one in self.models:
             self.data.append(one.createData())
         self.solver = ACCURATE
@@ -206,14 +208,14 @@ class LoopConstraints:
     def _written_end(self, joint: int, placement: Any) -> str:
         return f"{joint}, pin.SE3(np.array({placement.rotation.tolist()}), np.array({placement.translation.tolist()}))"
 
-    def _place(self, end: End) -> tuple[int, Any]:
-        """The joint that carries an end, and the end's frame in that of the joint."""
+    def _place(self, body: str, pose: Pose, turned: bool) -> tuple[int, Any]:
+        """The joint that carries a body, and a frame of the body in that of the joint."""
         import pinocchio
 
-        w, x, y, z = end.turn
+        w, x, y, z = turn_of(pose) if turned else UNTURNED
         turn = pinocchio.Quaternion(w, x, y, z).normalized().toRotationMatrix() if any((x, y, z)) else np.eye(3)
-        local = pinocchio.SE3(turn, np.array(end.point))
-        if end.body == WORLD and not self._model.existFrame(WORLD, pinocchio.FrameType.BODY):
+        local = pinocchio.SE3(turn, np.array(point_of(pose)))
+        if body == WORLD and not self._model.existFrame(WORLD, pinocchio.FrameType.BODY):
             return _UNIVERSE, local
-        frame = self._model.frames[self._model.getFrameId(end.body, pinocchio.FrameType.BODY)]
+        frame = self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)]
         return parent_joint(frame), frame.placement * local
