@@ -117,15 +117,8 @@ class Source:
         """The name in ``attribute``; raises InvalidModel where ``known`` does not hold it."""
         name = element.get(attribute)
         if name not in known:
-            self.refuse(element, self.unresolved(element, attribute, known))
+            self.refuse(element, unresolved(element, attribute, known))
         return str(name)
-
-    def unresolved(self, element: etree._Element, attribute: str, known: Elements) -> str:
-        """The complaint about an attribute that is missing, or names nothing of ``known``."""
-        name = element.get(attribute)
-        if name is None:
-            return f"{describe(element)} has no attribute {attribute!r}; add it"
-        return f'<{literal_tag(element)} {attribute}="{shorten(name)}"> names nothing in this file; {nearest(shorten(name), known)}'
 
     # Numbers.
 
@@ -172,3 +165,11 @@ class Source:
         """``numbers`` of one."""
         (value,) = self.numbers(element, attribute, None if default is None else (default,), check, 1, 1)
         return value
+
+
+def unresolved(element: etree._Element, attribute: str, known: Elements) -> str:
+    """The complaint about an attribute that is missing, or names nothing of ``known``."""
+    name = element.get(attribute)
+    if name is None:
+        return f"{describe(element)} has no attribute {attribute!r}; add it"
+    return f'<{literal_tag(element)} {attribute}="{shorten(name)}"> names nothing in this file; {nearest(shorten(name), known)}'

@@ -30,7 +30,7 @@ from harness.models.mjcf.defaults import resolved_text
 from harness.models.mjcf.numbers import JOINTS, Attributes
 from harness.models.mjcf.options import is_on
 from harness.models.mjcf.tendons import tendons
-from harness.models.source import Elements, Source
+from harness.models.source import Elements, Source, unresolved
 from harness.models.values import one_sign
 
 # Of a weld: a quaternion of zero stands for the orientation at the reference.
@@ -115,7 +115,7 @@ class _Reader:
 
     def _named(self, element: etree._Element, attribute: str, known: Elements) -> etree._Element:
         if element.get(attribute) not in known:
-            raise _NotRead(f"is not read: {self._source.unresolved(element, attribute, known)}")
+            raise _NotRead(f"is not read: {unresolved(element, attribute, known)}")
         return known[str(element.get(attribute))]
 
     def _site(self, element: etree._Element, attribute: str) -> tuple[str, Pose]:

@@ -14,7 +14,7 @@ from lxml import etree
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Given, Placement, Pose, Spring, vector
 from harness.models.formats import POINT_SPRING
-from harness.models.source import Elements, Source
+from harness.models.source import Elements, Source, unresolved
 from harness.models.urdf.kinds import needs_axis
 from harness.models.values import Numbers, not_negative, positive
 from harness.models.xml import describe, literal_tag, shorten
@@ -64,24 +64,10 @@ def _armatures(source: Source, root: etree._Element, joints: Elements, single: s
     driven: set[str] = set()
     for transmission in root.iterchildren("transmission"):
         rotor = has_rotor(transmission)
-        kind = transmission.findtext("type") or transmission.get("type") or ""
-        if "SimpleTransmission" not in kind:
-            what = f"is of type {shorten(kind)!r}" if kind else "has no <type>"
-            expected = "expected <type>transmission_interface/SimpleTransmission</type>"
-            source.pass_over(transmission, f"{describe(transmission)} {what}; {expected}", UNREAD_ROTORS if rotor else "")
+        if problem := _of_no_joint(transmission, rotor, joints):
+            source.pass_over(transmission, f"{describe(transmission)} {problem}", UNREAD_ROTORS if rotor else "")
             continue
-        # Without a rotor it moves nothing, whatever joints it names.
-        carrier = source.one(transmission, "joint") if rotor else transmission.find("joint")
-        if carrier is None:
-            source.pass_over(transmission, f"{describe(transmission)} has no <joint>; add it", UNREAD_ROTORS if rotor else "")
-            continue
-        if not rotor and carrier.get("name") in joints:
-            problem = f"has no <{ROTOR_INERTIA}>; add it, or remove the transmission, which does nothing"
-            source.pass_over(transmission, f"{describe(transmission)} {problem}")
-            continue
-        if not rotor:
-            source.pass_over(carrier, source.unresolved(carrier, "name", joints))
-            continue
+        carrier = source.one(transmission, "joint")
         name = source.resolve(carrier, "name", joints)
         if name in driven:
             source.refuse(transmission, f"joint {name!r} has a second transmission; expected one, with the sum of the reflected inertias")
@@ -94,6 +80,22 @@ def _armatures(source: Source, root: etree._Element, joints: Elements, single: s
             source.pass_over(limit, f"{describe(joints[name])} {problem}", UNREAD_ROTORS)
         else:
             yield name, _reflected(source, transmission)
+
+
+def _of_no_joint(transmission: etree._Element, rotor: bool, joints: Elements) -> str:
+    """The complaint about a transmission that moves no joint by a rotor; "" for one that does."""
+    kind = transmission.findtext("type") or transmission.get("type") or ""
+    if "SimpleTransmission" not in kind:
+        found = f"is of type {shorten(kind)!r}" if kind else "has no <type>"
+        return f"{found}; expected <type>transmission_interface/SimpleTransmission</type>"
+    carrier = transmission.find("joint")
+    if carrier is None:
+        return "has no <joint>; add it"
+    if rotor:
+        return ""
+    if carrier.get("name") not in joints:
+        return f"has no <{ROTOR_INERTIA}>, and {unresolved(carrier, 'name', joints)}"
+    return f"has no <{ROTOR_INERTIA}>; add it, or remove the transmission, which does nothing"
 
 
 def _reflected(source: Source, transmission: etree._Element) -> Given:
@@ -115,7 +117,7 @@ def end_of(source: Source, element: etree._Element, links: Elements, body: str, 
     """A link, or the world, and a place in it, as Drake's elements name them."""
     part, place = (_part(source, element, suffix) for suffix in (body, point))
     if part.get("name") == WORLD and WORLD not in links:
-        source.pass_over(part, source.unresolved(part, "name", links))
+        source.pass_over(part, unresolved(part, "name", links))
         name = WORLD
     else:
         name = source.resolve(part, "name", links)
