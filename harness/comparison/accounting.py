@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.certify.compare import compare
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
-from harness.engines.request import Answers
+from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import Reading
 from harness.results.comparison import FELT, Effect
 from harness.robots.robot import Robot
@@ -77,7 +77,7 @@ def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Readi
     )
 
 
-def readings_that_do_not_hold(meant: Meant, folded: Folded, answers: Answers) -> list[str]:
+def readings_that_do_not_hold(meant: Meant, folded: Folded, answers: EngineAnswers) -> list[str]:
     """The fewest readings without which all others explain an answer, a sentence; none where no one or two of them do.
 
     They are declarations that the engine in use, or this file, departs from.
@@ -94,7 +94,7 @@ def readings_that_do_not_hold(meant: Meant, folded: Folded, answers: Answers) ->
     return []
 
 
-def _left(meant: Meant, robot: Robot, answers: Answers) -> float:
+def _left(meant: Meant, robot: Robot, answers: EngineAnswers) -> float:
     """The worst backward error of the first answers against what ``robot`` means; infinite where they cannot be compared."""
     if not set(robot.joints) <= set(answers.accelerations):
         return np.inf

@@ -17,7 +17,7 @@ from harness.engines import (
     runs_elsewhere,
     select_subjects,
 )
-from harness.engines.request import Answers, Question
+from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.library import Library
 
 
@@ -59,16 +59,16 @@ def robot_subjects(names: Sequence[str] = ()) -> list[Subject]:
     return select_subjects(FilesLibrary.without_files(), names)
 
 
-def ask_engine(engine: str, question: Question) -> Answers:
+def ask_engine(engine: str, question: EngineQuestion) -> EngineAnswers:
     """What an engine, or a version of it, answers: in this process, or in its environment if it is not installed beside the harness.
 
     What its version has no interface for is a refusal, and so is an engine that is installed nowhere.
     """
     found: Any = load_engine(FilesLibrary.without_files(), engine)
     if installed_version(found) is None:
-        return Answers(refusal=f"{found.requires[1]} is not installed; harness engines add {engine}")
+        return EngineAnswers(refusal=f"{found.requires[1]} is not installed; harness engines add {engine}")
     try:
-        answers: Answers = found.evaluate("ask", question) if runs_elsewhere(found) else found.ask(question)
+        answers: EngineAnswers = found.evaluate("ask", question) if runs_elsewhere(found) else found.ask(question)
     except Unsupported as missing:
-        return Answers(refusal=str(missing))
+        return EngineAnswers(refusal=str(missing))
     return answers

@@ -36,7 +36,7 @@ class Mass:
 
 
 @dataclass(frozen=True)
-class Node:
+class CanonicalNode:
     """One joint and what moves with it.
 
     Attributes:
@@ -70,7 +70,7 @@ def _square(arm: Array) -> Array:
     return np.asarray(np.dot(arm, arm) * np.eye(3) - np.outer(arm, arm))
 
 
-def canonical(robot: Robot) -> dict[str, Node]:
+def canonical(robot: Robot) -> dict[str, CanonicalNode]:
     """The nodes of a robot by the name of their joint, parents first; each number to the last bit or two."""
     import flint
 
@@ -78,7 +78,7 @@ def canonical(robot: Robot) -> dict[str, Node]:
     weights = Weights(builder, tree)
     # Of each body, the joint that moves it, and its frame in the world at zero.
     frames = {WORLD: ("", placed(builder, ()))}
-    joints: dict[str, _AtZero] = {}
+    joints: dict[str, _JointAtZero] = {}
     for body in tree.bodies:
         frames[body.name] = _grown(builder, body, *frames[body.parent], joints)
     outputs: dict[str, list[Term]] = {f"joint {name}": [*one.anchor, *one.axis, *one.axes.flat] for name, one in joints.items()}
@@ -90,13 +90,13 @@ def canonical(robot: Robot) -> dict[str, Node]:
         outputs[f"body {body.name}"] = [total.mass, *total.first, *total.second.flat]
     with flint.ctx.workprec(_BITS):
         values = builder.evaluated(outputs)
-    found: dict[str, Node] = {}
+    found: dict[str, CanonicalNode] = {}
     anchors: dict[str, list[Any]] = {"": [0.0] * 3}
     for name, one in joints.items():
         anchors[name], rest = values[f"joint {name}"][:3], [float(value) for value in values[f"joint {name}"][3:]]
         arm = [float(own - before) for own, before in zip(anchors[name], anchors[one.moved_by], strict=True)]
         frame_axes = np.array(rest[3:]).reshape(3, 3)
-        found[name] = Node(one.moved_by, one.joint, one.body, np.array(arm), np.array(rest[:3]), frame_axes, {}, {})
+        found[name] = CanonicalNode(one.moved_by, one.joint, one.body, np.array(arm), np.array(rest[:3]), frame_axes, {}, {})
     for body in moving:
         mass, *moments = values[f"body {body.name}"]
         node = found[frames[body.name][0]]
@@ -106,7 +106,7 @@ def canonical(robot: Robot) -> dict[str, Node]:
 
 
 @dataclass(frozen=True)
-class _AtZero:
+class _JointAtZero:
     """A joint in the world at zero: its anchor, its axis, and the ``axes`` along which it has its velocity; the joint before it."""
 
     moved_by: str
@@ -117,7 +117,7 @@ class _AtZero:
     axes: Matrix
 
 
-def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joints: dict[str, _AtZero]) -> tuple[str, Frame]:
+def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joints: dict[str, _JointAtZero]) -> tuple[str, Frame]:
     """Add the joints of a body; the last of them, and the body's frame in the world."""
     frame = placed(builder, body.pose, parent)
     for joint in body.joints:
@@ -128,7 +128,7 @@ def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joint
         at_zero = builder.number(joint.offset) - angle(builder, joint.reference, joint.in_degrees)
         is_planar = joint.kind.has_axis and not joint.kind.is_single
         axes = frame.turn @ rotation(builder, Placement(rotation=(Direction(joint.axis),))) if is_planar else frame.turn
-        joints[joint.name] = _AtZero(moved_by, joint, body, anchor, frame.turn @ axis, axes)
+        joints[joint.name] = _JointAtZero(moved_by, joint, body, anchor, frame.turn @ axis, axes)
         if joint.kind.is_single and joint.kind.linear:
             frame = Frame(frame.turn, frame.shift + at_zero * (frame.turn @ axis))
         elif joint.kind.is_single:

@@ -22,7 +22,7 @@ from harness.comparison.asking import ask_engine
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
 from harness.engines import Engine
-from harness.engines.request import Answers, Held, Question
+from harness.engines.request import EngineAnswers, EngineQuestion, Held
 from harness.equations.constraint_forces import Softness, softened_program
 from harness.equations.constraints import RESIDUAL
 from harness.equations.kernels import BallKernel
@@ -99,15 +99,15 @@ def _why_not(equality: Equality, read: Robot) -> str:
     return f"is about {missing}, which the engine does not have" if missing else ""
 
 
-def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int], most: int | None = None) -> Answers:
+def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int], most: int | None = None) -> EngineAnswers:
     """Accelerations of the plain engine with some of the equalities."""
     held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
     request = replace(request_of(meant.robot, aided=False), held=held)
     states = spread(meant.robot, meant.states[np.arange(len(meant.states))[:most]], request.joints)
-    return ask_engine(caller.name, Question(request, states.q, states.v, states.tau))
+    return ask_engine(caller.name, EngineQuestion(request, states.q, states.v, states.tau))
 
 
-def _effect(read: Meant, answers: Answers) -> float | None:
+def _effect(read: Meant, answers: EngineAnswers) -> float | None:
     """By how much an answer differs from the truth of the tree alone, relative in the energy norm."""
     found = answers.of(read.robot.joints)
     truth = read.truth[np.arange(len(found))]

@@ -13,7 +13,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import ROUNDINGS, energy_norm
-from harness.comparison.canonical import Node, canonical
+from harness.comparison.canonical import CanonicalNode, canonical
 from harness.comparison.truth import Meant
 
 FAR_LINKS = (
@@ -52,7 +52,7 @@ def _carried_from_centre(meant: Meant) -> tuple[Array, Array]:
     return np.array([own for own, _ in of_velocities]), np.array([float(np.linalg.norm(where - centre)) for _, where in of_velocities])
 
 
-def _carried(nodes: dict[str, Node], places: dict[str, Array], name: str) -> tuple[float, Array]:
+def _carried(nodes: dict[str, CanonicalNode], places: dict[str, Array], name: str) -> tuple[float, Array]:
     """Mass and centre, in the world, of all that moves with a joint."""
     mass, first = 0.0, np.zeros(3)
     for other, node in nodes.items():

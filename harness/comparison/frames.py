@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.canonical import Node, canonical
+from harness.comparison.canonical import CanonicalNode, canonical
 from harness.comparison.numbers import place_text
 from harness.comparison.quantities import JOINT_NUMBERS, Key, Quantity, quantities
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, reference_of
@@ -89,7 +89,7 @@ class _CanonicalRobot:
         x, y, z = self.numbers[key]
         return x, y, z
 
-    def _bodies(self, name: str, node: Node) -> list[Body]:
+    def _bodies(self, name: str, node: CanonicalNode) -> list[Body]:
         """The joint on a body without mass, and its masses on bodies fixed to that."""
         turn = (Quaternion(self.numbers[name, "turn"]),) if (name, "turn") in self._differing else ()
         numbers = {key: self.numbers[name, key][0] for key in JOINT_NUMBERS if self._all[name, key].scale}

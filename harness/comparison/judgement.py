@@ -17,7 +17,7 @@ from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
 from harness.comparison.rest import is_explained_by_number, unexplained, why_refused
 from harness.comparison.truth import Meant, read_as
 from harness.engines import Engine
-from harness.engines.request import Answers
+from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import find_readings
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
@@ -28,7 +28,7 @@ ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution
 _NOWHERE = "at no state is an acceleration certain, for M is singular or not positive definite there"
 
 
-def judge(meant: Meant, answers: Answers, caller: Engine, aided: bool) -> SubjectRecord:
+def judge(meant: Meant, answers: EngineAnswers, caller: Engine, aided: bool) -> SubjectRecord:
     """The record of a subject that returned something."""
     about: dict[str, Any] = {**subject_of(meant, caller, aided), "notes": answers.notes}
     if answers.refusal:
@@ -60,7 +60,7 @@ def judge(meant: Meant, answers: Answers, caller: Engine, aided: bool) -> Subjec
     return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, answers))
 
 
-def _cause_of_lost_digits(read: Meant, answers: Answers, after: Comparison, caller: Engine) -> str:
+def _cause_of_lost_digits(read: Meant, answers: EngineAnswers, after: Comparison, caller: Engine) -> str:
     """Why digits are lost in what the readings leave; "" where they are not, or a number of the file explains it."""
     accelerations = answers.of(read.robot.joints)
     if is_explained_by_number(read, accelerations):
@@ -77,7 +77,7 @@ def _lost(after: Comparison, cause: str) -> str:
     return f"it loses digits at {count}, up to {error_text(float(known.max()))} data roundoffs: {cause}"
 
 
-def _of_undetermined(meant: Meant, answers: Answers) -> str:
+def _of_undetermined(meant: Meant, answers: EngineAnswers) -> str:
     finite = int(np.isfinite(answers.of(meant.robot.joints)).all(axis=1).sum())
     return f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
 
@@ -94,7 +94,7 @@ def subject_of(meant: Meant, caller: Engine, aided: bool) -> dict[str, Any]:
     }
 
 
-def _compare(meant: Meant, answers: Answers) -> Comparison:
+def _compare(meant: Meant, answers: EngineAnswers) -> Comparison:
     """Whether an engine factorises M is its own matter: digits that M's condition costs are excused in either."""
     return compare(meant.truth, answers.of(meant.robot.joints), factorises=True)
 

@@ -13,7 +13,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.coordinates import multiplied
 from harness.engines.loaded_file import LoadedFile
-from harness.engines.request import Asked, by_joint
+from harness.engines.request import AskedJoint, by_joint
 from harness.models.step_rule import StepRule
 
 LENGTH = 0.002
@@ -28,13 +28,13 @@ RUNGE_KUTTA = StepRule(
 OWN_RULES = (EULER, RUNGE_KUTTA)
 
 
-def advanced(loaded: LoadedFile, joints: Sequence[Asked], q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
+def advanced(loaded: LoadedFile, joints: Sequence[AskedJoint], q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
     """q (nq,) and v (nv,) over ``joints`` after so many steps by a rule of ``OWN_RULES``, without applied forces.
 
     Raises:
         ValueError: the rule has stages, and a joint turns about a point.
     """
-    if rule.stages and any(joint.kind in ("ball", "free") for joint in joints):
+    if rule.stages and any(joint.kind.has_attitude for joint in joints):
         raise ValueError(f"{rule.name} of one's own is written for hinges and slides alone")
     accelerate = _accelerations_of(loaded, joints)
     for _ in range(steps):
@@ -46,7 +46,7 @@ def advanced(loaded: LoadedFile, joints: Sequence[Asked], q: Array, v: Array, ru
     return q, v
 
 
-def _accelerations_of(loaded: LoadedFile, joints: Sequence[Asked]) -> Callable[[Array, Array], Array]:
+def _accelerations_of(loaded: LoadedFile, joints: Sequence[AskedJoint]) -> Callable[[Array, Array], Array]:
     def accelerations(q: Array, v: Array) -> Array:
         found = by_joint(loaded.joints, loaded.forward_dynamics(q[None], v[None], np.zeros((1, len(v)))))
         return np.concatenate([found[joint.name][0] for joint in joints])
@@ -67,12 +67,12 @@ def _mixed(weights: Sequence[Fraction], vectors: Sequence[Array]) -> Array:
     return np.asarray(sum(float(weight) * vector for weight, vector in zip(weights, vectors, strict=True)))
 
 
-def _moved(joints: Sequence[Asked], q: Array, way: Array) -> Array:
+def _moved(joints: Sequence[AskedJoint], q: Array, way: Array) -> Array:
     """Positions after a way along the velocities: a rotation turns about the body's axes."""
     found = q.copy()
     for joint in joints:
         positions, velocities = list(joint.positions), list(joint.velocities)
-        if joint.kind in ("ball", "free"):
+        if joint.kind.has_attitude:
             half = way[velocities[-3:]] / 2
             angle = np.linalg.norm(half)
             turn = np.array([np.cos(angle), *(half * np.sinc(angle / np.pi))])

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.canonical import Mass, Node, canonical
+from harness.comparison.canonical import CanonicalNode, Mass, canonical
 from harness.files.tree import Body, Place
 from harness.robots.robot import Robot
 
@@ -74,7 +74,7 @@ def quantities(first: Robot, second: Robot) -> dict[Key, Quantity]:
     return found
 
 
-def _of_joint(one: Node, other: Node, before: Array, own: Array) -> Iterator[tuple[str, Quantity]]:
+def _of_joint(one: CanonicalNode, other: CanonicalNode, before: Array, own: Array) -> Iterator[tuple[str, Quantity]]:
     """Of the joint: where it stands, how what it carries is turned, its axis and its numbers."""
     name = one.joint.name
     size = max(float(np.linalg.norm(one.anchor)), float(np.linalg.norm(one.total.centre)), LEAST_LENGTH)
@@ -89,7 +89,7 @@ def _of_joint(one: Node, other: Node, before: Array, own: Array) -> Iterator[tup
         yield number, Quantity(f"{words} of joint {name}", (first, second), float(max(abs(first[0]), abs(second[0]))), places)
 
 
-def _of_masses(one: Node, other: Node, turn: Array) -> Iterator[tuple[str, Quantity]]:
+def _of_masses(one: CanonicalNode, other: CanonicalNode, turn: Array) -> Iterator[tuple[str, Quantity]]:
     """Mass, centre and moments of each body where the bodies have the same names, else of all that moves with the joint."""
     if one.bodies.keys() == other.bodies.keys():
         for body in one.bodies:
@@ -116,7 +116,7 @@ def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body
     yield f"moments {key}", Quantity(f"moments of inertia of {owner}", moments, scale, places("moments"))
 
 
-def _heaviest(node: Node) -> Body:
+def _heaviest(node: CanonicalNode) -> Body:
     heaviest = max(node.bodies, key=lambda name: node.bodies[name].mass, default="")
     return node.elements[heaviest] if heaviest else node.body
 

@@ -15,7 +15,7 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference
 from harness.comparison.truth import Meant, reference_of
-from harness.engines.request import Answers
+from harness.engines.request import EngineAnswers
 from harness.explain.fit import left_by
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.results.table import error_text
@@ -28,7 +28,7 @@ MOST_NAMED, WORTH_NAMING = 3, 0.1
 SAME_MATRIX = 1e-12
 
 
-def unexplained(meant: Meant, answers: Answers) -> list[str]:
+def unexplained(meant: Meant, answers: EngineAnswers) -> list[str]:
     """Sentences on an answer that differs from what the tree means."""
     accelerations = answers.of(meant.robot.joints)
     side = _side(meant, accelerations)

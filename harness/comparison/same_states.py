@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.canonical import Node, canonical
-from harness.engines.coordinates import LINEAR, multiplied, of_linear, quaternion_of, rotations
-from harness.engines.request import Asked
+from harness.comparison.canonical import CanonicalNode, canonical
+from harness.engines.coordinates import multiplied, of_linear, quaternion_of, rotations
+from harness.engines.request import AskedJoint
 from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
+from harness.files.joint_kinds import JointKind
 from harness.robots.robot import Robot
 
 _ALIKE = 2.0**-48
@@ -29,8 +30,8 @@ Reals = np.ndarray[Any, np.dtype[np.floating[Any]]]
 class _Joint:
     """A joint whose coordinates differ: its columns in both, and ``turn`` that takes vectors of the first file to the second's."""
 
-    own: Asked
-    other: Asked
+    own: AskedJoint
+    other: AskedJoint
     turn: Array
 
 
@@ -40,7 +41,7 @@ class SameStates:
     def __init__(self, first: Robot, second: Robot) -> None:
         self._joints: list[_Joint] = []
         ones, others = ({joint.name: joint for joint in asked_joints(robot.tree, robot.joints)} for robot in (first, second))
-        if all(joint.kind in ("hinge", "slide") for joint in ones.values()):
+        if all(joint.kind.is_single for joint in ones.values()):
             return
         nodes = canonical(first), canonical(second)
         for name, own in ones.items():
@@ -67,27 +68,27 @@ class SameStates:
         return found
 
 
-def _turn(own: Asked, other: Asked, one: Node, its_like: Node) -> Array:
-    if own.kind == "free":
+def _turn(own: AskedJoint, other: AskedJoint, one: CanonicalNode, its_like: CanonicalNode) -> Array:
+    if own.kind == JointKind.FREE:
         return np.asarray(rotations(np.array([other.turn]))[0].T @ rotations(np.array([own.turn]))[0])
-    if own.kind in ("ball", "planar"):
+    if own.kind in (JointKind.BALL, JointKind.PLANAR):
         return np.asarray(its_like.frame.T @ one.frame)
     return np.eye(1)
 
 
 def _turned(joint: _Joint, values: Reals, turn: Array) -> Any:
     """Velocities, forces or accelerations of a joint; only the linear ones of a free joint depend on where its frame stands."""
-    if joint.own.kind == "planar":
+    if joint.own.kind == JointKind.PLANAR:
         # About an axis that points the other way it turns the other way.
         return np.hstack([values[:, :2] @ turn[:2, :2].T, values[:, 2:] * turn[2, 2]])
-    return of_linear(turn, values) if joint.own.kind in LINEAR else values @ turn.T
+    return of_linear(turn, values) if joint.own.kind.linear > 1 else values @ turn.T
 
 
 def _position(joint: _Joint, q: Array) -> Array:
-    if joint.own.kind == "planar":
+    if joint.own.kind == JointKind.PLANAR:
         return np.asarray(_turned(joint, q, joint.turn))
     by = quaternion_of(joint.turn)
-    if joint.own.kind == "ball":
+    if joint.own.kind == JointKind.BALL:
         return multiplied(multiplied(by, q), by * np.array([1.0, -1.0, -1.0, -1.0]))
     to_second = rotations(np.array([joint.other.turn]))[0].T
     shift = to_second @ (np.array(joint.own.shift) - np.array(joint.other.shift))

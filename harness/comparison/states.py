@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from harness.engines import request
-from harness.engines.request import Aid, Asked, Request
+from harness.engines.request import Aid, AskedJoint, Request
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
 from harness.equations.states import States
 from harness.robots.robot import Robot
 
 
-def spread(robot: Robot, states: States, joints: Sequence[Asked]) -> States:
+def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:
     """States of a robot's own joints, over ``joints`` of its tree: a joint that mimics another moves as the other lets it, unloaded."""
     by_name = {joint.name: joint for joint in asked_joints(robot.tree)}
     own = asked_joints(robot.tree, robot.joints)
@@ -35,6 +35,6 @@ def request_of(robot: Robot, aided: bool) -> Request:
     )
 
 
-def _aid(robot: Robot, joints: Sequence[Asked]) -> Aid:
+def _aid(robot: Robot, joints: Sequence[AskedJoint]) -> Aid:
     aid = aid_of(robot.tree, joints)
     return replace(aid, inertias=inertias_of(robot.tree)) if robot.format == "urdf" else aid

@@ -18,7 +18,7 @@ from harness.comparison.meshes import compiled_meshes
 from harness.comparison.sameness import hold_against
 from harness.comparison.states import request_of, spread
 from harness.comparison.truth import Meant, meant
-from harness.engines.request import Answers, Question
+from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidInput, InvalidModel
 from harness.results.comparison import (
     EqualitiesRecord,
@@ -110,7 +110,7 @@ class RobotComparison(Inquiries):
         """One engine in one stance on a file, judged beside the file's truth."""
         path, about = found.robot.path, subject_of(found, engine_of(engine), aided)
         outcome = yield from ask(_ask, engine, question_of(found, aided))
-        answers: Answers = outcome.value
+        answers: EngineAnswers = outcome.value
         if failure := self.failure(outcome):
             record = SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure)
         else:
@@ -143,11 +143,11 @@ def _words(problem: InvalidInput) -> str:
     return f"line {problem.line}: {problem.problem}" if problem.line is not None else problem.problem
 
 
-def question_of(found: Meant, aided: bool) -> Question:
+def question_of(found: Meant, aided: bool) -> EngineQuestion:
     """What a plain or aided engine is asked about a file whose truth is known."""
     request = request_of(found.robot, aided)
     states = spread(found.robot, found.states, request.joints)
-    return Question(request, states.q, states.v, states.tau)
+    return EngineQuestion(request, states.q, states.v, states.tau)
 
 
 def _file_record(found: Meant) -> FileRecord:
@@ -178,11 +178,11 @@ def _prepare(path: Path, floating_base: bool, count: int, seed: int, note: Calla
     return meant(robot, count, seed)
 
 
-def _ask(engine: str, question: Question, note: Callable[[str], None]) -> Answers:
+def _ask(engine: str, question: EngineQuestion, note: Callable[[str], None]) -> EngineAnswers:
     return ask_engine(engine, question)
 
 
-def _judge(found: Meant, answers: Answers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
+def _judge(found: Meant, answers: EngineAnswers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
     return judge(found, answers, engine_of(engine), aided)
 
 

@@ -14,7 +14,7 @@ from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
 from harness.comparison.same_states import SameStates
 from harness.comparison.states import spread
-from harness.engines.request import Asked
+from harness.engines.request import AskedJoint
 from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.files.tree import Joint, Tree
@@ -48,7 +48,7 @@ class Meant:
         return self.certified
 
     @property
-    def joints(self) -> tuple[Asked, ...]:
+    def joints(self) -> tuple[AskedJoint, ...]:
         return asked_joints(self.robot.tree, self.robot.joints)
 
 
@@ -105,7 +105,7 @@ def read_as(original: Meant, robot: Robot, same: SameStates | None = None) -> Me
     return Meant(robot, states, reference_of(robot).evaluate(states))
 
 
-def columns_of(joints: Sequence[Asked], names: Sequence[str]) -> list[int]:
+def columns_of(joints: Sequence[AskedJoint], names: Sequence[str]) -> list[int]:
     """The velocities of the joints called ``names``, in their order."""
     by_name = {joint.name: joint for joint in joints}
     return [column for name in names for column in by_name[name].velocities]

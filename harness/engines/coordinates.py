@@ -6,15 +6,12 @@ The rates of components in a frame that turns miss the turning of the frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-
-# Components of the linear velocity, which stand before those of the angular one.
-LINEAR: Mapping[str, int] = {"free": 3, "planar": 2}
+from harness.files.joint_kinds import JointKind
 
 
 def rotations(quaternions: Array) -> Array:
@@ -59,9 +56,9 @@ def of_linear(turn: Array, values: Any) -> Any:
     return np.hstack([np.einsum("...ij,nj->ni" if turn.ndim == 2 else "nij,nj->ni", turn, values[:, :count]), values[:, count:]])
 
 
-def body_turn(kind: str, q: Array) -> Array:
+def body_turn(kind: JointKind, q: Array) -> Array:
     """Orientation of the body of a free or planar joint at positions q, (n, 3, 3) or (n, 2, 2)."""
-    if kind == "free":
+    if kind == JointKind.FREE:
         return rotations(q[:, 3:])
     cosine, sine = np.cos(q[:, 2]), np.sin(q[:, 2])
     return np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), 2, 0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 
 from harness.engines.interface import Unsupported
 from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
-from harness.engines.request import Answers, Question, Refused, Request, by_joint
+from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
 from harness.files.equalities import Equality
 from harness.models.constraint_law import ConstraintLaw
@@ -106,14 +106,14 @@ class Engine:
             raise Unsupported(f"{self.name} has no joint {named} after loading: its reader leaves out what holds it")
         return cast("Model", AidedModel(loaded, self.factorises_mass_matrix))
 
-    def ask(self, question: Question) -> Answers:
+    def ask(self, question: EngineQuestion) -> EngineAnswers:
         """Accelerations at all states; a refusal of the file is an answer, no exception."""
         try:
             loaded = self.read(question.request)
             found = loaded.forward_dynamics(question.q, question.v, question.tau)
         except Refused as refusal:
-            return Answers(refusal=str(refusal), element=refusal.element)
-        return Answers(by_joint(loaded.joints, found), notes=loaded.notes, further=loaded.further)
+            return EngineAnswers(refusal=str(refusal), element=refusal.element)
+        return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes, further=loaded.further)
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from harness.arrays import Array, Rows
+from harness.files.joint_kinds import JointKind
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,6 @@ class HeldJoint:
     """A joint as an engine holds it after loading, in the world's frame with every joint at zero.
 
     Attributes:
-        kind: "hinge", "slide", "ball", "free" or "planar".
         parent: name of the joint whose body carries it; "" for the world.
         anchor: a point of the axis, or the centre of a ball [m], (3,), on the parent's side of the joint; moved: the same point on
             the other side, which a slide or a free joint takes away. axis: unit vector, (3,); zero for ball, free and planar joints.
@@ -54,7 +54,7 @@ class HeldJoint:
             for hinges and slides.
     """
 
-    kind: str
+    kind: JointKind
     parent: str
     anchor: Array
     moved: Array

@@ -9,11 +9,11 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.interface import METHODS, NotOffered, Unsupported
-from harness.engines.request import Asked, Refused, Request
+from harness.engines.request import AskedJoint, Refused, Request
 from harness.models.step_rule import StepRule
 
 
-class Run(Protocol):
+class EngineRun(Protocol):
     """States in an engine's own conventions."""
 
     def compute(self) -> None:
@@ -53,7 +53,7 @@ class LoadedFile:
         run.compute()
         return run.accelerations()
 
-    def prepare(self, q: Array, v: Array, tau: Array) -> Run:
+    def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
         """The same states in the engine's own conventions, ready to be computed any number of times."""
         raise NotOffered("the states of this engine are converted one after the other")
 
@@ -114,7 +114,7 @@ class AidedModel:
             raise Unsupported(f"the engine refuses what the file holds: {refusal}") from refusal
         return self.ordered(found)
 
-    def prepare(self, q: Array, v: Array, tau: Array) -> Run:
+    def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
         """The run of ``loaded_file``, with the states of joints that follow others."""
         return self.loaded_file.prepare(*self.request.spread(q, v, tau))
 
@@ -161,6 +161,6 @@ class AidedModel:
         return getattr(self.loaded_file.quantities(self.request.moving), name)
 
 
-def lacking(request: Request, joints: Sequence[Asked]) -> list[str]:
+def lacking(request: Request, joints: Sequence[AskedJoint]) -> list[str]:
     """The joints that move by themselves and that are not among those of an engine."""
     return [name for name in request.moving if name not in {joint.name for joint in joints}]

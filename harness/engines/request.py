@@ -1,6 +1,6 @@
 """One file for an engine to load, as plain data that goes to another process: its joints, and what the harness supplies of it.
 
-A ``Request`` is loaded once; a ``Question`` adds states. A state names positions and velocities of every joint of the file, those
+A ``Request`` is loaded once; a ``EngineQuestion`` adds states. A state names positions and velocities of every joint of the file, those
 that mimic another among them: an engine that passes over ``<mimic>`` has them as joints of their own.
 Conventions are those of ``harness.engines.Model``: a rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both
 behind the position of a free joint, whose linear velocity is in the frame of its parent. A planar joint has x, y and its turn, and its
@@ -21,7 +21,7 @@ from harness.files.joint_kinds import JointKind
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedJoint:
     """A joint of a question.
 
     Attributes:
@@ -46,10 +46,10 @@ class Asked:
 
     @property
     def is_measured_in_the_world(self) -> bool:
-        return (self.turn, self.shift) == (Asked.turn, Asked.shift)
+        return (self.turn, self.shift) == (AskedJoint.turn, AskedJoint.shift)
 
 
-def in_columns(joints: Sequence[Asked]) -> tuple[Asked, ...]:
+def in_columns(joints: Sequence[AskedJoint]) -> tuple[AskedJoint, ...]:
     """The joints with their columns one after the other in this order."""
     found, q, v = [], 0, 0
     for joint in joints:
@@ -135,7 +135,7 @@ class Request:
 
     path: Path
     format: str
-    joints: tuple[Asked, ...]
+    joints: tuple[AskedJoint, ...]
     moving: tuple[str, ...]
     text: str | None = None
     floating_base: str = ""
@@ -148,7 +148,7 @@ class Request:
         return self.path.read_bytes() if self.text is None else self.text.encode()
 
     @property
-    def leaders(self) -> tuple[Asked, ...]:
+    def leaders(self) -> tuple[AskedJoint, ...]:
         """The joints that move by themselves, in columns of their own."""
         by_name = {joint.name: joint for joint in self.joints}
         return in_columns([by_name[name] for name in self.moving])
@@ -175,7 +175,7 @@ class Request:
         return spread(self.leaders, self.joints, (q, v, tau))
 
 
-def spread(leaders: Sequence[Asked], joints: Sequence[Asked], states: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+def spread(leaders: Sequence[AskedJoint], joints: Sequence[AskedJoint], states: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
     """States of some joints, over ``joints``: one that mimics another moves as the other lets it, unloaded.
 
     Raises:
@@ -198,7 +198,7 @@ def spread(leaders: Sequence[Asked], joints: Sequence[Asked], states: tuple[Arra
 
 
 @dataclass(frozen=True)
-class Question:
+class EngineQuestion:
     """A request with the states at which the engine answers: (n, nq), (n, nv), (n, nv) over the joints of the request."""
 
     request: Request
@@ -208,7 +208,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Answers:
+class EngineAnswers:
     """What an engine returned.
 
     Attributes:
@@ -243,7 +243,7 @@ def projected(mass: Array, force: Array, couplings: Array) -> Array:
     return np.asarray(np.linalg.solve(couplings.T @ mass @ couplings, couplings.T @ force))
 
 
-def by_joint(joints: Sequence[Asked], accelerations: Array) -> dict[str, Array]:
+def by_joint(joints: Sequence[AskedJoint], accelerations: Array) -> dict[str, Array]:
     """{joint: columns} of accelerations over the velocities of ``joints`` in their order."""
     ends = np.cumsum([len(joint.velocities) for joint in joints])
     return dict(zip((joint.name for joint in joints), np.split(accelerations, ends[:-1], axis=1), strict=True)) if joints else {}

@@ -9,25 +9,29 @@ base that floats: a model that hangs on the world is the rows of its joints; one
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.held import LoadedModel, Terms
+from harness.engines.held import Terms
 from harness.engines.interface import NotOffered
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.request import Request, projected
-from harness.engines.rotations import BALL, FREE, Columns, cross_matrix, rotation
-from harness.engines.urdf_text import moving_mass
+from harness.engines.rotations import FREE, Columns, cross_matrix, rotation
+from harness.files.facts import PointSpring
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD
+
+# World position (3,) of a point of a body, given in the body's frame, and its Jacobian (3, nv).
+PointOf = Callable[[str, Array], tuple[Array, Array]]
 
 
 class StateByState(LoadedFile):
     """A file in such an engine. What begins with an underscore and is abstract is the engine's part.
 
     Attributes:
-        places: the engine's first velocity of each joint. width: number of the engine's velocities.
+        places: the engine's first velocity of each joint. sizes: its numbers of positions and velocities. width: number of all velocities.
         rotation_first: whether it has the angular velocity of a base that floats before the linear one; both are along the world's axes.
         applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
         turn: takes the engine's velocities, accelerations and forces to the harness's at the last state, (nv, width).
@@ -41,6 +45,7 @@ class StateByState(LoadedFile):
         super().__init__(request, places)
         self.places, self.width = places, width
         self.columns = Columns([joint.name for joint in self.found], {joint.name: joint.kind.sizes for joint in self.found})
+        self.sizes = {name: self.columns.sizes.get(name, (1, 1)) for name in places}
         self.turn = np.zeros((self.columns.nv, width))
         self.armature = np.zeros(self.columns.nv)
         if request.aid is not None:
@@ -58,13 +63,10 @@ class StateByState(LoadedFile):
     def _bias(self) -> Array:
         """(width,) [N or N m]: the generalised forces at which no acceleration results."""
 
-    def _parts_of_bias(self) -> tuple[Array, Array]:
-        """The two terms of it, of velocity and of gravity, each (width,) and neither what is left of a difference."""
+    def _parts_of_bias(self) -> tuple[Array, Array, Array]:
+        """Its terms of velocity and of gravity, neither what is left of a difference, and less the springs and dampers that the engine
+        applies itself; each (width,)."""
         raise NotOffered("the engine offers no terms")
-
-    def _passive(self) -> Array:
-        """(width,) [N or N m]: the springs and dampers that the engine applies itself, at the state that was taken."""
-        return np.zeros(self.width)
 
     def _accelerations(self, force: Array) -> Array | None:
         """(width,) under generalised forces (width,), at the state that was taken; None of an engine that leaves that to its caller."""
@@ -92,21 +94,6 @@ class StateByState(LoadedFile):
             found = found if self.applies_dampers else found + forces.of_dampers(v)
         return found
 
-    def _of_point_springs(self, v: Array) -> Array:
-        """(nv,) forces of springs between points at the state that was taken, by the engine's positions and Jacobians.
-
-        Source: Drake documentation, ``LinearSpringDamper``.
-        """
-        forces = np.zeros(len(v))
-        for spring in () if self.request.aid is None or self.applies_springs else self.request.aid.springs:
-            (point_a, jacobian_a), (point_b, jacobian_b) = (self._point(body, np.array(point)) for body, point in spring.ends)
-            span = point_b - point_a
-            length = np.linalg.norm(span)
-            # Rate of the length is (its gradient) . velocity; the tension does work along it.
-            gradient = (span / length) @ (jacobian_b - jacobian_a)
-            forces -= (spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ v)) * gradient
-        return forces
-
     def _point(self, body: str, local: Array) -> tuple[Array, Array]:
         """World position (3,) of a point of a body, given in the body's frame, and its Jacobian (3, nv)."""
         if body == WORLD:
@@ -119,7 +106,8 @@ class StateByState(LoadedFile):
         """Take one state over the columns of the joints found; (nv,) forces of springs between points that are supplied there."""
         self.turn = self.columns.turn(q, self.places, self.width, self.rotation_first)
         self._go_to(q, v @ self.turn)
-        return self._of_point_springs(v)
+        springs = () if self.request.aid is None or self.applies_springs else self.request.aid.springs
+        return forces_of_springs(springs, self._point, v)
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         tau = tau + self.supplied(q, v)
@@ -145,46 +133,53 @@ class StateByState(LoadedFile):
         mass, (velocity, gravity) = np.empty((*v.shape, v.shape[1])), np.empty((2, *v.shape))
         passive = self.supplied(q, v)
         for state, (position, rate) in enumerate(zip(q, v, strict=True)):
-            passive[state] += self.take(position, rate) + self.turn @ self._passive()
+            passive[state] += self.take(position, rate)
             mass[state] = self._turned_mass()
-            velocity[state], gravity[state] = (self.turn @ part for part in self._parts_of_bias())
+            velocity[state], gravity[state], own = (self.turn @ part for part in self._parts_of_bias())
+            passive[state] -= own
         return Terms(mass, velocity, gravity, passive, tau.copy())
 
 
-class FloatingBase(StateByState):
-    """An engine all of whose models have a base that floats; its velocities are the base's, along the world's axes, then the joints'.
+def forces_of_springs(springs: Iterable[PointSpring], point_of: PointOf, v: Array) -> Array:
+    """(nv,) forces of springs between points at the state that the engine is at, by its positions and Jacobians.
+
+    Source: Drake documentation, ``LinearSpringDamper``.
+    """
+    forces = np.zeros(len(v))
+    for spring in springs:
+        (point_a, jacobian_a), (point_b, jacobian_b) = (point_of(body, np.array(point)) for body, point in spring.ends)
+        span = point_b - point_a
+        length = np.linalg.norm(span)
+        # Rate of the length is (its gradient) . velocity; the tension does work along it.
+        gradient = (span / length) @ (jacobian_b - jacobian_a)
+        forces -= (spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ v)) * gradient
+    return forces
+
+
+class FloatingBase:
+    """The base of an engine all of whose models float; its velocities are the base's, along the world's axes, then the joints'.
 
     Attributes:
-        base: its pose (4, 4). positions, velocities: of ``own_joints``, in the engine's order. base_velocity: (6,), along the world's axes.
+        root: the joint that the base hangs by, "" for none. places: the engine's first velocity of each joint.
+        pose: (4, 4). positions, velocities: of the joints, in the engine's order. velocity: of the base, (6,), along the world's axes.
     """
 
     def __init__(self, request: Request, own_joints: Sequence[str], root: str) -> None:
-        """``root`` is the joint that the base hangs by, "" for none."""
-        places = {name: 6 + number for number, name in enumerate(own_joints)}
-        kinds = {joint.name: joint.kind for joint in request.joints}
+        self.root, self.places = root, {name: 6 + number for number, name in enumerate(own_joints)}
         if root:
-            places[root] = 3 if kinds[root].sizes == BALL else 0
-        super().__init__(request, places, 6 + len(own_joints))
-        self.root, self.base, self.base_velocity = root, np.eye(4), np.zeros(6)
-        self.positions, self.velocities = np.zeros(len(own_joints)), np.zeros(len(own_joints))
+            (kind,) = (joint.kind for joint in request.joints if joint.name == root)
+            self.places[root] = 3 if kind == JointKind.BALL else 0
+        self.width = 6 + len(own_joints)
+        self.pose, self.velocity = np.eye(4), np.zeros(6)
+        self.positions, self.velocities = np.zeros((2, len(own_joints)))
 
-    @abstractmethod
-    def _take(self) -> None:
-        """Have the engine take the base and the joints as they stand in the attributes."""
-
-    def _go_to(self, q: Array, v: Array) -> None:
-        for name, size in self.columns.sizes.items():
-            given = q[self.columns.spans(name)[0]]
+    def go_to(self, columns: Columns, q: Array, v: Array) -> None:
+        """Take a state as of ``StateByState``."""
+        for name, size in columns.sizes.items():
+            given = q[columns.spans(name)[0]]
             if name == self.root:
-                self.base[:3, :3] = rotation(given[-4:])
-                self.base[:3, 3] = given[:-4] if size == FREE else 0.0
+                self.pose[:3, :3] = rotation(given[-4:])
+                self.pose[:3, 3] = given[:-4] if size == FREE else 0.0
             else:
                 self.positions[self.places[name] - 6] = given[0]
-        self.base_velocity, self.velocities = v[:6], v[6:]
-        self._take()
-
-    def loaded_with(self, gravity: Sequence[float], masses: Mapping[str, float]) -> LoadedModel:
-        """What the audit compares, of the gravity [m/s^2] and the masses of links [kg] that the engine holds."""
-        sizes = {name: self.columns.sizes.get(name, (1, 1)) for name in self.places}
-        x, y, z = gravity
-        return LoadedModel(sizes, (x, y, z), moving_mass(self.request, masses))
+        self.velocity, self.velocities = v[:6], v[6:]

@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.coordinates import multiplied, rotations
-from harness.engines.request import Aid, Asked, BodyInertia, JointForces, Request, in_columns
+from harness.engines.request import Aid, AskedJoint, BodyInertia, JointForces, Request, in_columns
 from harness.files.facts import PointSpring
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
@@ -24,7 +24,7 @@ Frame = tuple[tuple[float, ...], tuple[float, ...]]
 _OF_THE_WORLD: Frame = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[Asked, ...]:
+def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[AskedJoint, ...]:
     """The joints of a tree in the order of the file, or of ``names``, with their columns in q and in v."""
     by_name, frames = {joint.name: joint for joint in tree.joints}, _frames_of_free_joints(tree)
     found = []
@@ -32,7 +32,7 @@ def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[Asked,
         turn, shift = frames.get(joint.name, _OF_THE_WORLD)
         line = joint.place.line if joint.place else 0
         coupled = joint.follows, float(joint.multiplier), float(joint.offset)
-        found.append(Asked(joint.name, joint.kind, (), (), turn, shift, *coupled, line=line))
+        found.append(AskedJoint(joint.name, joint.kind, (), (), turn, shift, *coupled, line=line))
     return in_columns(found)
 
 
@@ -74,7 +74,7 @@ def model_request(file: ModelFile, joints: Sequence[str], gravity: float) -> Req
     return Request(path=file.path, format=file.format, joints=asked, moving=names, text=file.text, aid=aid)
 
 
-def aid_of(tree: Tree, joints: Sequence[Asked]) -> Aid:
+def aid_of(tree: Tree, joints: Sequence[AskedJoint]) -> Aid:
     """What the harness supplies of a file to an engine that leaves it out, over ``joints``."""
     by_name = {joint.name: joint for joint in tree.joints}
     velocities = sum(len(joint.velocities) for joint in joints)

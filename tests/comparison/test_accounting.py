@@ -12,7 +12,7 @@ from harness.comparison import judgement
 from harness.comparison.accounting import fold
 from harness.comparison.asking import engines_of_files
 from harness.comparison.truth import read_as
-from harness.engines.request import Answers
+from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import Reading, with_joints
 from harness.files.tree import Joint, Tree
 from harness.report.comparison import subject_lines
@@ -39,7 +39,7 @@ def judged(hold: Sequence[Reading], declared: Sequence[Reading], monkeypatch: py
     """An engine with these readings, judged by those that are declared."""
     found = meant_by(FILES / "arm.urdf")
     truth = read_as(found, fold(found.robot, hold).robot).truth
-    answers = Answers(dict(zip(found.robot.joints, truth.high.T[:, :, None], strict=True)))
+    answers = EngineAnswers(dict(zip(found.robot.joints, truth.high.T[:, :, None], strict=True)))
     monkeypatch.setattr(judgement, "find_readings", lambda *_: list(declared))
     return judgement.judge(found, answers, engines_of_files()["pinocchio"], aided=False)
 

@@ -10,7 +10,7 @@ from harness.certify.compare import compare
 from harness.comparison.asking import engines_of_files
 from harness.comparison.judgement import judge
 from harness.comparison.truth import read_as
-from harness.engines.request import Answers
+from harness.engines.request import EngineAnswers
 from harness.report.comparison import subject_lines, survey_overview
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.robots.robot import read_robot
@@ -54,6 +54,6 @@ def test_an_error_that_a_number_explains_is_no_lost_digits(tmp_path: Path) -> No
     other.write_text(found.robot.path.read_text().replace('<mass value="3"/>', '<mass value="3.00000003"/>'))
     wrong = read_as(found, read_robot(other)).truth.high
     assert set(compare(found.truth, wrong, factorises=True).verdicts) <= {Verdict.AGREES, Verdict.UNSTABLE}
-    answers = Answers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
+    answers = EngineAnswers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
     record = judge(found, answers, engines_of_files()["pinocchio"], aided=True)
     assert (record.explained, record.outcome) == (False, "unexplained") and "behaves as with 3.00000003" in record.rest[0]

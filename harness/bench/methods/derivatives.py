@@ -20,7 +20,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.methods import DerivativeMethod
 from harness.crosscheck.scene import Scene
-from harness.engines import EQUATIONS, Unsupported, installed_version, load_engine
+from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine
 from harness.engines.adapters.mujoco import MujocoModel
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.equations.states import States
@@ -36,11 +36,11 @@ def _compiled(is_inverse: bool, scene: Scene, states: States, third: Array, step
     return lambda: evaluate(states.q, states.v, third, states.time)[:, :2]
 
 
-def _of_engine(engine: str, format: str, is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
+def _of_engine(subject: Subject, is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
     """Derivatives that an engine gives itself; the time of one in an environment of its own includes the way there and back."""
-    if installed_version(load_engine(scene.library, engine)) is None:
-        raise Unsupported(f"{engine} is not installed: harness engines add {engine}")
-    model = scene.load(engine, format)
+    if installed_version(load_engine(scene.library, subject.engine)) is None:
+        raise Unsupported(f"{subject.engine} is not installed: harness engines add {subject.engine}")
+    model = scene.load(subject.engine, subject.format)
     evaluate = model.inverse_dynamics_derivatives if is_inverse else model.forward_dynamics_derivatives
     return lambda: evaluate(states.q, states.v, third)[:, :2]
 
@@ -126,21 +126,23 @@ def _inverse(scene: Scene, states: States, third: Array, step: float) -> Compute
     return batch.one_by_one("qacc", derivatives)
 
 
-def _method(
-    name: str, format: str, prepare: Any, *, inverse: bool, in_body: bool = False, differences: bool = False, loop: str = "Python"
-) -> DerivativeMethod:
-    return DerivativeMethod(name, format, inverse, prepare, loop, in_body, STEPS if differences else ())
+def _method(name: str, format: str, prepare: Any, *, inverse: bool, in_body: bool = False, differences: bool = False) -> DerivativeMethod:
+    return DerivativeMethod(name, format, inverse, prepare, "Python", in_body, STEPS if differences else ())
 
 
 def _automatic(name: str, engine: str, inverse: bool, loop: str) -> DerivativeMethod:
     """Of an engine that not everybody installs, which reads MJCF."""
-    return DerivativeMethod(name, "mjcf", inverse, partial(_of_engine, engine, "mjcf", inverse), loop, engine=engine)
+    return DerivativeMethod(name, "mjcf", inverse, partial(_of_engine, Subject(engine, "mjcf"), inverse), loop, engine=engine)
 
 
-COMPILED = _method("heyoka derivatives of qdd", EQUATIONS, partial(_compiled, False), inverse=False, loop="machine code")
-COMPILED_INVERSE = _method("heyoka derivatives of tau", EQUATIONS, partial(_compiled, True), inverse=True, loop="machine code")
-ABA = _method("pinocchio computeABADerivatives", "urdf", partial(_of_engine, "pinocchio", "urdf", False), inverse=False, in_body=True)
-RNEA = _method("pinocchio computeRNEADerivatives", "urdf", partial(_of_engine, "pinocchio", "urdf", True), inverse=True, in_body=True)
+COMPILED = DerivativeMethod("heyoka derivatives of qdd", EQUATIONS, False, partial(_compiled, False), "machine code")
+COMPILED_INVERSE = DerivativeMethod("heyoka derivatives of tau", EQUATIONS, True, partial(_compiled, True), "machine code")
+ABA = _method(
+    "pinocchio computeABADerivatives", "urdf", partial(_of_engine, Subject("pinocchio", "urdf"), False), inverse=False, in_body=True
+)
+RNEA = _method(
+    "pinocchio computeRNEADerivatives", "urdf", partial(_of_engine, Subject("pinocchio", "urdf"), True), inverse=True, in_body=True
+)
 DIFFERENCES_OF_ABA = _method(
     "central differences of pinocchio aba", "urdf", partial(_differences_of_pinocchio, False), inverse=False, in_body=True, differences=True
 )

@@ -21,35 +21,39 @@ from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.output import captured_output
 from harness.engines.request import Refused, Request
-from harness.engines.state_by_state import FloatingBase
-from harness.engines.urdf_text import refuse_constraints, take_root_off
+from harness.engines.state_by_state import FloatingBase, StateByState
+from harness.engines.urdf_text import moving_mass, refuse_constraints, take_root_off
 from harness.models.model_file import ModelFile
 
 
-class AdamModel(FloatingBase):
+class AdamModel(StateByState):
     """adam's computations."""
 
     def __init__(self, computations: Any, request: Request, own_joints: Sequence[str], root: str) -> None:
-        super().__init__(request, own_joints, root)
+        self._base = FloatingBase(request, own_joints, root)
+        super().__init__(request, self._base.places, self._base.width)
         self._computations = computations
 
     def loaded(self) -> LoadedModel:
         links = self._computations.rbdalgos.model.links
         masses = {name: float(_plain(link.inertial.mass)) for name, link in links.items() if link.inertial is not None}
-        return self.loaded_with(self._computations.g[:3].tolist(), masses)
+        x, y, z = self._computations.g[:3].tolist()
+        return LoadedModel(self.sizes, (x, y, z), moving_mass(self.request, masses))
 
-    def _take(self) -> None:
-        self._state = self.base, self.positions, self.base_velocity, self.velocities
+    def _go_to(self, q: Array, v: Array) -> None:
+        base = self._base
+        base.go_to(self.columns, q, v)
+        self._state = base.pose, base.positions, base.velocity, base.velocities
 
     def _mass_matrix(self) -> Array:
-        return np.asarray(self._computations.mass_matrix(*self._state[:2])).reshape(6 + len(self.positions), -1)
+        return np.asarray(self._computations.mass_matrix(*self._state[:2])).reshape(self.width, -1)
 
     def _bias(self) -> Array:
         return np.asarray(self._computations.bias_force(*self._state)).ravel()
 
-    def _parts_of_bias(self) -> tuple[Array, Array]:
+    def _parts_of_bias(self) -> tuple[Array, Array, Array]:
         velocity = np.asarray(self._computations.coriolis_term(*self._state)).ravel()
-        return velocity, np.asarray(self._computations.gravity_term(*self._state[:2])).ravel()
+        return velocity, np.asarray(self._computations.gravity_term(*self._state[:2])).ravel(), np.zeros(self.width)
 
     def _link(self, body: str) -> tuple[Array, Array, Array]:
         pose = np.asarray(self._computations.forward_kinematics(body, *self._state[:2]))

@@ -85,11 +85,8 @@ class DartModel(StateByState):
         damping = np.array([dof.getDampingCoefficient() for dof in self.skeleton.getDofs()])
         return np.asarray(damping * self.skeleton.getVelocities())
 
-    def _parts_of_bias(self) -> tuple[Array, Array]:
-        return np.asarray(self.skeleton.getCoriolisForces()), np.asarray(self.skeleton.getGravityForces())
-
-    def _passive(self) -> Array:
-        return -self._dampers()
+    def _parts_of_bias(self) -> tuple[Array, Array, Array]:
+        return np.asarray(self.skeleton.getCoriolisForces()), np.asarray(self.skeleton.getGravityForces()), self._dampers()
 
     def _link(self, body: str) -> tuple[Array, Array, Array]:
         node = self.skeleton.getBodyNode(body)

@@ -10,7 +10,7 @@ Source: iDynTree documentation, ModelLoader and KinDynComputations, ``getFreeFlo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,14 @@ from harness.engines import Engine, LoadedModel
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.output import captured_standard_error
 from harness.engines.request import Refused, Request
-from harness.engines.state_by_state import FloatingBase
-from harness.engines.urdf_text import refuse_constraints, root_link, take_root_off
+from harness.engines.state_by_state import FloatingBase, StateByState
+from harness.engines.urdf_text import moving_mass, refuse_constraints, root_link, take_root_off
 from harness.models.model_file import ModelFile
 
 _GRAVITY = (0.0, 0.0, -9.81)
 
 
-class IdyntreeModel(FloatingBase):
+class IdyntreeModel(StateByState):
     """An iDynTree ``Model``."""
 
     def __init__(self, model: Any, request: Request, root: str) -> None:
@@ -35,7 +35,8 @@ class IdyntreeModel(FloatingBase):
 
         indices = [index for index in range(model.getNrOfJoints()) if model.getJoint(index).getNrOfDOFs()]
         offsets = {model.getJointName(index): int(model.getJoint(index).getDOFsOffset()) for index in indices}
-        super().__init__(request, sorted(offsets, key=lambda name: offsets[name]), root)
+        self._base = FloatingBase(request, sorted(offsets, key=lambda name: offsets[name]), root)
+        super().__init__(request, self._base.places, self._base.width)
         self._model = model
         self._gravity = np.array(_GRAVITY if request.aid is None else request.aid.gravity, dtype=float)
         self._computations = idyntree.KinDynComputations()
@@ -54,18 +55,20 @@ class IdyntreeModel(FloatingBase):
             raise Refused(f"its base is link {base!r}, not the root {root!r}, of whose motion the harness asks", root)
         if root != base:
             pose = self._model.getFrameTransform(self._model.getFrameIndex(root)).asHomogeneousTransform()
-            self.base = np.linalg.inv(pose.toNumPy())
+            self._base.pose = np.linalg.inv(pose.toNumPy())
 
     def loaded(self) -> LoadedModel:
         model = self._model
         masses = {model.getLinkName(index): model.getLink(index).inertia().getMass() for index in range(model.getNrOfLinks())}
-        return self.loaded_with(self._gravity.tolist(), masses)
+        x, y, z = self._gravity.tolist()
+        return LoadedModel(self.sizes, (x, y, z), moving_mass(self.request, masses))
 
-    def _take(self) -> None:
-        self._set(self.base_velocity, self.velocities, self._gravity)
+    def _go_to(self, q: Array, v: Array) -> None:
+        self._base.go_to(self.columns, q, v)
+        self._set(self._base.velocity, self._base.velocities, self._gravity)
 
-    def _set(self, base_velocity: Array, velocities: Array, gravity: Sequence[float] | Array) -> None:
-        self._computations.setRobotState(self.base, self.positions, base_velocity, velocities, np.array(gravity))
+    def _set(self, base_velocity: Array, velocities: Array, gravity: Array) -> None:
+        self._computations.setRobotState(self._base.pose, self._base.positions, base_velocity, velocities, gravity)
 
     def _mass_matrix(self) -> Array:
         self._computations.getFreeFloatingMassMatrix(self._matrix)
@@ -75,13 +78,14 @@ class IdyntreeModel(FloatingBase):
         self._computations.generalizedBiasForces(self._forces)
         return np.concatenate([self._forces.baseWrench().toNumPy(), self._forces.jointTorques().toNumPy()])
 
-    def _parts_of_bias(self) -> tuple[Array, Array]:
-        self._set(self.base_velocity, self.velocities, [0.0] * 3)
+    def _parts_of_bias(self) -> tuple[Array, Array, Array]:
+        base = self._base
+        self._set(base.velocity, base.velocities, np.zeros(3))
         velocity = self._bias()
-        self._set(np.zeros(6), np.zeros(len(self.velocities)), self._gravity)
+        self._set(np.zeros(6), np.zeros(len(base.velocities)), self._gravity)
         gravity = self._bias()
-        self._take()
-        return velocity, gravity
+        self._set(base.velocity, base.velocities, self._gravity)
+        return velocity, gravity, np.zeros(self.width)
 
     def _link(self, body: str) -> tuple[Array, Array, Array]:
         self._computations.getFrameFreeFloatingJacobian(body, self._jacobian)

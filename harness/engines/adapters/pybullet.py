@@ -57,7 +57,7 @@ class PybulletModel(StateByState):
             link: float(pybullet.getDynamicsInfo(self._body, index, physicsClientId=self._server)[0]) for link, index in self._links.items()
         }
         x, y, z = self._gravity
-        return LoadedModel(dict.fromkeys(self.places, (1, 1)), (x, y, z), moving_mass(self.request, masses))
+        return LoadedModel(self.sizes, (x, y, z), moving_mass(self.request, masses))
 
     def _go_to(self, q: Array, v: Array) -> None:
         import pybullet
@@ -78,8 +78,9 @@ class PybulletModel(StateByState):
     def _bias(self) -> Array:
         return self._inverse_dynamics(self._v, self._gravity)
 
-    def _parts_of_bias(self) -> tuple[Array, Array]:
-        return self._inverse_dynamics(self._v, (0.0, 0.0, 0.0)), self._inverse_dynamics([0.0] * self.width, self._gravity)
+    def _parts_of_bias(self) -> tuple[Array, Array, Array]:
+        velocity = self._inverse_dynamics(self._v, (0.0, 0.0, 0.0))
+        return velocity, self._inverse_dynamics([0.0] * self.width, self._gravity), np.zeros(self.width)
 
     def _inverse_dynamics(self, velocities: list[float], gravity: tuple[float, ...]) -> Array:
         import pybullet

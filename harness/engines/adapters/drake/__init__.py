@@ -84,11 +84,6 @@ class DrakeModel(StateByState):
             turn = self.columns.turn(position, self.places, self.width, self.rotation_first)
             yield self._own_positions(position), velocity @ turn, force @ turn, turn
 
-    def _set(self, plant: Any, context: Any, q: Array, v: Array, tau: Array) -> None:
-        plant.SetPositions(context, q)
-        plant.SetVelocities(context, v)
-        plant.get_applied_generalized_force_input_port().FixValue(context, tau)
-
     def _go_to(self, q: Array, v: Array) -> None:
         self.plant.SetPositions(self._context, self._own_positions(q))
         self.plant.SetVelocities(self._context, v)
@@ -105,15 +100,7 @@ class DrakeModel(StateByState):
 
     def _bias(self) -> Array:
         # Gravity, springs and dampers are force elements.
-        return np.asarray(self.plant.CalcBiasTerm(self._context) - self._of_elements(self.plant, self._context))
-
-    def _of_elements(self, plant: Any, context: Any) -> Array:
-        """(width,) of force elements, which contain gravity and the dampers of joints."""
-        from pydrake.multibody.tree import MultibodyForces
-
-        forces = MultibodyForces(plant)
-        plant.CalcForceElementsContribution(context, forces)
-        return np.asarray(plant.CalcGeneralizedForces(context, forces))
+        return np.asarray(self.plant.CalcBiasTerm(self._context) - _of_elements(self.plant, self._context))
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``; of the accelerations' output port."""
@@ -132,7 +119,7 @@ class DrakeModel(StateByState):
         indices = plant.GetJointIndices()
         ordinals = {name: indices.index(joint.index()) for name, joint in self._moving.items()}
         for state, (*own, _) in enumerate(self._states(q, v, tau)):
-            self._set(plant, context, *own)
+            _set(plant, context, *own)
             forces = port.Eval(context)
             for place, name in enumerate(names):
                 turn = self._moving[name].frame_on_child().CalcPoseInWorld(context).rotation().matrix()
@@ -154,7 +141,7 @@ class DrakeModel(StateByState):
         positions = [self._moving[name].position_start() for name in self.columns.sizes]
         velocities = [self.places[name] for name in self.columns.sizes]
         for state, (*own, _) in enumerate(self._states(q, v, tau)):
-            self._set(plant, context, *own)
+            _set(plant, context, *own)
             after = plant.EvalUniquePeriodicDiscreteUpdate(context).value()
             found[state] = [*after[positions], *after[nq:][velocities]]
         return found
@@ -171,12 +158,12 @@ class DrakeModel(StateByState):
         without_gravity = weightless.CreateDefaultContext()
         mass, (velocity, gravity, passive, applied) = np.empty((*v.shape, v.shape[1])), np.empty((4, *v.shape))
         for state, (*own, turn) in enumerate(self._states(q, v, tau)):
-            self._set(plant, context, *own)
-            self._set(weightless, without_gravity, *own)
+            _set(plant, context, *own)
+            _set(weightless, without_gravity, *own)
             mass[state] = turn @ plant.CalcMassMatrix(context) @ turn.T
             velocity[state] = turn @ plant.CalcBiasTerm(context)
             gravity[state] = -(turn @ plant.CalcGravityGeneralizedForces(context))
-            passive[state] = turn @ self._of_elements(weightless, without_gravity)
+            passive[state] = turn @ _of_elements(weightless, without_gravity)
             applied[state] = tau[state]
         return Terms(mass, velocity, gravity, passive, applied)
 
@@ -233,6 +220,21 @@ class DrakeEngine(Engine):
             return DrakeModel(building(request), {body: joint for joint, body in floating.items()}, request)
         except RuntimeError as error:
             raise Refused(" ".join(str(error).split())) from error
+
+
+def _set(plant: Any, context: Any, q: Array, v: Array, tau: Array) -> None:
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, v)
+    plant.get_applied_generalized_force_input_port().FixValue(context, tau)
+
+
+def _of_elements(plant: Any, context: Any) -> Array:
+    """Generalised forces of force elements, which contain gravity and the dampers of joints."""
+    from pydrake.multibody.tree import MultibodyForces
+
+    forces = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    return np.asarray(plant.CalcGeneralizedForces(context, forces))
 
 
 def _instances(plant: Any) -> Iterator[Any]:

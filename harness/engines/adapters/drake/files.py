@@ -112,7 +112,7 @@ def armatures_passed_over(request: Request) -> dict[str, float]:
     for joint in document.root.iter("joint"):
         written = resolved(joint, "armature") if joint.get("name") in names else None
         value = 0.0 if written is None else float(written.text)
-        if value and resolved_text(joint, "type", "hinge") not in ("hinge", "slide"):
+        if value and resolved_text(joint, "type", JointKind.HINGE) not in (JointKind.HINGE, JointKind.SLIDE):
             raise Unsupported(
                 f"line {document.lines[joint]}: {describe(joint)} has an armature about several axes, which Drake does not know"
             )

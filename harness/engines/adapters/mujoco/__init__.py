@@ -118,7 +118,7 @@ class MujocoModel(MujocoQuantities):
 
     def step(self, q: Array, v: Array, tau: Array, length: float, integrator: str) -> Array:
         """See ``harness.engines.interface`` and ``harness.engines.adapters.mujoco.steps``."""
-        return steps.step(copy.copy(self.model), self.addresses, q, v, tau, length, integrator)
+        return steps.step(copy.copy(self.model), self.addresses, (q, v, tau), length, integrator, 1)
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons

@@ -13,6 +13,10 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
 from harness.engines.adapters.mujoco.versions import flag
+from harness.files.joint_kinds import JointKind
+
+# By the names of MuJoCo's types of joints.
+KINDS: dict[str, JointKind] = {kind.value: kind for kind in JointKind}
 
 
 def gravity_of(model: Any) -> Array:
@@ -32,11 +36,11 @@ def held(model: Any, positions: Mapping[str, float], steps: Mapping[str, Sequenc
     import mujoco
 
     data = mujoco.MjData(model)
-    kinds = [mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower() for kind in model.jnt_type]
+    kinds = [KINDS[mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()] for kind in model.jnt_type]
     data.qpos[:] = 0.0
     for kind, place in zip(kinds, model.jnt_qposadr, strict=True):
-        if kind in ("ball", "free"):
-            data.qpos[place + (3 if kind == "free" else 0)] = 1.0
+        if kind.has_attitude:
+            data.qpos[place + kind.linear] = 1.0
     for name, value in positions.items():
         data.joint(name).qpos[:] = value
     if steps:
@@ -58,8 +62,8 @@ def held(model: Any, positions: Mapping[str, float], steps: Mapping[str, Sequenc
     for number, name in enumerate(names):
         body, kind = int(model.jnt_bodyid[number]), kinds[number]
         above = int(model.body_weldid[model.body_parentid[body]])
-        turning, column, place = kind in ("ball", "free"), model.jnt_dofadr[number], model.jnt_qposadr[number]
-        slid = data.qpos[place] - model.qpos0[place] if kind == "slide" else 0.0
+        turning, column, place = kind.has_attitude, model.jnt_dofadr[number], model.jnt_qposadr[number]
+        slid = data.qpos[place] - model.qpos0[place] if kind == JointKind.SLIDE else 0.0
         joints[name] = HeldJoint(
             kind=kind,
             parent=names[number - 1] if number > model.body_jntadr[body] else last.get(above, ""),

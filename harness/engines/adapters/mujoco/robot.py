@@ -23,7 +23,8 @@ from harness.engines.adapters.mujoco.steps import step
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix
 from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.loaded_file import LoadedFile
-from harness.engines.request import Asked, Refused, Request, by_joint, projected
+from harness.engines.request import AskedJoint, Refused, Request, by_joint, projected
+from harness.files.joint_kinds import JointKind
 from harness.models.step_rule import StepRule
 
 _ELEMENT = re.compile(r"Element name '([^']*)'")
@@ -71,16 +72,8 @@ class MujocoFile(LoadedFile):
         return self._model
 
     def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
-        after = step(
-            self.model,
-            (self.positions, self.velocities),
-            q[self.q_columns][None],
-            v[self.v_columns][None],
-            np.zeros((1, len(self.v_columns))),
-            rule.length,
-            rule.name,
-            steps,
-        )[0]
+        states = q[self.q_columns][None], v[self.v_columns][None], np.zeros((1, len(self.v_columns)))
+        after = step(self.model, (self.positions, self.velocities), states, rule.length, rule.name, steps)[0]
         q, v = q.copy(), v.copy()
         q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
         return q, v
@@ -90,15 +83,15 @@ class MujocoFile(LoadedFile):
         positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
         return positions, [place + k for joint, _, place in own for k in range(len(joint.velocities))]
 
-    def quantities(self, names: Sequence[str]) -> _Quantities:
-        return _Quantities(self, names)
+    def quantities(self, names: Sequence[str]) -> QuantitiesOverJoints:
+        return QuantitiesOverJoints(self, names)
 
     def prepare(self, q: Array, v: Array, tau: Array) -> MujocoRun:
         q, v, tau = _in_the_world(self.request.joints, q, v, tau)
         return MujocoRun(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
 
 
-class _Quantities(MujocoQuantities):
+class QuantitiesOverJoints(MujocoQuantities):
     """What MuJoCo computes beside accelerations; q and v are those of joints by their names."""
 
     def __init__(self, loaded: MujocoFile, names: Sequence[str]) -> None:
@@ -152,11 +145,11 @@ class MujocoRun:
         return np.hstack([np.empty((len(found), 0)), *(_from_the_world(joint, columns[joint.name]) for joint in self._loaded.joints)])
 
 
-def _in_the_world(joints: Sequence[Asked], q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+def _in_the_world(joints: Sequence[AskedJoint], q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
     """q, v and tau with free joints measured in the world, wherever the file measures them from."""
     q, v, tau = q.copy(), v.copy(), tau.copy()
     for joint in joints:
-        if joint.kind == "free":
+        if joint.kind == JointKind.FREE:
             turn, rotation = np.array(joint.turn), rotations(np.array([joint.turn]))[0]
             position, orientation = joint.positions[:3], joint.positions[3:]
             q[:, position] = np.array(joint.shift) + q[:, position] @ rotation.T
@@ -165,9 +158,9 @@ def _in_the_world(joints: Sequence[Asked], q: Array, v: Array, tau: Array) -> tu
     return q, v, tau
 
 
-def _from_the_world(joint: Asked, accelerations: Array) -> Array:
+def _from_the_world(joint: AskedJoint, accelerations: Array) -> Array:
     """Accelerations of a joint, those of a free joint measured as its file does."""
-    if joint.kind != "free":
+    if joint.kind != JointKind.FREE:
         return accelerations
     return np.asarray(of_linear(rotations(np.array([joint.turn]))[0].T, accelerations))
 

@@ -16,13 +16,14 @@ from lxml import etree
 
 from harness.engines.adapters.mujoco.urdf import tendon_of
 from harness.engines.adapters.mujoco.versions import coefficients
-from harness.engines.request import Aid, Asked, BodyInertia, Request
+from harness.engines.request import Aid, AskedJoint, BodyInertia, Request
+from harness.files.joint_kinds import JointKind
 
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
 
 # Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
-PARTS = {"planar": 3}
+PARTS = {JointKind.PLANAR: 3}
 
 
 def _spec(request: Request, at_the_top: bool = False) -> Any:
@@ -31,7 +32,7 @@ def _spec(request: Request, at_the_top: bool = False) -> Any:
 
     if request.floating_base:
         return mujoco.MjSpec.from_string(_floating(request))
-    if at_the_top and any(joint.kind == "free" for joint in request.joints):
+    if at_the_top and any(joint.kind == JointKind.FREE for joint in request.joints):
         return mujoco.MjSpec.from_string(_from_the_root(request))
     return mujoco.MjSpec.from_file(str(request.path))
 
@@ -161,10 +162,10 @@ def _principal(inertia: BodyInertia | None) -> tuple[float, Sequence[float], Seq
     return inertia.mass, inertia.centre.tolist(), moments.tolist(), quaternion.tolist()
 
 
-def places_of(model: Any, joints: Sequence[Asked]) -> dict[str, Any]:
+def places_of(model: Any, joints: Sequence[AskedJoint]) -> dict[str, Any]:
     """MuJoCo's joint for each of the request's by name, the first of several; those that have none there by their place in the file."""
     by_name = {model.joint(number).name: model.joint(number) for number in range(model.njnt)}
-    own = {joint.name: f"{joint.name}_TX" if joint.kind == "planar" else joint.name for joint in joints}
+    own = {joint.name: f"{joint.name}_TX" if joint.kind == JointKind.PLANAR else joint.name for joint in joints}
     found = {name: by_name[own_name] for name, own_name in own.items() if own_name in by_name}
     if model.njnt == len(joints):
         found |= {

@@ -61,12 +61,10 @@ def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
 def step(
     model: Any,
     addresses: tuple[Sequence[int], Sequence[int]],
-    q: Array,
-    v: Array,
-    tau: Array,
+    states: tuple[Array, Array, Array],
     length: float,
     integrator: str,
-    steps: int = 1,
+    steps: int,
 ) -> Array:
     """See ``harness.engines.interface``; ``addresses`` of positions and velocities in MuJoCo's own order. The model's options change.
 
@@ -81,7 +79,7 @@ def step(
 
     require_declared_steps()
 
-    positions, velocities = addresses
+    (q, v, tau), (positions, velocities) = states, addresses
     number = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}", None)
     if number is None:
         raise NotOffered(f"MuJoCo {mujoco.mj_versionString()} has no integrator {integrator}")

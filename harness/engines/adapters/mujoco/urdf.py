@@ -24,6 +24,7 @@ from harness.engines import Unsupported
 from harness.engines.adapters.mujoco.versions import coefficients
 from harness.files.equalities import Meeting
 from harness.files.facts import point_of
+from harness.files.joint_kinds import JointKind
 from harness.models.formats import LEAST
 from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
 from harness.models.xml import Document, describe, literal_tag, parse_document
@@ -86,7 +87,7 @@ def _ignored(root: etree._Element, joints: Collection[str]) -> Iterator[tuple[et
     if "world" in carried:
         yield carried["world"], "carries the link 'world', which MuJoCo takes for the world itself; give it another name"
     for joint in root.iterfind("joint"):
-        if joint.get("type") == "planar":
+        if joint.get("type") == JointKind.PLANAR:
             yield joint, "is planar, for which MuJoCo makes three joints of other names; write them out"
         if joint.find("mimic") is not None and joint.get("name") not in joints:
             yield joint, "mimics another, of which MuJoCo makes an equality constraint, and that is soft"

@@ -13,9 +13,10 @@ import numpy as np
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring, Unsupported
 from harness.engines.adapters.pinocchio.forces import ForceElements
 from harness.engines.adapters.pinocchio.versions import armature, parent_joint
+from harness.files.joint_kinds import JointKind
 from harness.models.model_file import JointDamper, JointSpring
 
-_KINDS = {"JointModelSpherical": "ball", "JointModelFreeFlyer": "free", "JointModelPlanar": "planar"}
+_KINDS = {"JointModelSpherical": JointKind.BALL, "JointModelFreeFlyer": JointKind.FREE, "JointModelPlanar": JointKind.PLANAR}
 
 
 def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps: Mapping[str, Sequence[float]]) -> HeldModel:
@@ -53,15 +54,15 @@ def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps
             name = names[part.idx_v]
             column = motions[:, part.idx_v - first]
             linear, angular = after.rotation @ column[:3], after.rotation @ column[3:]
-            kind = _KINDS.get(part.shortname(), "hinge" if angular.any() else "slide")
-            turning = kind not in ("hinge", "slide")
+            kind = _KINDS.get(part.shortname(), JointKind.HINGE if angular.any() else JointKind.SLIDE)
+            turning = not kind.is_single
             springs = [element for element in elements if isinstance(element, JointSpring) and element.joint == name]
             joints[name] = HeldJoint(
                 kind=kind,
                 parent=parent,
                 anchor=frame.translation.copy(),
                 moved=after.translation.copy(),
-                axis=np.zeros(3) if turning else angular if kind == "hinge" else linear,
+                axis=np.zeros(3) if turning else angular if kind == JointKind.HINGE else linear,
                 armature=float(armature(model)[part.idx_v]),
                 damping=sum(element.damping for element in elements if isinstance(element, JointDamper) and element.joint == name),
                 stiffness=sum(element.stiffness for element in springs),

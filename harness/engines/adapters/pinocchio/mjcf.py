@@ -17,6 +17,7 @@ from lxml import etree
 
 from harness.engines import Unsupported
 from harness.engines.output import captured_standard_error
+from harness.files.joint_kinds import JointKind
 from harness.models.formats import ORIENTATIONS
 from harness.models.mjcf.defaults import childclass_of, of_class, resolved
 from harness.models.model_file import ROOT_TAGS, ModelFile
@@ -92,7 +93,7 @@ def _of_body(body: etree._Element) -> Iterator[tuple[etree._Element, str]]:
         yield body, "has no name, by which it tells bodies apart; add one"
     joints = body.findall("joint")
     kinds = [resolved(joint, "type") for joint in joints]
-    is_free = body.find("freejoint") is not None or any(kind is not None and kind.text == "free" for kind in kinds)
+    is_free = body.find("freejoint") is not None or any(kind is not None and kind.text == JointKind.FREE for kind in kinds)
     is_turned = any(name in body.attrib for name in ORIENTATIONS)
     if body.getparent().tag == "worldbody" and not joints and not is_free and (is_turned or _nonzero(body, "pos")):
         yield body, "is fixed to the world in a pose, which it passes over; give the pose to what it holds"
@@ -111,9 +112,9 @@ def _of_joint(joint: etree._Element) -> Iterator[tuple[etree._Element, str]]:
         if written is not None and written.owner is not joint and _nonzero(joint, name):
             yield joint, f'takes {name}="{shorten(written.text)}" from a default class, which it {why}; write it into the joint'
     kind = resolved(joint, "type")
-    if kind is not None and kind.text in ("ball", "free") and _nonzero(joint, "ref"):
+    if kind is not None and kind.text in (JointKind.BALL, JointKind.FREE) and _nonzero(joint, "ref"):
         yield joint, f'has a "ref", which a {kind.text} joint does not feel; remove it'
-    if kind is not None and kind.text == "free" and _nonzero(joint, "armature"):
+    if kind is not None and kind.text == JointKind.FREE and _nonzero(joint, "armature"):
         yield joint, 'has an "armature", which it adds in the frame of the body and not of the world; remove it'
     chosen, around = joint.get("class"), childclass_of(joint)
     if chosen and around:

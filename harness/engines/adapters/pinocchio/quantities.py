@@ -75,14 +75,14 @@ class PinocchioQuantities:
 
         configuration, velocity, _ = self.columns(q, v, v)
         states = zip(configuration.T, velocity.T, strict=True)
-        return self._ordered([np.array(pinocchio.nonLinearEffects(self.model, self._data, *state)) for state in states])
+        return _ordered(self, [np.array(pinocchio.nonLinearEffects(self.model, self._data, *state)) for state in states])
 
     def gravity(self, q: Array) -> Array:
         """``computeGeneralizedGravity``."""
         import pinocchio
 
         positions = self._configurations(q)
-        return self._ordered([np.array(pinocchio.computeGeneralizedGravity(self.model, self._data, position)) for position in positions])
+        return _ordered(self, [np.array(pinocchio.computeGeneralizedGravity(self.model, self._data, position)) for position in positions])
 
     def inverse_dynamics(self, q: Array, v: Array, qdd: Array) -> Array:
         """``rnea``."""
@@ -92,7 +92,7 @@ class PinocchioQuantities:
         passive = self.force_elements.generalised_forces(configuration, velocity)
         states = zip(configuration.T, velocity.T, acceleration.T, strict=True)
         forces = [np.array(pinocchio.rnea(self.model, self._data, *state)) for state in states]
-        return self._ordered([force - own for force, own in zip(forces, passive.T, strict=True)])
+        return _ordered(self, [force - own for force, own in zip(forces, passive.T, strict=True)])
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
         """``computeABADerivatives``."""
@@ -178,5 +178,7 @@ class PinocchioQuantities:
         still = np.zeros((len(q), len(self.addresses[1])))
         return self.columns(q, still, still)[0].T
 
-    def _ordered(self, forces: Sequence[Array]) -> Array:
-        return np.ascontiguousarray(np.array(forces).reshape(-1, self.model.nv)[:, self.addresses[1]])
+
+def _ordered(model: PinocchioQuantities, forces: Sequence[Array]) -> Array:
+    """Vectors in the order of the joints."""
+    return np.ascontiguousarray(np.array(forces).reshape(-1, model.model.nv)[:, model.addresses[1]])

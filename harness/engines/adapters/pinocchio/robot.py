@@ -18,10 +18,10 @@ from harness.engines import NotOffered
 from harness.engines.adapters.pinocchio.forces import ForceElements, JointPlace, Pull, has_body
 from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities, Supplied
 from harness.engines.adapters.pinocchio.versions import set_armature
-from harness.engines.coordinates import LINEAR, accelerations_from_body, body_turn, to_body
+from harness.engines.coordinates import accelerations_from_body, body_turn, to_body
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.output import captured_standard_error
-from harness.engines.request import Asked, Refused, Request, projected
+from harness.engines.request import AskedJoint, Refused, Request, projected
 
 # Several joints of one body; its first gives the name. A joint without name, as the tree names it.
 _COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
@@ -86,7 +86,7 @@ class PinocchioFile(LoadedFile):
         return positions, [number for name in names for number in self.places[name][1]]
 
     def quantities(self, names: Sequence[str]) -> _Quantities:
-        if floating := [joint.name for joint in self.found if joint.kind in LINEAR]:
+        if floating := [joint.name for joint in self.found if joint.kind.linear > 1]:
             raise NotOffered(f"the linear velocity of joint {floating[0]!r} is in another frame, converted for accelerations alone")
         return _Quantities(self, names)
 
@@ -109,12 +109,12 @@ class PinocchioFile(LoadedFile):
         for joint in self.found:
             positions, velocities, _ = self.places[joint.name]
             own_q, own_v, own_tau = q[:, joint.positions], v[:, joint.velocities], tau[:, joint.velocities]
-            if joint.kind in LINEAR:
+            if joint.kind.linear > 1:
                 turn = body_turn(joint.kind, own_q)
                 own_v, own_tau = to_body(turn, own_v), to_body(turn, own_tau)
-            if len(positions) in (2, 4) and joint.kind != "ball":
+            if len(positions) in (2, 4) and not joint.kind.has_attitude:
                 own_q = np.hstack([own_q[:, :-1], np.cos(own_q[:, -1:]), np.sin(own_q[:, -1:])])
-            elif joint.kind in ("ball", "free"):
+            elif joint.kind.has_attitude:
                 own_q = np.hstack([own_q[:, :-4], own_q[:, -3:], own_q[:, -4:-3]])
             configuration[:, positions], velocity[:, velocities], force[:, velocities] = own_q, own_v, own_tau
         return configuration, velocity, force
@@ -131,7 +131,7 @@ class PinocchioFile(LoadedFile):
         start, own = 0, {joint.name: joint for joint in self.found}
         for joint in self.joints:
             end = start + len(joint.velocities)
-            if joint.kind in LINEAR:
+            if joint.kind.linear > 1:
                 asked = own[joint.name]
                 turn = body_turn(joint.kind, q[:, asked.positions])
                 accelerations[:, start:end] = accelerations_from_body(turn, accelerations[:, start:end], v[:, asked.velocities])
@@ -248,7 +248,7 @@ def _coupled(loaded: PinocchioFile, data: Any, couplings: Array, configuration: 
     return projected(mass, terms, couplings)
 
 
-def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], list[int], str]]:
+def _places(model: Any, joints: Sequence[AskedJoint]) -> dict[str, tuple[list[int], list[int], str]]:
     """Positions, velocities and Pinocchio's name of each joint that the model has; one of several in a body is part of a composite."""
     places, names = {}, _names_of_reader(joints)
     for number in range(1, model.njoints):
@@ -261,7 +261,7 @@ def _places(model: Any, joints: Sequence[Asked]) -> dict[str, tuple[list[int], l
     return {joint.name: places[joint.name] for joint in joints if joint.name in places}
 
 
-def _names_of_reader(joints: Sequence[Asked]) -> dict[str, str]:
+def _names_of_reader(joints: Sequence[AskedJoint]) -> dict[str, str]:
     """Names of joints by those that the MJCF reader gives them: a joint without one is called after its body."""
     found: dict[str, str] = {}
     for joint in joints:
@@ -273,7 +273,7 @@ def _names_of_reader(joints: Sequence[Asked]) -> dict[str, str]:
     return found
 
 
-def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[Asked]) -> list[tuple[str, int, int]]:
+def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[AskedJoint]) -> list[tuple[str, int, int]]:
     """Name, positions and velocities of a joint, or of those that a composite of the MJCF reader is made of, in their order."""
     names = [one.name for one in joints]
     if not is_composite or name not in names:
