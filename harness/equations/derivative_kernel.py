@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.dynamics_derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
-from harness.equations.kernels import MOST_STRAIGHT, evaluated, heyoka_expressions
+from harness.equations.kernels import MOST_STRAIGHT, evaluated, symbols_of
 from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram
@@ -61,10 +61,7 @@ class DerivativeKernel:
 def _compiled(program: StraightLineProgram, parameters: tuple[float, ...]) -> Any:
     heyoka = load_heyoka()
 
-    inputs = [heyoka.expression(f"z{place}") for place in range(len(program.inputs) - len(parameters))]
-    # With the digits of long double, as heyoka turns a division by a number into a product.
-    values = [heyoka.expression(np.longdouble(value)) for value in parameters]
-    outputs = heyoka_expressions(program, [*inputs, *values])
+    inputs, outputs = symbols_of(program, parameters)
     expressions = [expression for entries in outputs.values() for expression in entries]
     return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(program.instructions) > MOST_STRAIGHT)
 

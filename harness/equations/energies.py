@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.kernels import MOST_INSTRUCTIONS_UNROLLED, heyoka_expressions
+from harness.equations.kernels import MOST_INSTRUCTIONS_UNROLLED, symbols_of
 from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
@@ -69,8 +69,7 @@ class EnergyKernel:
 
         compiled = []
         for program in self._mechanism.energy_programs:
-            inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
-            outputs = heyoka_expressions(program, inputs)
+            inputs, outputs = symbols_of(program)
             compiled.append(heyoka.cfunc([expression for name in ENERGY_OUTPUTS for expression in outputs[name]], vars=inputs))
         return compiled
 
@@ -121,12 +120,8 @@ class LagrangianKernel:
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
-        heyoka = load_heyoka()
-
-        mechanism = self.mechanism
-        inputs = [heyoka.expression(f"z{i}") for i in range(len(mechanism.program.inputs))]
-        energies = heyoka_expressions(mechanism.energy_programs[0], inputs)
-        return inputs, {**energies, "mass": heyoka_expressions(mechanism.program, inputs)["mass"]}
+        inputs, energies = symbols_of(self.mechanism.energy_programs[0])
+        return inputs, {**energies, "mass": symbols_of(self.mechanism.program)[1]["mass"]}
 
     def _compiled(self, expressions: list[Any]) -> Any:
         heyoka = load_heyoka()

@@ -76,12 +76,9 @@ class Float64Kernel:
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
         heyoka = load_heyoka()
 
-        inputs = [heyoka.expression(f"z{i}") for i in range(len(self.program.inputs))]
-        # With the digits of long double, as heyoka turns a division by a number into a product.
-        values = [heyoka.expression(np.longdouble(value)) for value in self._parameters or ()]
-        inputs = inputs[: len(inputs) - len(values)]
-        chosen, *others = [heyoka_expressions(program, [*inputs, *values]) for program in self._programs]
-        for other in others:
+        inputs, chosen = symbols_of(self.program, self._parameters or ())
+        for program in self._programs[1:]:
+            _, other = symbols_of(program, self._parameters or ())
             better = heyoka.gt(other["regularity"][0], chosen["regularity"][0])
             for name, expressions in chosen.items():
                 pairs = zip(expressions, other[name], strict=True)
@@ -133,6 +130,16 @@ def float64_kernel(
     """The kernel of a program, which is compiled once per process; arguments as in ``Float64Kernel``."""
     key = program.key, parameters, tuple(chart.key for chart in other_charts)
     return _KERNELS.get(key, lambda: Float64Kernel(program, parameters, other_charts))
+
+
+def symbols_of(program: StraightLineProgram, parameters: Sequence[float] = ()) -> tuple[list[Any], dict[str, list[Any]]]:
+    """heyoka's symbols for the inputs before ``parameters``, which are numbers, and the program's outputs of them."""
+    heyoka = load_heyoka()
+
+    inputs = [heyoka.expression(f"z{place}") for place in range(len(program.inputs) - len(parameters))]
+    # With the digits of long double, as heyoka turns a division by a number into a product.
+    values = [heyoka.expression(np.longdouble(value)) for value in parameters]
+    return inputs, heyoka_expressions(program, [*inputs, *values])
 
 
 def heyoka_expressions(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, list[Any]]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.kernels import Float64Kernel, float64_kernel, heyoka_expressions
+from harness.equations.kernels import Float64Kernel, float64_kernel, symbols_of
 from harness.equations.machine_code import load_heyoka
 from harness.equations.program import StraightLineProgram, position_count, without_unused
 
@@ -63,11 +64,9 @@ class Charts:
     def _regularity(self) -> Any:
         heyoka = load_heyoka()
 
-        inputs = [heyoka.expression(f"z{i}") for i in range(len(self.programs[0].inputs))]
-        outputs = []
-        for program in self.programs:
-            alone = StraightLineProgram(program.inputs, program.instructions, {"regularity": program.outputs["regularity"]})
-            outputs += heyoka_expressions(without_unused(alone), inputs)["regularity"]
+        alone = [without_unused(replace(program, outputs={"regularity": program.outputs["regularity"]})) for program in self.programs]
+        inputs, _ = symbols_of(alone[0])
+        outputs = [symbols_of(program)[1]["regularity"][0] for program in alone]
         return heyoka.cfunc(outputs, vars=inputs[: position_count(self.programs[0])])
 
 

@@ -22,7 +22,7 @@ def mass_matrix(motion: TreeMotion) -> Iterator[Block]:
 
     Source: Featherstone, section 6.2, in one frame.
     """
-    entries, lengths = _entries_of_mass(motion), _lengths_of_columns(motion)
+    entries, lengths = entries_of_mass(motion.world), _lengths_of_columns(motion)
     for i, one in enumerate(motion.columns):
         for j, other in enumerate(motion.columns):
             entry = entries.get((min(i, j), max(i, j)), motion.builder.zero)
@@ -92,8 +92,9 @@ def generalised(world: World, numbers: Iterable[int], parts: Parts, that_cancel:
     return values, sizes
 
 
-def _entries_of_mass(motion: TreeMotion) -> dict[tuple[int, int], Term]:
-    moving, builder = motion.moving, motion.builder
+def entries_of_mass(world: World) -> dict[tuple[int, int], Term]:
+    """The entries (i, j), i <= j, of the mass matrix that are not zero, in one frame."""
+    moving, builder = world.moving, world.kinematics.builder
     composite = [joined(builder, (lump.about_origin(builder) for lump in one.lumps)) for one in moving]
     entries: dict[tuple[int, int], Term] = {}
     for number in reversed(range(len(moving))):
@@ -103,7 +104,7 @@ def _entries_of_mass(motion: TreeMotion) -> dict[tuple[int, int], Term]:
             composite[one.node.parent] = composite[one.node.parent] + carried
         for place, (own, column) in enumerate(one.rates):
             moment, force = composite[number].momentum(own)
-            for before in motion.world.up_from(number):
+            for before in world.up_from(number):
                 is_own = before is one
                 arm = one.position + -before.position
                 about = moment + cross(arm, force)

@@ -1,7 +1,6 @@
 """The inverse weights by which MuJoCo scales soft constraints, from a model file alone: diagonals of J M^-1 J' in its zero position.
 
-There every body stands where its pose says, so that no joint turns anything: each velocity is a motion about or along a line of the
-file. M is summed over the bodies in the frame of the world, and everything is evaluated in balls.
+There every joint has its reference, so that every body stands where its pose says. Everything is evaluated in balls.
 
 MuJoCo's program makes an exception that its documentation does not hold: a body that only slides along its own axes, that hangs on
 the world, carries no body, and whose inertia is given in its own frame, has 1/m for its translation and for each slide.
@@ -12,11 +11,14 @@ Source: MuJoCo 4.0, engine_setconst.c (set0) and user_model.cc (body_simple).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from harness.equations.term import Matrix, Term, Vector, cross, matrix
+from harness.equations.balls import mass_matrix
+from harness.equations.program import upper_triangle
+from harness.equations.term import Term, Vector, cross
 from harness.files.equalities import Polygon, Tendon, TendonLinkage
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Body, Given, Joint, Tree
@@ -24,9 +26,13 @@ from harness.models.constraint_law import InverseWeight
 from harness.models.model_file import ROOT_TAGS, ModelFile
 from harness.models.xml import parse_document
 from harness.robots.bounds import bounded
-from harness.robots.rigid import Rigid, Spatial, Weights, joined, power, spatial
+from harness.robots.constraints import Row, jacobian_of, untied
+from harness.robots.force_quantities import entries_of_mass
+from harness.robots.nodes import Kinematics, standing
+from harness.robots.rigid import Rigid, Spatial, joined, spatial
 from harness.robots.robot import tree_of
-from harness.robots.spatial import FileBuilder, Frame, direction, placed, unit
+from harness.robots.spatial import placed, unit
+from harness.robots.world_motion import World, in_world
 
 _BITS = 192
 # IsNullPose and mjEPS of MuJoCo's compiler.
@@ -52,136 +58,103 @@ def inverse_weights_of(
     Raises:
         ValueError: as ``inverse_weights``.
     """
-    return _AtZero(bounded(tree), fuses, tendons).evaluated(list(dict.fromkeys(wanted)))
+    import flint
+
+    tree, wanted = bounded(tree), list(dict.fromkeys(wanted))
+    nodes = standing(untied(tree, [joint.name for joint in tree.joints]), at_reference=True)
+    at_zero = _AtZero(in_world(nodes), fuses, {one.name: one for one in tendons})
+    sliders = {name: body for body in tree.bodies if _only_slides(tree, nodes, body) for name in (body.name, *_names(body.joints))}
+    slides = {one: sliders[one.of] for one in wanted if one.of in sliders and one.kind != "tendon"}
+    entries, pairs = entries_of_mass(at_zero.world), upper_triangle(nodes.nv)
+    outputs: dict[str, Iterable[Term]] = {"mass": [entries.get(pair, nodes.builder.zero) for pair in pairs]}
+    for number, one in enumerate(wanted):
+        outputs[str(number)] = [at_zero.weight(slides[one])] if one in slides else at_zero.jacobian(one)
+    with flint.ctx.workprec(_BITS):
+        found = nodes.builder.evaluated(outputs)
+        mass = mass_matrix(found["mass"], nodes.nv)
+        weights = {}
+        for number, one in enumerate(wanted):
+            if one in slides:
+                weights[one] = 0.0 if one.kind == "rotation" else float(1 / found[str(number)][0])
+            else:
+                weights[one] = _mean_diagonal(mass, found[str(number)])
+        return weights
 
 
+@dataclass(frozen=True)
 class _AtZero:
-    """M, and rows J, of one tree in its zero position."""
+    """One tree in its zero position; ``fuses`` as of ``inverse_weights_of``."""
 
-    def __init__(self, tree: Tree, fuses: bool, tendons: Iterable[Tendon]) -> None:
-        self._builder = FileBuilder(())
-        self._tree, self._weights = tree, Weights(self._builder, tree)
-        self._motions: list[Spatial] = []
-        self._columns: dict[str, list[int]] = {}
-        self._armatures: list[Term] = []
-        self._frames = {WORLD: placed(self._builder, ())}
-        # The velocities that move each body, of its own joints and of those before.
-        self._moved_by: dict[str, list[int]] = {WORLD: []}
-        self._rigids: dict[str, Rigid] = {}
-        # The body that an engine makes one with what is fixed to it.
-        self._carrier = {WORLD: WORLD}
-        for body in tree.bodies:
-            self._place(body)
-            self._carrier[body.name] = self._carrier[body.parent] if fuses and not body.joints else body.name
-        self._tendons = {one.name: one for one in tendons}
+    world: World
+    fuses: bool
+    tendons: Mapping[str, Tendon]
 
-    def _place(self, body: Body) -> None:
-        frame = self._frames[body.name] = placed(self._builder, body.pose, self._frames[body.parent])
-        for joint in body.joints:
-            first = len(self._motions)
-            self._motions += _motions(self._builder, joint, frame)
-            columns = self._columns[joint.name] = list(range(first, len(self._motions)))
-            self._armatures += [self._builder.number(joint.armature)] * len(columns)
-        own = [column for joint in body.joints for column in self._columns[joint.name]]
-        self._moved_by[body.name] = [*self._moved_by[body.parent], *own]
-        self._rigids[body.name] = joined(self._builder, (part.moved(frame) for part in self._weights.parts(body)))
+    def jacobian(self, wanted: InverseWeight) -> list[Term]:
+        """The rows of J of an inverse weight, one after another."""
+        return [entry for row in self._rows(wanted) for entry in jacobian_of(self.world, row)]
 
-    def _mass_matrix(self) -> Matrix:
-        size = len(self._motions)
-        entries = self._builder.zeros(size, size)
-        for body in self._tree.bodies:
-            rigid, columns = self._rigids[body.name], self._moved_by[body.name]
-            for column in columns:
-                momentum = rigid.momentum(self._motions[column])
-                for row in columns:
-                    entries[row, column] = entries[row, column] + power(self._motions[row], momentum)
-        for column, armature in enumerate(self._armatures):
-            entries[column, column] = entries[column, column] + armature
-        return entries
-
-    def _rows(self, wanted: InverseWeight) -> Matrix:
-        """The rows of J of an inverse weight."""
-        size = len(self._motions)
+    def _rows(self, wanted: InverseWeight) -> list[Row]:
+        builder, nodes = self.world.kinematics.builder, self.world.kinematics
+        if wanted.kind == "tendon":
+            return [self._tendon(self.tendons[wanted.of])]
         if wanted.kind == "joint":
             # Of a free joint the translations, as those of its first velocity.
-            own = self._columns[wanted.of][:3]
-            return matrix([[self._builder.number(int(column == one)) for column in range(size)] for one in own])
-        if wanted.kind == "tendon":
-            return matrix([self._tendon(self._tendons[wanted.of])])
-        columns = self._moved_by[wanted.of]
-        centre = self._centre(wanted.of) if wanted.kind == "translation" and columns else self._builder.still
-        found = self._builder.zeros(3, size)
-        for column in columns:
-            found[:, column] = self._motions[column][0] if wanted.kind == "rotation" else self._velocity(column, centre)
-        return found
+            columns = nodes.coordinates.columns[wanted.of][:3]
+            return [Row("", builder.zero, builder.zero, on_columns=((column, builder.one),)) for column in columns]
+        if wanted.kind == "rotation":
+            acts = [spatial(axis, builder.still) for axis in builder.identity]
+            return [self._row([(nodes.frames[wanted.of][0], one)]) for one in acts]
+        centre = self._centre(wanted.of) if nodes.frames[wanted.of][0] >= 0 else builder.still
+        return [self._row([self._force(wanted.of, centre, axis)]) for axis in builder.identity]
+
+    def _row(self, acts: Iterable[tuple[int, Spatial]]) -> Row:
+        zero = self.world.kinematics.builder.zero
+        return Row("", zero, zero, tuple(one for one in acts if one[0] >= 0))
+
+    def _force(self, body: str, point: Vector, force: Vector) -> tuple[int, Spatial]:
+        """A force at a point of a body, on the node that moves it."""
+        number, _ = self.world.kinematics.frames[body]
+        arm = point if number < 0 else point - self.world.moving[number].position
+        return number, spatial(cross(arm, force), force)
+
+    def _rigid(self, body: Body) -> Rigid:
+        """A body about the world's origin."""
+        frame, nodes = self.world.frame_of(body.name), self.world.kinematics
+        return joined(nodes.builder, (part.moved(frame) for part in nodes.weights.parts(body)))
+
+    def weight(self, body: Body) -> Term:
+        """The mass of a body."""
+        return self._rigid(body).mass
 
     def _centre(self, name: str) -> Vector:
-        """The centre of mass of a body with all that is made one with it."""
-        bodies = [body for body, carrier in self._carrier.items() if carrier == self._carrier[name] and body != WORLD]
-        whole = joined(self._builder, (self._rigids[body] for body in bodies))
+        """The centre of mass of a body with all that an engine makes one with it."""
+        tree, carriers = self.world.kinematics.tree, {WORLD: WORLD}
+        for body in tree.bodies:
+            carriers[body.name] = carriers[body.parent] if self.fuses and not body.joints else body.name
+        bodies = [body for body in tree.bodies if carriers[body.name] == carriers[name]]
+        whole = joined(self.world.kinematics.builder, map(self._rigid, bodies))
         return whole.first / whole.mass
 
-    def _velocity(self, column: int, point: Vector) -> Vector:
-        angular, linear = self._motions[column]
-        return linear + cross(angular, point)
-
-    def _tendon(self, tendon: Tendon) -> Vector:
-        found = self._builder.zeros(len(self._motions))
+    def _tendon(self, tendon: Tendon) -> Row:
+        nodes, builder = self.world.kinematics, self.world.kinematics.builder
         if not isinstance(tendon, Polygon):
-            for name, multiple in tendon.terms:
-                (column,) = self._columns[name]
-                found[column] = found[column] + Fraction(multiple)
-            return found
-        places = [(body, placed(self._builder, pose, self._frames[body]).shift) for body, pose in tendon.points]
+            terms = ((nodes.coordinates.columns[name][0], builder.number(multiple)) for name, multiple in tendon.terms)
+            return replace(self._row(()), on_columns=tuple(terms))
+        places = [(body, placed(builder, pose, self.world.frame_of(body)).shift) for body, pose in tendon.points]
+        acts = []
         for (first, start), (second, end) in itertools.pairwise(places):
-            along = unit(end + -start)
-            for sign, body, point in ((1, second, end), (-1, first, start)):
-                for column in self._moved_by[body]:
-                    rate = self._builder.number(sign) * (along @ self._velocity(column, point))
-                    found[column] = found[column] + rate
-        return found
-
-    def evaluated(self, wanted: Sequence[InverseWeight]) -> dict[InverseWeight, float]:
-        """The inverse weights."""
-        import flint
-
-        sliders = {name: body for body in self._tree.bodies if self._only_slides(body) for name in (body.name, *_names(body.joints))}
-        masses = {name: self._rigids[body.name].mass for name, body in sliders.items()}
-        rows = {one: () if one.of in sliders and one.kind != "tendon" else self._rows(one).flat for one in wanted}
-        outputs = {"mass": self._mass_matrix().flat, **{str(number): each for number, each in enumerate(rows.values())}}
-        with flint.ctx.workprec(_BITS):
-            found = self._builder.evaluated(outputs | {"sliders": masses.values()})
-            mass = flint.arb_mat(len(self._motions), len(self._motions), found["mass"])
-            of_slider = dict(zip(masses, found["sliders"], strict=True))
-            weights = {}
-            for number, one in enumerate(rows):
-                if one.of in of_slider and one.kind != "tendon":
-                    weights[one] = 0.0 if one.kind == "rotation" else float(1 / of_slider[one.of])
-                else:
-                    weights[one] = _mean_diagonal(mass, found[str(number)])
-            return weights
-
-    def _only_slides(self, body: Body) -> bool:
-        """Whether MuJoCo takes a body for one whose M is its mass; see the module."""
-        hangs = body.parent == WORLD or (not self._moved_by[body.parent] and self._parent(body.parent) == WORLD)
-        is_leaf = all(other.parent != body.name for other in self._tree.bodies)
-        slides = bool(body.joints) and all(joint.kind == JointKind.SLIDE and _is_along_one(joint) for joint in body.joints)
-        return hangs and is_leaf and slides and body.inertia is not None and not body.solids and _stands_in_body(body)
-
-    def _parent(self, name: str) -> str:
-        return next(body.parent for body in self._tree.bodies if body.name == name)
+            along = unit(end - start)
+            acts += [self._force(second, end, along), self._force(first, start, -along)]
+        return self._row(acts)
 
 
-def _motions(builder: FileBuilder, joint: Joint, frame: Frame) -> list[Spatial]:
-    """The motion of the world's frame for each velocity of a joint of a body with a frame."""
-    own = placed(builder, joint.pose, frame)
-    anchor = own.at(builder.vector(joint.anchor))
-    kind = joint.kind
-    if kind.is_single:
-        axis = own.turn @ direction(builder, joint.axis)
-        return [spatial(builder.still, axis) if kind.linear else spatial(axis, cross(anchor, axis))]
-    found = [spatial(axis, cross(anchor, axis)) for axis in frame.turn.T]
-    return [*(spatial(builder.still, row) for row in builder.identity), *found] if kind.linear else found
+def _only_slides(tree: Tree, nodes: Kinematics, body: Body) -> bool:
+    """Whether MuJoCo takes a body for one whose M is its mass; see the module."""
+    parents = {other.name: other.parent for other in tree.bodies}
+    hangs = body.parent == WORLD or (nodes.frames[body.parent][0] < 0 and parents[body.parent] == WORLD)
+    is_leaf = body.name not in parents.values()
+    slides = bool(body.joints) and all(joint.kind == JointKind.SLIDE and _is_along_one(joint) for joint in body.joints)
+    return hangs and is_leaf and slides and body.inertia is not None and not body.solids and _stands_in_body(body)
 
 
 def _names(joints: Iterable[Joint]) -> tuple[str, ...]:

@@ -5,9 +5,10 @@ Sources: MuJoCo documentation, XML reference, joint and tendon/fixed; http://wik
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from harness.equations.term import Term, Vector
+from harness.equations.term import Term, Vector, length
 from harness.files.tree import Coupling, Joint, Spring
 from harness.robots.nodes import Kinematics
 from harness.robots.spatial import FileBuilder, angle
@@ -24,6 +25,16 @@ class Line:
         """The tension where the length is beyond the free one by ``stretch``."""
         stiffness = builder.number(self.of.stiffness) * stretch
         return stiffness + builder.number(self.of.damping) * self.rate
+
+
+def tension_between(builder: FileBuilder, spring: Spring, ends: Sequence[tuple[Vector, Vector]]) -> tuple[Term, Vector, Line]:
+    """The tension of a spring between two points, whose positions and velocities are ``ends``; its direction, and the length."""
+    (first, rate_of_first), (second, rate_of_second) = ends
+    between = second + -first
+    distance = length(between)
+    along = between / distance
+    line = Line(spring, along @ (rate_of_second + -rate_of_first))
+    return line.tension(builder, distance - spring.free_length), along, line
 
 
 def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vector:

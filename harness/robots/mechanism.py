@@ -6,6 +6,7 @@ each decimal as it does for the parameters of a system.
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Hashable
@@ -15,6 +16,7 @@ from typing import Any
 from harness.equations.applied_forces import forces_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import Joint
 from harness.robots.recursion import recursion_program
 from harness.robots.robot import Robot
@@ -22,8 +24,6 @@ from harness.robots.spatial import parameter_name
 
 # Of a joint without limits [m].
 _REACH = (-1.0, 1.0)
-_COORDINATES = {"hinge": ("",), "slide": ("",), "planar": (" x", " y", " turn"), "ball": (" x", " y", " z")}
-_COORDINATES["free"] = (*(f" {axis}" for axis in "xyz"), *(f" about {axis}" for axis in "xyz"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,27 +56,24 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
     started = time.perf_counter()
     joints = [robot.joint(name) for name in robot.joints]
     recursion = recursion_program(robot.tree, robot.joints)
-    has_free = any(joint.kind == "free" for joint in joints)
+    has_free = any(joint.kind == JointKind.FREE for joint in joints)
     in_body = (recursion_program(robot.tree, robot.joints, linear_velocity_in_body=True).program,) if has_free else ()
     ranges = [bounds for joint in joints for bounds in _ranges(joint)]
     rates = [DEFAULT_RATES] * len(ranges)
-    attitudes: list[int] = []
-    first = 0
-    for joint in joints:
-        _, velocities = joint.kind.sizes
-        attitudes += [first + velocities - 3] if joint.kind in ("ball", "free") else []
-        first += velocities
+    rotating = [turns for joint in joints for turns in joint.kind.turning]
+    firsts = itertools.accumulate((joint.kind.velocities for joint in joints), initial=0)
+    attitudes = [first + joint.kind.linear for joint, first in zip(joints, firsts, strict=False) if joint.kind.has_attitude]
     values = [float(value) for value in recursion.parameters]
     return RobotMechanism(
         name=robot.path.stem,
         description=f"The robot of {robot.path.name}.",
         source="",
-        coordinates=tuple(joint.name + suffix for joint in joints for suffix in _COORDINATES[joint.kind]),
-        joints=tuple(joint.name for joint in joints for _ in _COORDINATES[joint.kind]),
+        coordinates=tuple(f"{joint.name} {suffix}".rstrip() for joint in joints for suffix in joint.kind.coordinates),
+        joints=tuple(joint.name for joint in joints for _ in joint.kind.coordinates),
         parameters=tuple((parameter_name(one), float(one), "") for one in recursion.parameters),
         gravity=math.hypot(*map(float, robot.tree.gravity)),
         total_mass=robot.total_mass,
-        rotating=tuple(turns for joint in joints for turns in _turning(joint)),
+        rotating=tuple(rotating),
         position_ranges=tuple(ranges),
         rate_ranges=tuple(rates),
         **vars(forces_of(recursion.program, values, ranges, rates, attitudes)),
@@ -90,15 +87,9 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
     )
 
 
-def _turning(joint: Joint) -> tuple[bool, ...]:
-    """For each velocity of a joint, whether it is of an angle."""
-    kinds = {"hinge": (True,), "slide": (False,), "planar": (False, False, True), "ball": (True,) * 3, "free": (False,) * 3 + (True,) * 3}
-    return kinds[joint.kind]
-
-
 def _ranges(joint: Joint) -> tuple[tuple[float, float] | None, ...]:
     """The range of each coordinate; None for an angle without limits."""
-    if joint.limits is not None and joint.kind in ("hinge", "slide"):
+    if joint.limits is not None and joint.kind.is_single:
         low, high = map(float, joint.limits)
         return ((math.radians(low), math.radians(high)) if joint.in_degrees else (low, high),)
-    return tuple(None if turns else _REACH for turns in _turning(joint))
+    return tuple(None if turns else _REACH for turns in joint.kind.turning)

@@ -118,6 +118,23 @@ class Kinematics:
         return _grown(self.builder, self.tree, replace(self.coordinates, positions=positions), self.weights)
 
 
+def standing(tree: Tree, at_reference: bool = False) -> Kinematics:
+    """The nodes of a tree in a program without inputs: in the position zero, or where every joint has its reference."""
+    tree, builder = bounded(tree), FileBuilder(())
+    positions, columns, first = {}, {}, 0
+    for joint in tree.joints:
+        if not joint.follows:
+            values = positions[joint.name] = builder.zeros(joint.kind.positions)
+            columns[joint.name] = list(range(first, first + joint.kind.velocities))
+            first += joint.kind.velocities
+            if joint.kind.has_attitude:
+                values[-4] = builder.one
+            elif at_reference and joint.kind.is_single:
+                values[0] = angle(builder, joint.reference, joint.in_degrees)
+    rest = builder.zeros(first)
+    return _grown(builder, tree, Coordinates(tuple(columns), positions, columns, rest, rest, rest[:0], False), Weights(builder, tree))
+
+
 def kinematics(tree: Tree, joints: Sequence[str], is_in_body: bool = False, third: str = "tau", further: Sequence[str] = ()) -> Kinematics:
     """The nodes of a tree in a program of their own, whose inputs are those of ``Coordinates``: v and q follow ``joints``.
 

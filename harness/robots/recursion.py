@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
-from harness.equations.term import Matrix, Term, Vector, cross, length
+from harness.equations.term import Matrix, Term, Vector, cross
 from harness.files.tree import Given, Pose, Tree
-from harness.robots.joint_forces import Line, forces_of_joints
+from harness.robots.joint_forces import Line, forces_of_joints, tension_between
 from harness.robots.nodes import Kinematics, Node, kinematics
 from harness.robots.rigid import Spatial, power, spatial
 from harness.robots.spatial import placed
@@ -150,12 +150,7 @@ def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: lis
     on_nodes = [nodes.still] * len(nodes.nodes)
     for spring in nodes.tree.springs:
         ends = [_end(nodes, body, pose, velocities) for body, pose in spring.ends]
-        (first, rate_of_first), (second, rate_of_second) = ((position, rate) for _, _, position, rate, _ in ends)
-        between = second + -first
-        distance = length(between)
-        along = between / distance
-        line = Line(spring, along @ (rate_of_second + -rate_of_first))
-        tension = line.tension(builder, distance - spring.free_length)
+        tension, along, line = tension_between(builder, spring, [(position, rate) for _, _, position, rate, _ in ends])
         lines.append(line)
         for sign, (node, arm, _, _, turn) in zip((1, -1), ends, strict=True):
             if node >= 0:

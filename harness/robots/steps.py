@@ -17,7 +17,7 @@ from fractions import Fraction
 
 from harness.equations.derivatives import derivative_name, differentiate
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
-from harness.equations.term import Builder, Matrix, Term, Vector, cross, dot, length, vector
+from harness.equations.term import Builder, Matrix, Term, Vector, cross, dot, length, symmetric, vector
 from harness.files.tree import Given
 from harness.models.step_rule import Part, StepRule
 from harness.robots.step_forces import JOINT_DAMPING, JOINT_STIFFNESS, LINE_DAMPING, LINE_STIFFNESS, LINES, StepForces
@@ -102,7 +102,7 @@ class _Stepper:
 
     def _in_one_stage(self, rule: StepRule, step: Term) -> tuple[Vector, Vector]:
         stiff = self._stiffness(rule)
-        matrix = self._mass(self.outputs)
+        matrix = symmetric(self.outputs["mass"], self.nv)
         for row, (of_rates, of_positions) in enumerate(zip(self._damping(rule), stiff, strict=True)):
             for column in range(self.nv):
                 implicit = of_rates[column] + step * of_positions[column]
@@ -117,12 +117,12 @@ class _Stepper:
         # Of the coordinates in which the rotations of a stage are where that of the start is zero.
         slopes, accelerations = [self.v], [self._acceleration(self.outputs)]
         for weights in rule.stages:
-            slope = self._mixed(weights, slopes)
-            rates = _moved(self.v, step, self._mixed(weights, accelerations))
+            slope = _mixed(weights, slopes)
+            rates = _moved(self.v, step, _mixed(weights, accelerations))
             accelerations.append(self._acceleration(self._evaluated(self._turned(step, slope), rates)))
             slopes.append(self._in_coordinates(step, slope, rates))
-        after = self._turned(step, self._mixed(rule.weights, slopes))
-        return after, _moved(self.v, step, self._mixed(rule.weights, accelerations))
+        after = self._turned(step, _mixed(rule.weights, slopes))
+        return after, _moved(self.v, step, _mixed(rule.weights, accelerations))
 
     # The equations of motion.
 
@@ -136,14 +136,9 @@ class _Stepper:
         return self.builder.inputs_at(range(first, first + self.nv)) + passive - (velocity + gravity)
 
     def _acceleration(self, outputs: Mapping[str, Sequence[Term]]) -> Vector:
-        return solved(self._mass(outputs), self._force(outputs))
+        return solved(symmetric(outputs["mass"], self.nv), self._force(outputs))
 
-    def _mass(self, outputs: Mapping[str, Sequence[Term]]) -> Matrix:
-        matrix = self._nothing()
-        for (i, j), entry in zip(upper_triangle(self.nv), outputs["mass"], strict=True):
-            matrix[i, j] = matrix[j, i] = entry
-        return matrix
-
+    @property
     def _nothing(self) -> Matrix:
         return self.builder.zeros(self.nv, self.nv)
 
@@ -151,7 +146,7 @@ class _Stepper:
 
     def _damping(self, rule: StepRule) -> Matrix:
         """D: the minus derivative by the velocities of the forces that the rule takes implicitly."""
-        found = self._of_lines(LINE_DAMPING) if Part.LINE_DAMPERS in rule.implicit else self._nothing()
+        found = self._of_lines(LINE_DAMPING) if Part.LINE_DAMPERS in rule.implicit else self._nothing
         if Part.JOINT_DAMPERS in rule.implicit:
             for place, damping in enumerate(self.outputs[JOINT_DAMPING]):
                 found[place, place] = found[place, place] + damping
@@ -173,7 +168,7 @@ class _Stepper:
 
     def _stiffness(self, rule: StepRule) -> Matrix:
         """K: the minus derivative by the positions."""
-        found = self._of_lines(LINE_STIFFNESS) if Part.LINE_SPRINGS in rule.implicit else self._nothing()
+        found = self._of_lines(LINE_STIFFNESS) if Part.LINE_SPRINGS in rule.implicit else self._nothing
         if Part.JOINT_SPRINGS in rule.implicit:
             for place, stiffness in enumerate(self.outputs[JOINT_STIFFNESS]):
                 found[place, place] = found[place, place] + stiffness
@@ -181,7 +176,7 @@ class _Stepper:
 
     def _of_lines(self, coefficient: str) -> Matrix:
         """The sum over all lengths of J' times their coefficient times J."""
-        found, slopes = self._nothing(), self.outputs[LINES]
+        found, slopes = self._nothing, self.outputs[LINES]
         for number, value in enumerate(self.outputs[coefficient]):
             row = slopes[number * self.nv : (number + 1) * self.nv]
             for i, j in upper_triangle(self.nv):
@@ -189,9 +184,6 @@ class _Stepper:
         return found
 
     # Steps of vectors and rotations.
-
-    def _mixed(self, weights: Sequence[Fraction], vectors: Sequence[Vector]) -> Vector:
-        return vector([self.builder.vector(weights) @ vector(each) for each in zip(*vectors, strict=True)])
 
     def _turned(self, step: Term, rates: Vector) -> Vector:
         """q + h v, rotations as of ``harness.models.step_rule``."""
@@ -216,6 +208,12 @@ class _Stepper:
             twice = factor * cross(half, once)
             found[first : first + 3] = [(rate + one) + two for rate, one, two in zip(found[first : first + 3], once, twice, strict=True)]
         return found
+
+
+def _mixed(weights: Sequence[Fraction], vectors: Sequence[Vector]) -> Vector:
+    """A sum of vectors by weights."""
+    builder = vectors[0][0].builder
+    return vector([builder.vector(weights) @ vector(each) for each in zip(*vectors, strict=True)])
 
 
 def _moved(values: Vector, step: Term, rates: Vector) -> Vector:

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from harness.equations.term import Matrix, Vector, cross, length
+from harness.equations.term import Matrix, Vector, cross
 from harness.files.tree import Pose, Tree
-from harness.robots.joint_forces import Line
+from harness.robots.joint_forces import tension_between
 from harness.robots.nodes import Kinematics, Node
 from harness.robots.rigid import Lump, Spatial, spatial
 from harness.robots.spatial import Frame, placed
@@ -77,6 +77,14 @@ class World:
             if at == number:
                 yield other
 
+    def frame_of(self, body: str) -> Frame:
+        """The frame of a body in the world."""
+        number, frame = self.kinematics.frames[body]
+        if number < 0:
+            return frame
+        one = self.moving[number]
+        return Frame(one.orientation @ frame.turn, one.position + one.orientation @ frame.shift)
+
     @property
     def points(self) -> dict[str, Vector]:
         """By the name of a joint, the anchor in the world of the last joint of its body, which moves with the body."""
@@ -99,12 +107,7 @@ class World:
         builder, found = self.kinematics.builder, [self.kinematics.still for _ in self.moving]
         for spring in self.kinematics.tree.springs:
             ends = [self.end(body, pose) for body, pose in spring.ends]
-            (_, _, first, rate_of_first), (_, _, second, rate_of_second) = ends
-            between = second + -first
-            distance = length(between)
-            along = between / distance
-            line = Line(spring, along @ (rate_of_second + -rate_of_first))
-            tension = line.tension(builder, distance - spring.free_length)
+            tension, along, _ = tension_between(builder, spring, [(position, rate) for _, _, position, rate in ends])
             pull = tension * along
             for (number, arm, _, _), force in zip(ends, (pull, -pull), strict=True):
                 if number >= 0:
