@@ -29,12 +29,15 @@ from dataclasses import dataclass, replace
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from harness.errors import InvalidInput, InvalidRequest
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 # Endings by which a name is that of a file, be it there or not.
 FILE_SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf")
+# Kinds of mechanism: of energies, the same under constraints, and of a file, which has no energies.
+MECHANISMS, CONSTRAINED, ROBOTS = "mechanisms", "mechanisms with constraints", "robots"
 BUILT_IN_NAME = "built-in"
 ENTRY_POINTS = "harness.libraries"
 _PACKAGE = Path(__file__).resolve().parent
@@ -123,7 +126,7 @@ class Library:
         """
         found: list[str] = []
         for name in names:
-            is_pattern = any(sign in name for sign in "*?[")
+            is_pattern = name not in self.system_names() and any(sign in name for sign in "*?[")
             known = [*self.system_names(), *self.variant_names()] if is_pattern else [name]
             fitting = fnmatch.filter(known, name) if is_pattern else known
             if not fitting:
@@ -189,9 +192,13 @@ class Library:
         return {model_format: self.model_path(name, model_format) for model_format in self.formats_of(name)}
 
     @property
-    def is_of_robots(self) -> bool:
-        """True if its systems are robots' files, each the truth itself, which holds more than the dynamics needs and has no energies."""
-        return False
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of mechanism that it can hold, by which methods and integrators say what they are for."""
+        return MECHANISMS, CONSTRAINED
+
+    def own_mechanism(self, name: str) -> Any:
+        """The mechanism of a system that no system file declares; None where one does, from which it is derived."""
+        return None
 
     @property
     def reads_files(self) -> bool:

@@ -117,7 +117,7 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
     require_quantity(quantity)
     settings = _settings([name], options)
     if quantity != ACCELERATIONS:
-        refuse_robots(settings.library, quantity)
+        refuse_robots(settings.library, name, quantity)
     with _checked(settings, options, [quantity]) as ([study], pool):
         diagnoses = wanted_diagnosis(study, quantity)
         if diagnoses is None:

@@ -27,8 +27,8 @@ from harness.certify.quantities import find_quantities, select_quantities
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import asked_of, select_subjects
-from harness.library import Library
-from harness.motion.integrators import CONSTRAINED, MECHANISMS, ROBOTS, integrators, kind_of
+from harness.library import MECHANISMS, ROBOTS, Library
+from harness.motion.integrators import integrators, kind_of
 from harness.results.benchmark import Benchmark, Yardstick
 from harness.results.records import ACCELERATIONS
 
@@ -77,11 +77,6 @@ class BenchmarkSettings:
     def further_quantities(self) -> list[str]:
         """The quantities beyond accelerations that are asked for; raises InvalidRequest where there is none of a name."""
         return [name for name in select_quantities(self.quantities) if not find_quantities()[name].is_default]
-
-    @property
-    def kinds(self) -> Sequence[str]:
-        """What may be measured: robots, or mechanisms of either kind."""
-        return (ROBOTS,) if self.library.is_of_robots else (MECHANISMS, CONSTRAINED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +150,7 @@ def _robot_growth(settings: BenchmarkSettings, scene: None, note: Note) -> Bench
 
 def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     extent, size = settings.thoroughness, len(scene.mechanism.program.instructions)
-    if settings.library.is_of_robots and size > MOST_INSTRUCTIONS_OF_MOTION:
+    if kind_of(scene) == ROBOTS and size > MOST_INSTRUCTIONS_OF_MOTION:
         found = f"its equations take {size:,} instructions; expected at most {MOST_INSTRUCTIONS_OF_MOTION:,}"
         return Benchmark(problems=[f"{scene.mechanism.name}, motion: {found}, for the truth is integrated in quadruple precision"])
     names = _integrators(settings, kind_of(scene))

@@ -21,8 +21,8 @@ from harness.certify.quantities import select_quantities
 from harness.crosscheck.scene import Scene
 from harness.engines import engine_files, known_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
-from harness.library import member_of, nearest
-from harness.motion.integrators import MECHANISMS, ROBOTS, integrators, kind_of
+from harness.library import MECHANISMS, ROBOTS, member_of, nearest
+from harness.motion.integrators import integrators, kind_of
 from harness.results.benchmark import Benchmark
 from harness.results.records import ACCELERATIONS
 from harness.study import Inquiries, Inquiry, Part, ask
@@ -35,10 +35,10 @@ _OPTIONS = {ACCELERATIONS: "--quantity accelerations", QUANTITIES: "--quantity",
 def methods_of(settings: BenchmarkSettings) -> dict[str, list[str]]:
     """Names of all methods by what they compute, those that may be measured on the library's systems."""
     methods, moving = (
-        list(dict.fromkeys(one.name for kind in settings.kinds for one in find(kind))) for find in (find_methods, integrators)
+        list(dict.fromkeys(one.name for kind in settings.library.kinds for one in find(kind))) for find in (find_methods, integrators)
     )
-    of_trees = [] if settings.library.is_of_robots else [method.name for method in find_derivative_methods()]
-    answering = [] if settings.library.is_of_robots else [str(subject) for subject in known_subjects(settings.library)]
+    of_trees = [method.name for method in find_derivative_methods() if MECHANISMS in settings.library.kinds]
+    answering = [str(subject) for subject in known_subjects(settings.library) if MECHANISMS in settings.library.kinds]
     known = {ACCELERATIONS: methods, QUANTITIES: answering, DERIVATIVES: of_trees, MOTION: moving}
     return {kind: list(dict.fromkeys(names)) for kind, names in known.items()}
 
@@ -81,7 +81,7 @@ class BenchmarkStudy(Inquiries):
         self.names = settings.library.select(settings.names)
         known = methods_of(settings)
         quantities = select_quantities(settings.quantities)
-        if settings.library.is_of_robots and settings.further_quantities:
+        if ROBOTS in settings.library.kinds and settings.further_quantities:
             raise InvalidRequest(f"{settings.further_quantities[0]} is measured on mechanisms, and {self.names[0]} is none")
         self._parts = parts_of(settings)
         asked = {
@@ -93,7 +93,7 @@ class BenchmarkStudy(Inquiries):
         for name in settings.methods:
             kind = next((kind for kind, names in known.items() if name in names), None)
             if kind is None:
-                other = MECHANISMS if settings.library.is_of_robots else ROBOTS
+                other = MECHANISMS if ROBOTS in settings.library.kinds else ROBOTS
                 if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
                     raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
                 raise InvalidRequest(
@@ -118,8 +118,8 @@ class BenchmarkStudy(Inquiries):
     @property
     def left_out(self) -> list[str]:
         """The names of the parts that were asked for and need energies, where there are none."""
-        chosen = (part for part in PARTS if part.needs_energies and self.methods[part.kind])
-        return [part.name for part in chosen] if self.settings.library.is_of_robots else []
+        without = MECHANISMS not in self.settings.library.kinds
+        return [part.name for part in PARTS if without and part.needs_energies and self.methods[part.kind]]
 
     @property
     def steps(self) -> int:

@@ -66,6 +66,7 @@ def command(bracket: Bracket, asked: BenchOptions) -> None:
     """
     from harness.bench.parts import BenchmarkSettings
     from harness.bench.study import BenchmarkStudy
+    from harness.library import ROBOTS
     from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import Benchmark
     from harness.results.pareto import with_cheapest
@@ -75,7 +76,7 @@ def command(bracket: Bracket, asked: BenchOptions) -> None:
     study = BenchmarkStudy(settings)
     bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
     # The report is that of a library of mechanisms, whose page a robot would take the place of.
-    kept = None if bracket.library.is_of_robots else Benchmark
+    kept = None if ROBOTS in bracket.library.kinds else Benchmark
     run, measured = bracket.begin(settings.thoroughness.states, asked.profile, kept), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)

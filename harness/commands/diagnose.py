@@ -63,12 +63,13 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     require_quantity(asked.quantity)
     bracket.choose_library([asked.name])
     if asked.quantity != ACCELERATIONS:
-        refuse_robots(bracket.library, asked.quantity)
+        refuse_robots(bracket.library, asked.name, asked.quantity)
         if asked.evaluations is not None:
             raise InvalidRequest("--evaluations counts changed models of a diagnosis of accelerations; leave it out")
-    if asked.evaluations is not None and bracket.library.is_of_robots:
+    has_models = bool(bracket.library.validated_models(asked.name))
+    if asked.evaluations is not None and not has_models:
         raise InvalidRequest("--evaluations counts changed models, of which the diagnosis of a robot's file makes none; leave it out")
-    if asked.stand_ins and bracket.library.is_of_robots:
+    if asked.stand_ins and not has_models:
         # The file is the truth itself, and another file no model of it but a robot of its own.
         if asked.subjects:
             raise InvalidRequest("--subject chooses engines, and none is asked where files are held against each other; leave it out")

@@ -17,10 +17,9 @@ from harness.comparison.asking import FilesLibrary, engine_of, robot_subjects
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.states import request_of
 from harness.comparison.truth import joints_without_inertia
-from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel, InvalidRequest
-from harness.library import FILE_SUFFIXES, Library, nearest
+from harness.library import FILE_SUFFIXES, ROBOTS, Library, nearest
 from harness.models.joint_table import systems_with_joints_of
 from harness.models.reading import format_of
 from harness.robots.mechanism import mechanism_of
@@ -80,16 +79,6 @@ class RobotLibrary(FilesLibrary):
                 raise InvalidRequest(f"no file of this run is called {name!r}; {nearest(name, self.formats)}")
         return chosen or self.system_names()
 
-    def matching(self, names: Iterable[str]) -> list[str]:
-        """The names as they are: a shell has filled patterns of files in."""
-        return list(names)
-
-    def variant_names(self) -> list[str]:
-        return []
-
-    def is_variant(self, name: str) -> bool:
-        return False
-
     def system_of(self, name: str) -> str:
         return name
 
@@ -122,50 +111,50 @@ class RobotLibrary(FilesLibrary):
         return {}
 
     @property
-    def is_of_robots(self) -> bool:
-        return True
+    def kinds(self) -> tuple[str, ...]:
+        return (ROBOTS,)
 
-    def orphaned_models(self) -> list[Path]:
+    def _model_files(self) -> list[Path]:
         return []
 
     def remarks(self) -> list[str]:
         """What each subject is aided with, and the mechanisms that the files may be models of."""
-        return [*self._supplied(), *self._likenesses()]
+        formats = dict.fromkeys(self.formats.values())
+        supplied = [
+            f"{subject}, aided: {engine_of(subject.engine).supplied[subject.format]}"
+            for model_format in formats
+            for subject in robot_subjects()
+            if subject.format == model_format
+        ]
+        return [*supplied, *_likenesses(self.formats)]
 
-    def _supplied(self) -> Iterator[str]:
-        for model_format in dict.fromkeys(self.formats.values()):
-            for subject in robot_subjects():
-                if subject.format == model_format:
-                    yield f"{subject}, aided: {engine_of(subject.engine).supplied[model_format]}"
+    def own_mechanism(self, name: str) -> Mechanism:
+        """The mechanism of a robot's file.
 
-    def _likenesses(self) -> Iterator[str]:
-        for path, model_format in self.formats.items():
-            similar: list[str] = []
-            # A robot's file need not be one that a model of a mechanism may be.
-            with contextlib.suppress(InvalidModel):
-                similar = systems_with_joints_of(Library.built_in(), Path(path), model_format)
-            if similar:
-                command = shlex.join(["harness", "check", similar[0], f"--{model_format}", path])
-                yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
+        Raises:
+            InvalidModel: the file has no meaning, or nothing in it has an acceleration.
+        """
+        robot = read_robot(Path(name), floating_base=self.floating_base, compile_meshes=compiled_meshes)
+        if not robot.joints:
+            raise InvalidModel(robot.path, None, "no joint moves, so that there is no acceleration; expected a joint that moves by itself")
+        if idle := joints_without_inertia(robot.tree):
+            first = idle[0].place
+            named = ", ".join(joint.name for joint in idle)
+            what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
+            raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
+        digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
+        return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, aided=True))
 
 
-@load_mechanism.register
-def _(library: RobotLibrary, name: str) -> Mechanism:
-    """The mechanism of a robot's file.
-
-    Raises:
-        InvalidModel: the file has no meaning, or nothing in it has an acceleration.
-    """
-    robot = read_robot(Path(name), floating_base=library.floating_base, compile_meshes=compiled_meshes)
-    if not robot.joints:
-        raise InvalidModel(robot.path, None, "no joint moves, so that there is no acceleration; expected a joint that moves by itself")
-    if idle := joints_without_inertia(robot.tree):
-        first = idle[0].place
-        named = ", ".join(joint.name for joint in idle)
-        what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
-        raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
-    digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
-    return replace(mechanism_of(robot), name=library.label(name), digest=digest, request=request_of(robot, aided=True))
+def _likenesses(formats: Mapping[str, str]) -> Iterator[str]:
+    for path, model_format in formats.items():
+        similar: list[str] = []
+        # A robot's file need not be one that a model of a mechanism may be.
+        with contextlib.suppress(InvalidModel):
+            similar = systems_with_joints_of(Library.built_in(), Path(path), model_format)
+        if similar:
+            command = shlex.join(["harness", "check", similar[0], f"--{model_format}", path])
+            yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
 
 
 def resolved(library: Library, names: Sequence[str], floating_base: bool = False) -> Library:

@@ -146,8 +146,9 @@ def _question(assignment: Assignment, declared: ModelFile | None) -> tuple[Quest
     quantity, mechanism, read = assignment.asked, assignment.mechanism, assignment.model
     engine = load_engine(assignment.library, assignment.subject.engine)
     in_body, precision, factorises = frame_of(assignment), unit_roundoff(engine), factorises_mass_matrix(engine)
-    if quantity.is_of_file and not assignment.library.is_of_robots:
-        declared = declared or declared_model(assignment.library, assignment.system or mechanism.name)
+    system = assignment.system or mechanism.name
+    if quantity.is_of_file and assignment.library.validated_models(system):
+        declared = declared or declared_model(assignment.library, system)
         read = read or declared
     laws: Mapping[str, ConstraintLaw] = {}
     if read is not None and mechanism.constraints is not None:
@@ -183,9 +184,9 @@ def declared_model(library: Library, system: str) -> ModelFile:
     raise NotOffered(f"{system} has no model file")
 
 
-def refuse_robots(library: Library, quantities: str) -> None:
-    """Raises InvalidRequest where the library is of robots, whose files have no second truth."""
-    if library.is_of_robots:
+def refuse_robots(library: Library, name: str, quantities: str) -> None:
+    """Raises InvalidRequest for a system without models beside it: a robot's file, which has no second truth."""
+    if not library.validated_models(name):
         raise InvalidRequest(f"{quantities}: of mechanisms here; harness check takes quantities of a robot's file")
 
 

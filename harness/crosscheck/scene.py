@@ -47,7 +47,7 @@ class Scene:
             harness.engines.Unsupported: the scene has no model of that format, or the engine cannot express it.
             harness.errors.InvalidModel: the engine refuses the model.
         """
-        if self.library.is_of_robots:
+        if self.mechanism.handed_to_engines is not self.mechanism:
             return load_model(self.library, Subject(engine, model_format), self.mechanism, None)
         if model_format not in self.models:
             raise Unsupported(f"{self.mechanism.name} has no {model_format.upper()} model")

@@ -38,15 +38,15 @@ MOST_INSTRUCTIONS_READ = 200
 _VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
 
 
-@functools.singledispatch
 def load_mechanism(library: Library, name: str) -> Mechanism:
     """The mechanism of system ``name``, or of a variant's system, from the cache where that is sound, else derived and cached.
 
-    A kind of library whose mechanisms are derived otherwise registers its own way.
-
     Raises:
-        InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself.
+        InvalidSystem: the file cannot be read, raises, lacks ``SYSTEM`` or contradicts itself. InvalidModel: a robot's file is of no use.
     """
+    own: Mechanism | None = library.own_mechanism(name)
+    if own is not None:
+        return own
     name = library.system_of(name)
     path, entry = library.system_path(name), _entry(library, name)
     with contextlib.suppress(ValueError, RecursionError):

@@ -101,7 +101,7 @@ class Search(Inquiries):
         (self.name,) = settings.library.select([settings.name])
         require_quantity(settings.quantity)
         if not find_quantities()[settings.quantity].is_default:
-            refuse_robots(settings.library, settings.quantity)
+            refuse_robots(settings.library, self.name, settings.quantity)
         self._expectations = load_expectations(settings.library, settings.quantity)
         self._result = SearchResult(place=path_of(settings.library, self.name))
         self._subjects = self._select()

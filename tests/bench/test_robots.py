@@ -21,8 +21,8 @@ from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
-from harness.library import Library
-from harness.motion.integrators import MECHANISMS, ROBOTS, integrators, select_integrators
+from harness.library import MECHANISMS, ROBOTS, Library
+from harness.motion.integrators import integrators, select_integrators
 from harness.results.benchmark import AccelerationCost
 from harness.verdict import AGREEMENT
 

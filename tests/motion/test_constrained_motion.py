@@ -15,8 +15,8 @@ from harness.crosscheck.scene import Scene
 from harness.equations.derivation import load_mechanism
 from harness.equations.energies import EnergyKernel
 from harness.equations.states import States
-from harness.library import Library
-from harness.motion.integrators import CONSTRAINED, MECHANISMS, integrators
+from harness.library import CONSTRAINED, MECHANISMS, Library
+from harness.motion.integrators import integrators
 from harness.motion.integrators.equations import RUNGE_KUTTA
 from harness.motion.integrators.mujoco import EULER, explain_softness
 from harness.motion.integrators.pinocchio import RUNGE_KUTTA as PINOCCHIO_RUNGE_KUTTA

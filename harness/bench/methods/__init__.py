@@ -19,8 +19,7 @@ from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.crosscheck.scene import Scene
 from harness.equations.states import States
 from harness.errors import InvalidRequest
-from harness.library import nearest
-from harness.motion.integrators import MECHANISMS
+from harness.library import MECHANISMS, nearest
 
 _Kind = TypeVar("_Kind", "Method", "DerivativeMethod")
 Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]

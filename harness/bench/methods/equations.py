@@ -28,7 +28,8 @@ from harness.equations.machine_code import load_heyoka
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, position_count, right_hand_side
 from harness.equations.states import States
-from harness.motion.integrators import CONSTRAINED, KINDS, MECHANISMS
+from harness.library import CONSTRAINED, MECHANISMS
+from harness.motion.integrators import KINDS
 
 # Python needs minutes to derive and to compile more.
 MOST_INSTRUCTIONS_PRINTED = 5000

@@ -17,7 +17,7 @@ from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, accelerations
 from harness.equations.states import States
-from harness.motion.integrators import CONSTRAINED, MECHANISMS
+from harness.library import CONSTRAINED, MECHANISMS
 
 CHECKED = "the engine's accelerations with their conversions, compared with references at hand"
 

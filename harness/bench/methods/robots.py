@@ -13,7 +13,7 @@ from harness.crosscheck.scene import Scene
 from harness.engines.loaded_file import AidedModel
 from harness.equations.mechanism_kernel import MechanismKernel
 from harness.equations.states import States
-from harness.motion.integrators import ROBOTS
+from harness.library import ROBOTS
 
 COUPLED = "joints that mimic others are eliminated in Python, from the engine's own M and forces"
 

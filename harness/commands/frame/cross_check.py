@@ -66,12 +66,14 @@ def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
     from harness.certify.quantities import find_quantities
     from harness.crosscheck.run import CrossCheck
 
-    if settings.state is not None or settings.library.is_of_robots:
+    if settings.state is not None:
         return None
     sound = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.UNSUPPORTED)
     records = study.result().records
     wrong = {(record.system, record.subject) for record in records if not record.as_expected or record.verdict not in sound}
-    names = [name for name in study.names if not _has_suspected_file(study, name, wrong)]
+    # What a robot's file says is all that there is of it, and its quantities are compared where they are asked for.
+    modelled = [name for name in study.names if settings.library.validated_models(name)]
+    names = [name for name in modelled if not _has_suspected_file(study, name, wrong)]
     if not names:
         return None
     few = replace(settings, names=names, states=min(settings.states, BRIEF_STATES))

@@ -20,12 +20,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.errors import InvalidRequest
-from harness.library import nearest
+from harness.library import CONSTRAINED, MECHANISMS, ROBOTS, nearest
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 
 # What an integrator integrates, and a method computes: mechanisms that are trees, those with constraints, and robots' files.
-MECHANISMS, CONSTRAINED, ROBOTS = "mechanisms", "mechanisms with constraints", "robots"
 KINDS = (MECHANISMS, CONSTRAINED, ROBOTS)
 # From a start, in steps of so many seconds, so many of them, of which every so-many-th is kept. An adaptive
 # integrator is given its relative tolerance, and the number of equal intervals of the horizon to keep.
@@ -70,7 +69,7 @@ def integrators(of: str = MECHANISMS) -> list[Integrator]:
 
 def kind_of(scene: Scene) -> str:
     """Which of ``KINDS`` a scene is."""
-    return ROBOTS if scene.library.is_of_robots else MECHANISMS if scene.mechanism.constraints is None else CONSTRAINED
+    return ROBOTS if not scene.mechanism.energy_programs else MECHANISMS if scene.mechanism.constraints is None else CONSTRAINED
 
 
 def select_integrators(names: Iterable[str], of: str = MECHANISMS) -> list[Integrator]:

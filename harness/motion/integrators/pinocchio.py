@@ -19,8 +19,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
+from harness.library import CONSTRAINED, MECHANISMS
 from harness.motion.first_order import linear_velocities_turned
-from harness.motion.integrators import CONSTRAINED, MECHANISMS, Advance, Integrator, keep
+from harness.motion.integrators import Advance, Integrator, keep
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
 
