@@ -1,26 +1,34 @@
 """An engine's answer on a file: the verdict against the file's truth, and the readings that explain it.
 
 Every reading that applies is folded into the tree; the truth of that tree is what an engine has to answer, to 64 data roundoffs. An
-aided engine is explained by those alone that the harness cannot supply. What is left is handed to ``harness.comparison.rest``.
+aided engine is explained by those alone that the harness cannot supply. Of what is left the single numbers of the file are named that
+would explain it: they are the parameters of its truth, which is certified anew at each value. No change is taken for linear.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.reference import ROUNDINGS, Reference, energy_norm
 from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
-from harness.comparison.far_links import FAR_LINKS, is_explained_by_distance
-from harness.comparison.rest import is_explained_by_number, unexplained, why_refused
-from harness.comparison.truth import Meant, read_as
+from harness.comparison.canonical import CanonicalNode, canonical
+from harness.comparison.truth import Meant, read_as, reference_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import find_readings
+from harness.explain.fit import left_by
+from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
+from harness.robots.robot import Robot
 from harness.verdict import AGREEMENT, Verdict
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
@@ -120,3 +128,139 @@ def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
     """True where each state with a certified truth has one of these verdicts, and one has such a truth."""
     verdicts, wanted = set(compared.verdicts.tolist()), {one.value for one in allowed}
     return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}
+
+
+FAR_LINKS = (
+    "no error is beyond what half ulps of m r^2 do at light links far from the centre of mass of their tree, about which the engine forms "
+    "inertias, and no number of the file explains them"
+)
+
+
+def is_explained_by_distance(meant: Meant, accelerations: Array) -> bool:
+    """True where no error of accelerations (n, nv) is beyond what half ulps of m r^2 in M, and of m r in forces, do.
+
+    MuJoCo forms composite inertias about the centre of mass of a tree: what a joint carries has m r^2 there, of which the small inertia
+    about the joint's own axis is what is left of a difference. Half an ulp of m r^2 stays in the entries of M, whatever the arithmetic
+    of the rest.
+
+    Source: MuJoCo documentation, Computation, ``mjData.cinert``: com-based body inertia; the hard case of this name in ``harness.hard``.
+    """
+    truth = meant.truth
+    masses, arms = _carried_from_centre(meant)
+    # |M^-1 e_j|_M = |R^-T e_j| with M = R' R.
+    inverse = np.linalg.inv(truth.norm_factor)
+    reach = np.sqrt((inverse**2).sum(axis=2))
+    # What a joint carries is accelerated by all joints, by their rates, and by gravity.
+    moved = np.abs(truth.high).sum(axis=1) + (meant.states.v**2).sum(axis=1)
+    weight = float(np.linalg.norm([float(component) for component in meant.robot.tree.gravity]))
+    forces = masses * arms * (arms * moved[:, None] + weight)
+    bound = ROUNDINGS * UNIT_ROUNDOFF * (reach * forces).sum(axis=1)
+    error = energy_norm(truth.norm_factor, (accelerations - truth.high) - truth.low)
+    return bool((error <= bound)[truth.certified].all())
+
+
+def _carried_from_centre(meant: Meant) -> tuple[Array, Array]:
+    """Of each velocity the mass [kg] that its joint carries, and the distance of that from the centre of all, with every joint at zero."""
+    nodes = canonical(meant.robot)
+    places: dict[str, Array] = {"": np.zeros(3)}
+    for name, node in nodes.items():
+        places[name] = places[node.parent] + node.anchor
+    carried = {name: _carried(nodes, places, name) for name in nodes}
+    roots = [carried[name] for name, node in nodes.items() if not node.parent]
+    mass = sum(one for one, _ in roots)
+    centre = sum((one * where for one, where in roots), np.zeros(3)) / mass if mass else np.zeros(3)
+    of_velocities = [carried[joint.name] for joint in meant.joints for _ in joint.velocities]
+    return np.array([own for own, _ in of_velocities]), np.array([float(np.linalg.norm(where - centre)) for _, where in of_velocities])
+
+
+def _carried(nodes: dict[str, CanonicalNode], places: dict[str, Array], name: str) -> tuple[float, Array]:
+    """Mass and centre, in the world, of all that moves with a joint."""
+    mass, first = 0.0, np.zeros(3)
+    for other, node in nodes.items():
+        at = other
+        while at and at != name:
+            at = nodes[at].parent
+        if at:
+            mass += node.total.mass
+            first = first + node.total.mass * (places[other] + node.total.centre)
+    return mass, first / mass if mass else places[name]
+
+
+# Numbers that are named, and the share of the error that the best may leave to be worth naming.
+MOST_NAMED, WORTH_NAMING = 3, 0.1
+# Share of its largest entry by which M varies where it is the same but for rounding.
+SAME_MATRIX = 1e-12
+
+
+def unexplained(meant: Meant, answers: EngineAnswers) -> list[str]:
+    """Sentences on an answer that differs from what the tree means."""
+    accelerations = answers.of(meant.robot.joints)
+    side = _side(meant, accelerations)
+    size = float(np.linalg.norm(side.here))
+    found = []
+    for one in search_parameters(side).found() if 0 < size < np.inf else ():
+        residual = None if one.value is None else side.residual_at(one.change, one.value)
+        left = np.inf if residual is None else float(np.linalg.norm(residual)) / size
+        found.append((not one.explains, left, one))
+    sentences = []
+    for _, left, one in sorted(found, key=lambda of: of[:2])[:MOST_NAMED]:
+        if left < WORTH_NAMING:
+            named = f"{one.change.place.attribute} = {one.change.start:g}"
+            sentences.append(f"{named}: the engine behaves as with {one.value:.10g}, which leaves {left:.1e} of the difference")
+    return sentences or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
+
+
+def is_explained_by_number(meant: Meant, accelerations: Array) -> bool:
+    """True where a small change of one number of the file leaves little of the errors of accelerations (n, nv).
+
+    Where M is the same at all states it must leave as little of what a change of M leaves, as its rounding there is.
+    """
+    side = _side(meant, accelerations)
+    if not 0 < float(np.linalg.norm(side.here)) < np.inf:
+        return False
+    least = min((left_by(column.values[side.seen], side.here) for column in side.columns()), default=1.0)
+    return least < WORTH_NAMING * _left_by_rounding(side)
+
+
+def _side(meant: Meant, accelerations: Array) -> TextbookSide:
+    """The answers beside the truth of the file, at the states that have both."""
+    kept = np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
+    return TextbookSide(reference_of(meant.robot), meant.states[kept], accelerations[kept])
+
+
+def _left_by_rounding(side: TextbookSide) -> float:
+    """Share of the residual that the best change of a constant M leaves, d(qdd) = -M^-1 dM qdd; 1 where M varies."""
+    truth = side.truth[side.seen]
+    matrices = truth.norm_factor.transpose(0, 2, 1) @ truth.norm_factor
+    if np.ptp(matrices, axis=0).max(initial=0.0) > SAME_MATRIX * np.abs(matrices).max(initial=0.0):
+        return 1.0
+    moved = side.whitening.change(side.truth.high)[side.seen]
+    change = np.linalg.lstsq(moved, side.here)[0]
+    return float(np.linalg.norm(side.here - moved @ change) / np.linalg.norm(side.here))
+
+
+def _where(meant: Meant, accelerations: Array) -> str:
+    """The joints whose accelerations differ, the worst first."""
+    truth: Reference = meant.truth
+    error = np.abs(accelerations - truth.high).max(axis=0)
+    joints = reference_of(meant.robot).mechanism.joints
+    worst = dict.fromkeys(joints[column] for column in np.argsort(-error)[:4])
+    bad = compare(truth, accelerations).known("backward_error") > AGREEMENT
+    return f"{int(bad.sum())} of {len(truth)} states, most in {', '.join(worst)} (up to {error_text(float(error.max()))} rad/s^2 or m/s^2)"
+
+
+def why_refused(robot: Robot, element: str) -> list[str]:
+    """What the file says of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
+    sentences = []
+    for body in robot.tree.bodies:
+        if body.name == element and body.place is not None:
+            line = body.place.line if body.inertia is None else body.inertia.places["moments"].line
+            numbers = (
+                "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
+            )
+            sentences.append(f"line {line}: {element}: {numbers}")
+    return sentences + [f"line {one.line}: {one.body}: {one.what}" for one in robot.impossible]
+
+
+def _numbers(values: Sequence[Fraction]) -> str:
+    return " ".join(f"{float(value):g}" for value in values)

@@ -7,20 +7,27 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from harness.certify.compare import compare
 from harness.certify.quantities import find_quantities
+from harness.certify.quantities.accelerations import reference_kernel
+from harness.certify.sampling import sample
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.settings import Settings
-from harness.diagnosis.meaning import errors_of_files
 from harness.diagnosis.pattern import Inference, infer_from_records, subject_named
 from harness.diagnosis.subject import Scope, SubjectDiagnosis, examine
 from harness.engines import EQUATIONS, HeldModel, Subject, engine_files, is_native, load_model, subjects
+from harness.equations.derivation import load_mechanism
+from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.explain.search import EVALUATIONS
 from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import ModelFile
+from harness.models.model_file import ModelFile, read_model
 from harness.results.cross_check import Cause
 from harness.results.records import Record
+from harness.robots.accelerations import accelerations
 from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers
@@ -161,3 +168,39 @@ def _hold(
     """The file of a subject and its engine's quantities after loading, as a task for ``harness.workers``; raises as both do."""
     own = Assignment.of(library, name, subject, stand_in)
     return own.model, held_by(load_model(library, subject, own.mechanism, own.model))
+
+
+# Sampled states beside those at which a subject is known to be wrong.
+SAMPLED = 8
+
+
+def errors_of_files(
+    library: Library,
+    name: str,
+    paths: Mapping[str, Path],
+    states: Sequence[Mapping[str, Sequence[float]]],
+    seed: int,
+    note: Callable[[str], None],
+) -> dict[str, float]:
+    """The largest backward error of each file's meaning [data roundoffs], by format; a file that has none that is known is left out.
+
+    A file means accelerations by recursion over it, and by no engine: engines that agree may share a misreading. MuJoCo leaves out a
+    rotation of an inertia below about 2e-6 rad: a file with one of 5e-10 passes there, and fails with an engine that reads it as it is.
+
+    ``paths`` are the files by format, ``states`` {"q", "v", "tau"} each, of the free joints' velocities in the parent's frame.
+    """
+    mechanism = load_mechanism(library, name)
+    everywhere = States.concatenate([sample(mechanism, SAMPLED, seed), *(States.at(**state) for state in states)])
+    reference = reference_kernel(mechanism, False).evaluate(everywhere)
+    found = {}
+    for model_format, path in paths.items():
+        note(model_format)
+        try:
+            meant = accelerations(read_model(path, model_format), mechanism.joints, mechanism.gravity, everywhere)
+        except (InvalidInput, ValueError):
+            # The record's own message has the reason.
+            continue
+        known = compare(reference, meant).known("backward_error")
+        if len(known):
+            found[model_format] = float(np.max(known))
+    return found

@@ -108,7 +108,7 @@ def infer(
 
     ``available`` are all subjects there are; by default every engine of ``verdicts`` with every format of them. ``failures`` are
     the messages of the subjects with the verdict ``error`` that failed, by name. ``meanings`` are the backward errors of what the
-    files themselves mean, by format (see ``harness.diagnosis.meaning``): they go before any majority of the subjects.
+    files themselves mean, by format (``errors_of_files``): they go before any majority of the subjects.
     """
     everything = {subject_named(name): verdict for name, verdict in verdicts.items()}
     failed = {subject_named(name): message for name, message in failures.items()}

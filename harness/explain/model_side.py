@@ -7,7 +7,7 @@ Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -20,14 +20,14 @@ from harness.certify.reference import Reference
 from harness.explain.base_parameters import BaseParameters, base_parameters
 from harness.explain.changes import NUMBER, Change
 from harness.explain.changes.mistakes import mended_mistakes
-from harness.explain.changes.numbers import numeric_changes
+from harness.explain.changes.numbers import INERTIAS, numeric_changes
 from harness.explain.columns import DIFFERENCE, ChangeColumn, derivative, find_columns
-from harness.explain.least_inertia import felt_least_inertia
 from harness.explain.one_number import Projection, explaining_directions
 from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_digits
 from harness.explain.search import DEFAULT_LIMITS, Limits, Search, Side, Tried
+from harness.models.formats import LEAST
 from harness.models.model_file import ModelFile
-from harness.models.text import Watch, tag, written
+from harness.models.text import Place, Watch, find_elements, tag, with_values, written
 from harness.verdict import AGREEMENT, Verdict
 
 # Of directions that explain the errors of all states, those are reported that are all but as significant as the strongest.
@@ -162,3 +162,39 @@ def _together(model: ModelFile, first: TriedChange, columns: Sequence[ChangeColu
     own = next((n for n, column in enumerate(columns) if (column.change.place, column.change.statement) == of_change), None)
     partners = [columns[partner].change.place for partner in sorted(base.together_with(own))] if own is not None else []
     return tuple(dict.fromkeys(f"line {place.line} {tag(place, written(model.text, model.format, place))}" for place in partners))
+
+
+_REMEDIES = {
+    "mjcf": "take it off the inertia of a body that turns with this one, make the mechanism larger, or give the mass the size that it has",
+    "urdf": "write 0, which a URDF may hold",
+}
+
+
+def felt_least_inertia(watch: Watch, left_of: Callable[[Array], float], tolerance: float) -> TriedChange | None:
+    """The change that explains the answers if they are right without the least inertias of the file, which point masses have; None if not.
+
+    Less cannot be tried, for the reader refuses it. Answers change in proportion to so little: those without any inertia are as far
+    from those of the file as those with twice as much, on the other side.
+
+    ``left_of`` gives the largest backward error of answers [data roundoffs], which explains up to ``tolerance``.
+
+    Source: MuJoCo documentation, XML reference, ``body/inertial``, and ``mjMINVAL``.
+    """
+    model = watch.model
+    held = [
+        (attribute, [number for number in attribute.numbers if number.value == LEAST])
+        for element in find_elements(model.text, model.format)
+        for attribute in element.attributes
+        if attribute.name in INERTIAS.get((model.format, element.tag), ())
+    ]
+    least = [(attribute, numbers) for attribute, numbers in held if numbers]
+    if not least:
+        return None
+    doubled = {number: 2 * LEAST for _, numbers in least for number in numbers}
+    twice = watch.accelerations(with_values(model.text, doubled))
+    if twice is None or (left := left_of(2 * watch.healthy - twice)) > tolerance:
+        return None
+    attribute, (number, *_) = least[0]
+    place = Place(attribute.line, number.element, attribute.name, None, attribute.value)
+    statement = f"the least inertia that MuJoCo accepts, {LEAST:g} kg m^2, is felt here; {_REMEDIES[model.format]}"
+    return TriedChange("least inertia", statement, place, None, tag(place, " ".join(attribute.value.split())), "", left, True)

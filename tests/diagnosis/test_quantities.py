@@ -10,7 +10,7 @@ from catalogue import BUILT_IN
 from support import InThisProcess, make_library
 
 import harness
-from harness.diagnosis.quantities import wrong_blocks
+from harness.diagnosis.subject import wrong_blocks
 from harness.diagnosis.terms import AT_REST, LOADED, MOVING
 from harness.errors import InvalidRequest
 

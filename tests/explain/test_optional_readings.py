@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from harness.comparison.accounting import fold
 from harness.explain.changes.readings import Reading, find_readings
-from harness.explain.changes.readings._bullet_boxes import half_extents
-from harness.explain.changes.readings._bullet_matrices import diagonalized
+from harness.explain.changes.readings.pybullet import diagonalized, half_extents
 from harness.files.tree import Inertia, Tree
 from harness.robots.robot import read_robot
 

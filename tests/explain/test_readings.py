@@ -11,8 +11,7 @@ from support import BUILT_IN
 
 from harness.comparison import judgement
 from harness.comparison.asking import engines_of_files
-from harness.comparison.far_links import is_explained_by_distance
-from harness.comparison.judgement import ILL_CONDITIONED
+from harness.comparison.judgement import ILL_CONDITIONED, is_explained_by_distance
 from harness.explain.changes.readings import find_readings
 from harness.verdict import AGREEMENT, Verdict
 
