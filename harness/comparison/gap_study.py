@@ -228,12 +228,13 @@ def _hold_coordinates(first: Robot, second: Robot, q: Array, v: Array) -> None:
 
 def _move(case: _Case, q: Array, v: Array, names: Sequence[str], note: Callable[[str], None]) -> tuple[Array, Array]:
     """Where the engine ends, by the joints ``names``."""
-    joints = asked_joints(case.robot.tree)
+    request = request_of(case.robot, aided=False)
+    joints = request.joints
     own = {joint.name: joint for joint in asked_joints(case.robot.tree, names)}
     positions = [place for joint in joints for place in own[joint.name].positions]
     velocities = [place for joint in joints for place in own[joint.name].velocities]
     try:
-        loaded = engines_of_files()[case.engine].read(request_of(case.robot, aided=False))
+        loaded = engines_of_files()[case.engine].read(request)
     except Refused as refusal:
         raise InvalidRequest(f"{case.engine} refuses {case.robot.path.name}: {refusal}") from refusal
     given = q[positions], v[velocities]

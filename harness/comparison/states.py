@@ -24,7 +24,9 @@ def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States
 
 def request_of(robot: Robot, aided: bool) -> Request:
     """What a plain or aided engine is to load."""
-    joints = asked_joints(robot.tree)
+    # One that eliminates joints that mimic is asked about those too.
+    follows = any(joint.follows for joint in robot.tree.joints)
+    joints = asked_joints(robot.tree, None if follows else robot.joints)
     return Request(
         path=robot.path,
         format=robot.format,

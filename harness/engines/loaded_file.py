@@ -71,12 +71,14 @@ class LoadedFile:
         """True where forces that its reader leaves out are applied to it."""
         return False
 
-    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
-        """Positions and velocities of the joints called ``names`` in the engine's own q and v; quaternions as (w, x, y, z)."""
+    @property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        """Positions and velocities of the joints found in the engine's own q and v; quaternions as (w, x, y, z)."""
         raise Unsupported("the harness asks this engine for accelerations alone")
 
-    def quantities(self, names: Sequence[str]) -> Any:
-        """An object with methods of ``harness.engines.interface``, whose q and v are of the joints of these names."""
+    @property
+    def quantities(self) -> Any:
+        """An object with methods of ``harness.engines.interface``, whose q and v are of the joints found."""
         raise NotOffered("robots' files are asked about accelerations alone")
 
 
@@ -140,7 +142,7 @@ class AidedModel:
     @property
     def addresses(self) -> tuple[list[int], list[int]]:
         """Positions and velocities of the joints in the engine's own q and v, in their order."""
-        return self.loaded_file.addresses(self.request.moving)
+        return self.loaded_file.addresses
 
     @property
     def _is_measured_in_the_world(self) -> bool:
@@ -158,7 +160,7 @@ class AidedModel:
             raise NotOffered("joints that mimic others are eliminated from accelerations alone")
         if not self._is_measured_in_the_world:
             raise NotOffered("a free joint is measured in a frame of the file")
-        return getattr(self.loaded_file.quantities(self.request.moving), name)
+        return getattr(self.loaded_file.quantities, name)
 
 
 def lacking(request: Request, joints: Sequence[AskedJoint]) -> list[str]:

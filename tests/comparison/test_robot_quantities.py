@@ -13,7 +13,7 @@ from harness.certify.quantities import Quantity, find_quantities, generalised_fo
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.engines.adapters.mujoco.robot import QuantitiesOverJoints
+from harness.engines.adapters.mujoco import MujocoModel
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
 
@@ -44,8 +44,8 @@ def test_what_would_have_to_be_converted_is_not_offered_and_says_so() -> None:
 
 
 def test_a_mistake_is_red_for_a_robot_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    right: Any = QuantitiesOverJoints.gravity
-    monkeypatch.setattr(QuantitiesOverJoints, "gravity", lambda self, q: -right(self, q))
+    right: Any = MujocoModel.gravity
+    monkeypatch.setattr(MujocoModel, "gravity", lambda self, q: -right(self, q))
     record = checked(ARM, [find_quantities()["gravity"]])["mujoco/urdf", "gravity"]
     assert record.verdict == "disagrees" and "gravity force on joint" in record.message
 

@@ -21,7 +21,7 @@ class MujocoQuantities:
     """The methods of an ``MjModel`` whose joints have places in q and v."""
 
     model: Any
-    _joints: Sequence[str]
+    _joints: Sequence[Sequence[Any]]
 
     @property
     @abstractmethod
@@ -134,7 +134,7 @@ class MujocoQuantities:
     @cached_property
     def _bodies(self) -> Any:
         """The body of each joint."""
-        return np.array([self.model.joint(name).bodyid[0] for name in dict.fromkeys(self._joints)])
+        return np.array([self.model.joint(parts[0]).bodyid[0] for parts in self._joints])
 
     def _placed(self, q: Array, v: Array | None = None) -> Iterator[Any]:
         """The same ``MjData`` after ``mj_forward`` at each state."""

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.equalities import switch_on
-from harness.engines.adapters.mujoco.quantities import MujocoQuantities
+from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.robot_model import PARTS, aided, places_of, plain
 from harness.engines.adapters.mujoco.steps import step
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix
@@ -61,51 +60,34 @@ class MujocoFile(LoadedFile):
         model.opt.density = model.opt.viscosity = 0.0
         places = places_of(model, request.joints)
         super().__init__(request, places)
-        self._model, self.notes = model, tuple(notes)
-        self._own = {one.name: (one, int(places[one.name].qposadr[0]), int(places[one.name].dofadr[0])) for one in self.found}
-        self.positions, self.velocities = self.addresses([joint.name for joint in self.found])
-        read = {places[joint.name].id + k for joint in self.found for k in range(PARTS.get(joint.kind, 1))}
+        self.notes = tuple(notes)
+        parts = [range(places[joint.name].id, places[joint.name].id + PARTS.get(joint.kind, 1)) for joint in self.found]
+        self.compiled = MujocoModel(model, parts)
+        read = {number for numbers in parts for number in numbers}
         self.further = tuple(f"joint {number}" for number in range(model.njnt) if number not in read)
 
     @property
     def model(self) -> Any:
-        return self._model
+        return self.compiled.model
+
+    @property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        return self.compiled.addresses
+
+    @property
+    def quantities(self) -> MujocoModel:
+        return self.compiled
 
     def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
         states = q[self.q_columns][None], v[self.v_columns][None], np.zeros((1, len(self.v_columns)))
-        after = step(self.model, (self.positions, self.velocities), states, rule.length, rule.name, steps)[0]
+        after = step(self.model, self.addresses, states, rule.length, rule.name, steps)[0]
         q, v = q.copy(), v.copy()
         q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
         return q, v
 
-    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
-        own = [self._own[name] for name in names]
-        positions = [place + k for joint, place, _ in own for k in range(len(joint.positions))]
-        return positions, [place + k for joint, _, place in own for k in range(len(joint.velocities))]
-
-    def quantities(self, names: Sequence[str]) -> QuantitiesOverJoints:
-        return QuantitiesOverJoints(self, names)
-
     def prepare(self, q: Array, v: Array, tau: Array) -> MujocoRun:
         q, v, tau = _in_the_world(self.request.joints, q, v, tau)
         return MujocoRun(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
-
-
-class QuantitiesOverJoints(MujocoQuantities):
-    """What MuJoCo computes beside accelerations; q and v are those of joints by their names."""
-
-    def __init__(self, loaded: MujocoFile, names: Sequence[str]) -> None:
-        self.model, self._loaded, self._joints = loaded.model, loaded, names
-
-    @cached_property
-    def addresses(self) -> tuple[list[int], list[int]]:
-        return self._loaded.addresses(self._joints)
-
-    @cached_property
-    def _bodies(self) -> Any:
-        # Not every joint of a file has a name there.
-        first = [self._loaded.addresses([name])[1][0] for name in self._joints]
-        return self.model.dof_bodyid[first]
 
 
 class MujocoRun:
@@ -122,7 +104,8 @@ class MujocoRun:
         self._loaded, self._data = loaded, mujoco.MjData(model)
         configuration = np.tile(self._data.qpos, (len(q), 1))
         velocity, force = np.zeros((len(q), model.nv)), np.zeros((len(q), model.nv))
-        configuration[:, loaded.positions], velocity[:, loaded.velocities], force[:, loaded.velocities] = q, v, tau
+        positions, self._velocities = loaded.addresses
+        configuration[:, positions], velocity[:, self._velocities], force[:, self._velocities] = q, v, tau
         self.rows = list(zip(configuration, velocity, force, strict=True))
         couplings = loaded.couplings
         self.found = np.full((len(q), model.nv if couplings is None else couplings.shape[1]), np.nan)
@@ -137,10 +120,10 @@ class MujocoRun:
             # A solver that starts from the last answer would make this one depend on it.
             data.qacc_warmstart[:] = 0.0
             mujoco.mj_forward(model, data)
-            found[state] = accelerations if couplings is None else _coupled(model, data, self._loaded.velocities, couplings)
+            found[state] = accelerations if couplings is None else _coupled(model, data, self._velocities, couplings)
 
     def accelerations(self) -> Array:
-        found = self.found[:, self._loaded.velocities] if self._loaded.couplings is None else self.found
+        found = self.found[:, self._velocities] if self._loaded.couplings is None else self.found
         columns = by_joint(self._loaded.joints, found)
         return np.hstack([np.empty((len(found), 0)), *(_from_the_world(joint, columns[joint.name]) for joint in self._loaded.joints)])
 

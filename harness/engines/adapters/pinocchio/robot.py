@@ -76,19 +76,21 @@ class PinocchioFile(LoadedFile):
         aid = self.request.aid
         return aid is not None and (bool(aid.forces.springs) or bool(aid.springs) or bool(aid.forces.damping.any()))
 
-    def addresses(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+    @property
+    def addresses(self) -> tuple[list[int], list[int]]:
         positions: list[int] = []
-        for name in names:
-            own = list(self.places[name][0])
+        for joint in self.found:
+            own = list(self.places[joint.name][0])
             if len(own) in (4, 7):
                 own[-4:] = [own[-1], *own[-4:-1]]
             positions += own
-        return positions, [number for name in names for number in self.places[name][1]]
+        return positions, self.own
 
-    def quantities(self, names: Sequence[str]) -> _Quantities:
+    @property
+    def quantities(self) -> _Quantities:
         if floating := [joint.name for joint in self.found if joint.kind.linear > 1]:
             raise NotOffered(f"the linear velocity of joint {floating[0]!r} is in another frame, converted for accelerations alone")
-        return _Quantities(self, names)
+        return _Quantities(self)
 
     def supplied(self, q: Array, v: Array) -> Array:
         """The forces of springs and dampers that are supplied, (n, nv)."""
@@ -141,28 +143,21 @@ class PinocchioFile(LoadedFile):
 class _Quantities(PinocchioQuantities):
     """What Pinocchio computes beside accelerations; q and v are those of joints by their names."""
 
-    def __init__(self, loaded: PinocchioFile, names: Sequence[str]) -> None:
-        self.model, self._loaded, self._joints = loaded.model, loaded, names
+    def __init__(self, loaded: PinocchioFile) -> None:
+        self.model, self._loaded, self._joints = loaded.model, loaded, [joint.name for joint in loaded.found]
         self._data = loaded.model.createData()
         self.force_elements: Supplied = _Supplied(loaded)
         self.constraints = None
-        self.numbers = [self.model.getJointId(loaded.places[name][2]) for name in names]
+        self.numbers = [self.model.getJointId(loaded.places[name][2]) for name in self._joints]
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:
-        return self._loaded.addresses(self._joints)
+        return self._loaded.addresses
 
     def columns(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Pinocchio's own (nq, n), (nv, n) and (nv, n)."""
-        positions, velocities, forces = (np.ascontiguousarray(rows.T) for rows in self._loaded.columns(*self._of_file(q, v, tau)))
+        positions, velocities, forces = (np.ascontiguousarray(rows.T) for rows in self._loaded.columns(q, v, tau))
         return positions, velocities, forces
-
-    def _of_file(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
-        """In the order of the file."""
-        joints = {joint.name: joint for joint in self._loaded.found}
-        positions = [column for name in self._joints for column in joints[name].positions]
-        velocities = [column for name in self._joints for column in joints[name].velocities]
-        return q[:, np.argsort(positions)], v[:, np.argsort(velocities)], tau[:, np.argsort(velocities)]
 
 
 class _Supplied:
