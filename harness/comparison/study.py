@@ -24,8 +24,6 @@ from harness.results.comparison import (
     EqualitiesRecord,
     FileRecord,
     FilesComparison,
-    ImpossibleInertia,
-    OmittedPart,
     PairRecord,
     SubjectRecord,
 )
@@ -165,8 +163,8 @@ def _file_record(found: Meant) -> FileRecord:
         undecided=0 if found.certified is None else int((~found.certified.certified).sum()),
         remark=found.undetermined,
         meshes=robot.meshes,
-        left_out=[OmittedPart(what=one.what, lines=one.lines, bears_on_motion=one.bears_on_motion) for one in robot.left_out],
-        impossible=[ImpossibleInertia(**vars(one)) for one in robot.impossible],
+        left_out=list(robot.left_out),
+        impossible=list(robot.impossible),
     )
 
 

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from harness.files.findings import Impossible
 from harness.report.sparkline import Sparkline
 from harness.results.comparison import (
     Effect,
     EqualitiesRecord,
     FileRecord,
     FilesComparison,
-    ImpossibleInertia,
     PairRecord,
     SubjectRecord,
     changes,
@@ -178,7 +178,7 @@ def _impossible(found: FilesComparison) -> Iterator[str]:
             yield "  " + "; ".join(_stance(subject) for subject in found.of(file.path) if not subject.aided)
 
 
-def _impossible_text(file: FileRecord, one: ImpossibleInertia) -> str:
+def _impossible_text(file: FileRecord, one: Impossible) -> str:
     numbers = " ".join(f"{value:.6g}" for value in one.found)
     nearest = f"; nearest that a body can have: {' '.join(f'{value:.6g}' for value in one.nearest)}" if one.nearest else ""
     by = f" by {one.by_how_much:.2g} of the largest" if one.by_how_much else ""

@@ -8,38 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
+from harness.files.findings import Impossible, LeftOut
 from harness.results.study_result import StudyResult
 from harness.results.table import Cell, Column, error_text
 from harness.verdict import Verdict
 
 # The least relative change of accelerations that is one: less is rounding.
 FELT = 1e-12
-
-
-@dataclass(frozen=True, kw_only=True)
-class OmittedPart:
-    """What a file holds and the truth does not judge; ``bears_on_motion`` where an engine that has it on may move otherwise."""
-
-    what: str
-    lines: tuple[int, ...]
-    bears_on_motion: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImpossibleInertia:
-    """An inertia that no body can have.
-
-    Attributes:
-        found: the numbers of the file. by_how_much: relative to the largest. nearest: moments xx, yy, zz, xy, xz, yz [kg m^2] of the
-            nearest that a body can have.
-    """
-
-    body: str
-    line: int
-    what: str
-    found: tuple[float, ...]
-    by_how_much: float
-    nearest: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +40,8 @@ class FileRecord:
     undecided: int = 0
     remark: str = ""
     meshes: tuple[int, ...] = ()
-    left_out: list[OmittedPart] = field(default_factory=list)
-    impossible: list[ImpossibleInertia] = field(default_factory=list)
+    left_out: list[LeftOut] = field(default_factory=list)
+    impossible: list[Impossible] = field(default_factory=list)
 
     @property
     def name(self) -> str:
