@@ -20,8 +20,8 @@ import pytest
 import sympy as sp
 
 from harness.bench import measuring
+from harness.bench.growth import arms
 from harness.bench.methods import select_methods
-from harness.bench.robot_growth import arms
 from harness.certify.encoding import encode
 from harness.certify.manifold import closed
 from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth

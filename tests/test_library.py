@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from support import harness
 
-from harness.commands.frame.scaffold import write_example
+from harness.commands.new import write_example
 from harness.errors import InvalidInput
 from harness.library import Library, installed_libraries
 

@@ -1,19 +1,29 @@
-"""Cost and error of each way of computing accelerations over the sizes of a family, and how fast a cost grows."""
+"""Growth of cost and error over the sizes of a family: of each way of computing accelerations, and of a robot's certified truth.
+
+The robot is a fixed trunk with arms of seven joints each, no two of whose axes are parallel, so that no part of the equations
+vanishes. Its equations are written by recursion over the file; a chain of so many bodies would take Lagrange's way an hour.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from harness.bench.acceleration_cost import acceleration_costs
-from harness.bench.measuring import Effort
+from harness.bench.measuring import Effort, measure
 from harness.bench.methods import Method
+from harness.certify.reference import ReferenceKernel
+from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.library import Library
 from harness.results.benchmark import Growth
+from harness.robots.mechanism import mechanism_of
+from harness.robots.robot import read_robot
 
 FAMILY = "chain"
 # Where a state costs this many times what the cheapest costs, at most half is the call's own.
@@ -63,3 +73,53 @@ def exponent(sizes: Sequence[int], seconds: Sequence[float | None]) -> float | N
         return None
     logarithms = np.log(np.array(upper))
     return float(np.polyfit(logarithms[:, 0], logarithms[:, 1], 1)[0])
+
+
+FAMILY, METHOD = "arms of seven joints", "certified reference of a robot"
+JOINTS = 7
+# Every body's inertia is added to those below it, and M's entries are formed between all pairs of joints on a way to the trunk.
+EXPECTED = "up to 3"
+MINIMUM_COUNT = 3
+_INERTIAL = """<inertial><origin xyz="0.1 0.02 0.03" rpy="0.1 0.2 0.3"/><mass value="1.5"/>
+  <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"/></inertial>"""
+_AXES = ("1 0 0", "0 1 0", "0 0 1")
+
+
+def arms(count: int) -> str:
+    """The URDF of ``count`` arms."""
+    names = [[f"arm_{arm}_{joint}" for joint in range(JOINTS)] for arm in range(count)]
+    links = "".join(f'<link name="{name}">{_INERTIAL}</link>' for arm in names for name in arm)
+    joints = "".join(
+        f"""<joint name="to_{child}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+        <origin xyz="0.3 0.1 0.{number}" rpy="0.4 0.5 0.6"/><axis xyz="{_AXES[place % 3]}"/></joint>"""
+        for number, arm in enumerate(names)
+        for place, (parent, child) in enumerate(zip(["trunk", *arm], arm, strict=False))
+    )
+    return f'<robot name="arms"><link name="trunk"/>{links}{joints}</robot>'
+
+
+def robot_growth(counts: Sequence[int], seed: int, minimum_seconds: float, note: Callable[[str], None]) -> Growth:
+    """Cost per certified state with its data roundoff [s], and largest radius [data roundoffs], of each number of arms."""
+    sizes, seconds, fastest, radii = [], [], [], []
+    for count in counts:
+        note(f"{count} arms")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "arms.urdf"
+            path.write_text(arms(count))
+            reference = ReferenceKernel(mechanism_of(read_robot(path)))
+        states = generic_sample(reference.mechanism, FEWEST_STATES, seed)
+        times = measure(lambda of=reference, at=states: of.evaluate(at), MINIMUM_COUNT, minimum_seconds)  # type: ignore[misc]
+        found = reference.evaluate(states)
+        sizes.append(count * JOINTS)
+        seconds.append(float(np.median(times)) / len(states))
+        fastest.append(min(times) / len(states))
+        radii.append(float((found.radius / found.data_roundoff).max()) if found.certified.all() else None)
+    return Growth(
+        family=FAMILY,
+        method=METHOD,
+        sizes=sizes,
+        seconds_per_state=list(seconds),
+        backward_errors=radii,
+        exponent=exponent(sizes, fastest),
+        expected=EXPECTED,
+    )

@@ -1,28 +1,29 @@
-"""What a benchmark may measure: the settings of a choice, and the parts, each with what a worker does for it.
+"""Parts of a benchmark, each with what a worker does for it; the settings of a choice, and how much a profile measures.
 
 Whatever is timed for comparison runs by itself, one task after the other; the rest shares the processors.
 """
 
 from __future__ import annotations
 
+import math
+import timeit
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.derivative_cost import STATES, derivative_costs
 from harness.bench.energy_drift import drifts
-from harness.bench.growth import FAMILY, growth
+from harness.bench.growth import FAMILY, growth, robot_growth
 from harness.bench.measuring import Effort
 from harness.bench.methods import Method, find_derivative_methods, find_methods, select_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.quantity_cost import SIZES, quantity_costs
-from harness.bench.robot_growth import robot_growth
 from harness.bench.stationary_action import stationarity
-from harness.bench.thoroughness import THOROUGHNESS, Thoroughness
 from harness.bench.tuned_mass_damper import SYSTEM, figures
-from harness.bench.yardstick import Stopwatch
 from harness.certify.quantities import find_quantities, select_quantities
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
@@ -31,6 +32,72 @@ from harness.library import MECHANISMS, ROBOTS, Library
 from harness.motion.integrators import integrators, kind_of
 from harness.results.benchmark import Benchmark, Yardstick
 from harness.results.records import ACCELERATIONS
+
+COUNT, CALLS = 4096, 10
+
+
+class Stopwatch:
+    """The fastest call of the reference computation, of all that were timed; the noise of a machine only adds.
+
+    Attributes:
+        fastest: [s]; infinite before the first call.
+    """
+
+    def __init__(self) -> None:
+        self.fastest = math.inf
+        self._angles, self._lengths = np.linspace(0.0, 6.0, COUNT), np.linspace(1.0, 2.0, COUNT)
+
+    def time(self) -> None:
+        """Time some calls."""
+        self.fastest = min(self.fastest, *timeit.repeat(self._compute, number=1, repeat=CALLS))
+
+    def _compute(self) -> None:
+        for _ in range(4):
+            np.sqrt(self._lengths * np.sin(self._angles) ** 2 + np.cos(self._angles) ** 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thoroughness:
+    """The extent of a benchmark.
+
+    Attributes:
+        states: states per system of the accelerations; minimum_seconds: how long each method is timed at least.
+        derivative_states: numbers of states of which derivatives are asked for at once.
+        quantity_states: at which errors of other quantities than accelerations are measured.
+        sizes: numbers of bodies of the growing chain; arms: of seven joints, of the growing robot.
+        steps: steps of the integrators [s]; horizon: length of those motions [s].
+        seconds: longest that an integrator may take with one step, else the step is left out.
+        long_steps: steps of a long run, or as many as take an integrator ``long_seconds``.
+        time_limit: seconds a task may take.
+    """
+
+    states: int
+    minimum_seconds: float
+    derivative_states: Sequence[int]
+    quantity_states: int
+    sizes: Sequence[int]
+    arms: Sequence[int]
+    steps: Sequence[float]
+    horizon: float
+    seconds: float
+    long_steps: int
+    long_seconds: float
+    time_limit: float
+
+
+THOROUGHNESS = {
+    "quick": Thoroughness(
+        states=1000, minimum_seconds=0.05, derivative_states=(1, 10, 100, 1000), quantity_states=128,
+        sizes=(1, 2, 4, 8, 16), arms=(1, 2, 4, 8, 14),
+        steps=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5), horizon=2.0, seconds=0.5, long_steps=1_000_000, long_seconds=2.0, time_limit=300.0,
+    ),
+    "nightly": Thoroughness(
+        states=10_000, minimum_seconds=0.5, derivative_states=(1, 10, 100, 1000, 10_000), quantity_states=1000, sizes=(1, 2, 4, 8, 16, 32),
+        arms=(1, 2, 4, 8, 14), horizon=10.0, seconds=30.0,
+        steps=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), long_steps=1_000_000, long_seconds=120.0, time_limit=3600.0,
+    ),
+}  # fmt: skip
+
 
 DERIVATIVES, MOTION, QUANTITIES = "derivatives", "motion", "quantities"
 # Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.

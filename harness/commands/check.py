@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,8 +14,8 @@ import click
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
-from harness.commands.frame.model_files import refuse_alone
 from harness.commands.frame.options import quantities_option, stand_in_options, states_option, subjects_option, takes
+from harness.errors import InvalidModel, InvalidRequest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,3 +93,28 @@ def _parse_state(text: str | None) -> Any:
     if len(parts[1]) != len(parts[2]) or len(parts[3]) != 1:
         raise click.BadParameter("v and tau must have the same length, and time, where it is given, one number", param_hint="--state")
     return States.at(*parts)
+
+
+def refuse_alone(bracket: Bracket, command: str, names: Sequence[str], stand_ins: Mapping[str, Path]) -> None:
+    """Refuse files that stand in for no name, with what to do instead.
+
+    ``command`` is the one that takes a name with such a file.
+
+    Raises:
+        InvalidRequest: there is such a file; the message gives the mechanisms whose joints have its names.
+    """
+    if names or not stand_ins:
+        return
+    from harness.models.joint_table import systems_with_joints_of
+
+    model_format, path = next(iter(stand_ins.items()))
+    problem, similar = f"{path} is a model file, and stands in for that of a mechanism, which is not named", list[str]()
+    try:
+        similar = systems_with_joints_of(bracket.library, path, model_format)
+    except InvalidModel as error:
+        problem = str(error)
+    which = f"its joints are named like those of {', '.join(similar)}" if similar else "if its mechanism is one of harness list"
+    options = [word for name, file in stand_ins.items() for word in (f"--{name}", str(file))]
+    words = ["harness", command, similar[0] if similar else "NAME", *bracket.replay_options, *options]
+    alone = f"to check engines on the file by itself: {shlex.join(['harness', command, str(path)])}"
+    raise InvalidRequest(f"{problem}\n{which}: {shlex.join(words)}\n{alone}\nto write a mechanism of your own: harness new NAME")

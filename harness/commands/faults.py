@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import click
@@ -11,10 +13,11 @@ from click.core import ParameterSource
 
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import states_option, subjects_option, takes
-from harness.commands.frame.terminal import print_caught, print_kinds, say
+from harness.commands.frame.terminal import print_rows, say
+from harness.results.table import Cell, Column, Table
 
 if TYPE_CHECKING:
-    from harness.diagnosis.faults.summary import Fault
+    from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
 
 # Options of a campaign alone.
 _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnoses", "every_diagnosis": "--every-diagnosis"}
@@ -154,3 +157,76 @@ def _print_faults(faults: Sequence[Fault]) -> None:
     if cleared:
         count = sum(bool(fault.cleared) for fault in faults)
         say(f"{count} faults are felt by one reader alone ({', '.join(cleared)}); the diagnosis finds them in the file")
+
+
+def print_caught(caught: Sequence[SmallestChange]) -> None:
+    """One row per live number of a model, and how far theory was kept in all."""
+    from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
+
+    if not caught:
+        say("no live numbers: no model was walked")
+        return
+    table = Table.of(
+        caught,
+        {
+            "system": "system",
+            "subject": "subject",
+            "where": lambda found: f"{found.file}:{found.place.line}",
+            "number": "number",
+            Column("value", "given"): "value",
+            Column("smallest caught", "error"): "smallest",
+            Column("theory", "error"): "theory",
+            Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
+        },
+    )
+    print_rows(table)
+    say("", "the number of each model that hides the largest error:")
+    pairs = [list(own) for _, own in itertools.groupby(caught, key=attrgetter("system", "subject"))]
+    print_rows(
+        Table.of(
+            [max(own, key=lambda found: found.smallest) for own in pairs],
+            {
+                "system": "system",
+                "subject": "subject",
+                "number": "number",
+                Column("smallest caught", "error"): "smallest",
+                Column("theory", "error"): "theory",
+            },
+        )
+    )
+    fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
+    furthest = max(found.ratio for found in caught)
+    of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
+    say("", f"{len(caught)} live numbers; {fine:.1%} caught below 1e-10; {of_theory}")
+
+
+def print_kinds(kinds: Sequence[KindOfFault]) -> None:
+    """One row per kind of fault of a campaign, and sentences over the kinds that the diagnosis knows and over the others."""
+    from harness.diagnosis.faults.summary import shares
+
+    if not kinds:
+        say("no faults: no model was found to plant them in")
+        return
+    columns: dict[Column | str, Any] = {"kind": "kind"}
+    columns |= {Column(name, "count"): name for name in ("planted", "live", "caught", "judged")}
+    columns[Column("named first", "count")] = lambda one: f"{one.named / one.judged:.0%}" if one.judged else ""
+    columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
+    columns[Column("blamed", "count")] = "blamed"
+    columns |= {Column("value right", "count"): lambda one: f"{one.right} of {one.found}" if one.found else ""}
+    columns |= {Column(name, "count"): name for name in ("misled", "stopped")}
+    columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
+    print_rows(Table.of(kinds, columns))
+    live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
+    found = shares(kinds)
+    say("", f"{live} faults that change the dynamics, {caught} caught")
+    if (of := found.get("known")) and of["judged"]:
+        by_name = of["judged"] - of["diagnosed"]
+        say(f"{of['judged']} judged: {of['share_named']:.1%} named first, {of['share_in_class']:.1%} first or in their class")
+        if of["diagnosed"]:
+            without = f"{of['share_found']:.1%} named first, {of['share_found_in_class']:.1%} first or in their class"
+            say(f"{of['diagnosed']} of them diagnosed, without the {by_name} that a refusal names: {without}")
+            right = f"; {of['share_right']:.1%} of those named first with the right number" if of["found"] else ""
+            say(f"{of['misled']} explained by a change elsewhere, {of['stopped']} searches stopped{right}")
+    if (of := found.get("unknown")) and of["diagnosed"]:
+        outside = f"{of['diagnosed']} diagnosed of kinds that no hypothesis undoes"
+        say(f"{outside}: {of['found_in_class']} explained at one of their places, {of['misled']} elsewhere, {of['stopped']} stopped")

@@ -18,7 +18,7 @@ from harness.errors import InvalidInput, InvalidRequest
 if TYPE_CHECKING:
     from harness.night.course import Course
     from harness.night.stage import NightChoice, Stage
-    from harness.results.night_summary import NightSummary
+    from harness.report.night import NightSummary
 
 SUMMARY, JUNIT = "nightly.md", "nightly.xml"
 # Where GitHub's runner reads the summary of a step.
@@ -97,9 +97,8 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
     """
     from harness.crosscheck.description import describe_run
     from harness.night.course import settings_of
-    from harness.night.inputs import digests
+    from harness.night.inputs import digests, subjects_of
     from harness.night.stage import NightChoice
-    from harness.night.subjects import subjects_of
     from harness.results.night import NightSettings
 
     library = bracket.library
@@ -134,9 +133,8 @@ def _complete(bracket: Bracket, course: Course, stage: Stage) -> None:
 
 
 def _summary(course: Course, stages: Sequence[Stage], choice: NightChoice) -> NightSummary:
-    from harness.night.course import cases_of
-    from harness.night.trend import changes_of
-    from harness.results.night_summary import NightSummary
+    from harness.night.course import cases_of, changes_of
+    from harness.report.night import NightSummary
 
     cases = [case for stage in sorted(stages, key=lambda stage: stage.name) for case in cases_of(course.history, course.night, stage)]
     return NightSummary(

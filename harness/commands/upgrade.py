@@ -77,8 +77,7 @@ def _bisect(bracket: Bracket, settings: Settings, engine: str, ends: Sequence[st
     from harness.commands.engines import add, requested
     from harness.engines import engine_files
     from harness.environments.installation import versions_between
-    from harness.upgrade.bisection import first_changed
-    from harness.upgrade.study import changes_between
+    from harness.upgrade.study import changes_between, first_changed
 
     ((engine, _),) = requested(bracket, [engine])
     versions = versions_between(engine_files(bracket.library)[engine].requires[1], *ends)

@@ -13,8 +13,7 @@ from harness.certify.compare import Comparison
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.hypothesis_search import Found
 from harness.equations.states import States
-from harness.results.half_decades import half_decade, half_decade_edges
-from harness.results.quantiles import quantile_ranks
+from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
 from harness.results.records import Record, Representative
 from harness.verdict import Verdict, gravest
 

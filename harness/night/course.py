@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -11,9 +11,11 @@ from typing import Any
 from harness.errors import InvalidRequest
 from harness.night.stage import NightChoice, Stage, UnitFound
 from harness.night.together import Together, attempted
+from harness.results.change_points import NightValue
 from harness.results.history import History
 from harness.results.night import BegunStage, Case, DoneUnit, Night, NightSettings
 from harness.results.records import Run
+from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last, comparable
 from harness.study import Part
 from harness.workers import Workers
 
@@ -155,3 +157,17 @@ def cases_of(history: History, night: Night, stage: Stage) -> list[Case]:
 def settings_of(choice: NightChoice, stages: Sequence[Stage]) -> NightSettings:
     """The settings of a choice with the stages that have something to do."""
     return replace(choice.settings, stages=[stage.name for stage in stages if stage.units(choice)])
+
+
+def changes_of(course: Course, stages: Sequence[Stage]) -> list[ChangedCell]:
+    """What changed this night, of all stages that have numbers."""
+    return [one for stage in stages for one in changes_of_the_last(nights_of(course, stage))]
+
+
+def nights_of(course: Course, stage: Stage) -> list[Mapping[Cell, NightValue]]:
+    """The readings of each night of a stage's profile and number of states, oldest first, this one last; none without numbers."""
+    if stage.numbers is None:
+        return []
+    states, read = stage.states(course.choice), stage.numbers.readings
+    earlier = comparable(states, course.earlier(stage, MOST_NIGHTS - 1, stage.numbers.part))
+    return [*(read(found) for _, found in reversed(earlier)), read(course.found(stage))]

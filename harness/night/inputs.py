@@ -1,4 +1,4 @@
-"""Digests of all that a night reads, by which a night that goes on tells that something was changed in between."""
+"""Inputs of a night: its subjects, and digests of all that it reads, by which a night that goes on tells what was changed in between."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from harness.comparison.collection import find_files
-from harness.library import MODEL_SUFFIXES, Library
+from harness.engines import select_subjects, subjects
+from harness.errors import InvalidRequest
+from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.storage import sources_digest
 
 _DIGITS = 16
@@ -42,3 +44,22 @@ def _files(library: Library) -> Iterator[tuple[str, Path]]:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:_DIGITS]
+
+
+def subjects_of(library: Library, engines: Sequence[str]) -> list[str]:
+    """Names of the subjects; none, which means all, where no engine was asked for.
+
+    Raises:
+        InvalidRequest: no subject is of such an engine.
+    """
+    if not engines:
+        return []
+    chosen = [str(subject) for subject in select_subjects(library, ())]
+    known = [str(subject) for subject in subjects(library)]
+    for engine in engines:
+        own = [name for name in known if name.partition("/")[0] == engine]
+        if not own:
+            names = sorted({name.partition("/")[0] for name in known})
+            raise InvalidRequest(f"no engine is called {engine!r}; {nearest(engine, names)}; harness list has those that are there")
+        chosen += own
+    return list(dict.fromkeys(chosen))

@@ -29,8 +29,7 @@ from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
 from harness.results.cross_check import CrossCheckResult
-from harness.results.json_document import to_json
-from harness.results.plain_json import dumps
+from harness.results.plain_json import dumps, to_json
 from harness.results.records import Run
 from harness.results.site import schema
 from harness.storage import write_atomically

@@ -6,17 +6,18 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 
-from harness.report import addresses, site_trends, upstream
+from harness.report import addresses, upstream
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.known_findings import known_findings
 from harness.report.site_features import engine_counts, feature_lines
 from harness.report.summary import Summary
+from harness.report.upstream import known_findings
 from harness.results.comparison import FilesComparison, SubjectRecord
 from harness.results.comparison_tables import short_names
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, Run
-from harness.results.site import Number, Site, SiteCell, SiteColumn, SiteFinding, SiteRow, plain_number
+from harness.results.site import Number, Site, SiteCell, SiteChange, SiteColumn, SiteFinding, SiteRow, SiteTrend, plain_number
+from harness.results.trend import Trend
 from harness.verdict import AGREEMENT, Verdict
 
 OWN = "lagrange"
@@ -35,7 +36,7 @@ def collect(
     cells = [*_cells(summary, pages), *_robot_cells(robots, pages)]
     quantities = [*_quantity_cells(summary, pages)]
     about = {name: value for name, value in asdict(run).items() if isinstance(value, str | int)}
-    nights, trends = site_trends.collect(rows, summary, measured)
+    nights, trends = _trends(rows, summary, measured)
     return Site(
         run=about, versions=dict(sorted(run.versions.items())), limit=AGREEMENT, columns=columns, rows=rows, cells=cells,
         counts=[*engine_counts(columns, cells)], features=[*feature_lines(columns, [*cells, *quantities])], quantities=quantities,
@@ -216,3 +217,30 @@ def _worst_of(alike: Sequence[SiteFinding]) -> SiteFinding:
     program; with the rows of all."""
     worst = max(alike, key=lambda one: (math.inf if one.backward_error is None else float(one.backward_error), -len(one.reproducer)))
     return SiteFinding(**{**vars(worst), "rows": sorted({row for one in alike for row in one.rows})})
+
+
+CROSS_CHECK, BENCHMARK = "cross-check", "benchmark"
+
+
+def _trends(
+    rows: Sequence[SiteRow], summary: Summary | None, measured: BenchmarkSummary | None
+) -> tuple[dict[str, list[str]], list[SiteTrend]]:
+    """``nights`` and ``trends`` of the data, for the mechanisms that have a page."""
+    nights: dict[str, list[str]] = {}
+    found: list[SiteTrend] = []
+    mechanisms = {row.name for row in rows if row.kind != "robot"}
+    sources: Mapping[str, Summary | BenchmarkSummary | None] = {CROSS_CHECK: summary, BENCHMARK: measured}
+    for study, source in sources.items():
+        if source is not None and len(source.nights) > 1:
+            nights[study] = [run.started for run, _ in source.nights]
+            found += [_site_trend(study, trend) for trend in source.trends if trend.system in mechanisms]
+    return nights, found
+
+
+def _site_trend(study: str, trend: Trend) -> SiteTrend:
+    changes = [
+        SiteChange(place=one.place, run=one.run, before=one.before, now=one.now, nights=one.nights, found_by=one.found_by)
+        for one in trend.changes
+    ]
+    values = [plain_number(value) for value in trend.values]
+    return SiteTrend(study=study, row=trend.system, column=trend.subject, number=trend.number, values=values, changes=changes)

@@ -1,4 +1,7 @@
-"""Strict JSON of plain data: it has no infinities, so that a number that is not finite is the string "inf", "-inf" or "nan"."""
+"""Strict JSON of plain data, and of a run: its versions, records and whatever else a command found, as one document.
+
+JSON has no infinities: a number that is not finite is the string "inf", "-inf" or "nan".
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,10 @@ import json
 import math
 import numbers
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
+
+from harness.results.records import Record, Run, SystemCard
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
@@ -67,3 +72,29 @@ def _plain(value: Any) -> Any:
         number = float(value)
         return number if math.isfinite(number) else str(number)
     raise TypeError(f"{value!r} is of type {type(value).__name__}, which has no place in a record")
+
+
+class JsonDocument:
+    """The JSON of a run that is written while it goes on: what stayed as it was is not made text again."""
+
+    def __init__(self, run: Run) -> None:
+        about = asdict(run)
+        self._head = {"harness": about.pop("versions"), "run": about}
+        self._text = GrowingJson(_with_outcome)
+
+    def text(self, records: Sequence[Record] = (), cards: Sequence[SystemCard] = (), **parts: Any) -> str:
+        """As ``to_json``; no element of a list may change between two calls."""
+        return self._text.dumps(self._head | {"records": records, "systems": cards} | parts) + "\n"
+
+
+def to_json(run: Run, records: Sequence[Record], cards: Sequence[SystemCard] = (), **parts: Any) -> str:
+    """{"harness": versions, "run", "records", "systems"} and ``parts``, which are plain data, as strictly valid JSON, ASCII only.
+
+    Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the strings "inf", "-inf" and
+    "nan".
+    """
+    return JsonDocument(run).text(records, cards, **parts)
+
+
+def _with_outcome(item: Any) -> Any:
+    return asdict(item) | {"as_expected": item.as_expected} if isinstance(item, Record) else item

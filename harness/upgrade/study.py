@@ -2,22 +2,77 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
-from harness.crosscheck.assignment import Assignment
+from harness.certify.sampling import generic_sample
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of, load_audited
+from harness.crosscheck.held import differences, held_by, written
 from harness.crosscheck.settings import Settings
-from harness.engines import Subject, engine_files, subjects_of
+from harness.diagnosis.terms import TermTruth, compare_terms
+from harness.engines import HeldModel, Subject, Unsupported, engine_files, subjects_of
 from harness.environments.folders import AT, split_name
 from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.results.records import Record
-from harness.results.run_changes import TERMS, RunChange, run_changes
+from harness.results.run_changes import READING, TERMS, RunChange, run_changes
 from harness.study import Inquiries, Inquiry, Part, ask
-from harness.upgrade.explanation import explain_changes
-from harness.verdict import Verdict
+from harness.verdict import SEVERITY, Verdict
+
+# States at which terms are compared.
+STATES = 16
+
+
+def explain_changes(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> list[RunChange]:
+    """What two versions read and compute otherwise, of one system from one file; nothing where one of them cannot say.
+
+    Raises:
+        Exception: whatever an engine raises.
+    """
+    note("reading")
+    return [*_readings(before, after), *_terms(before, after, seed, note)]
+
+
+def _readings(before: Assignment, after: Assignment) -> Iterator[RunChange]:
+    held: dict[str, HeldModel] = {}
+    for one in (before, after):
+        # A version may have no interface for it.
+        with contextlib.suppress(Unsupported):
+            holding = held_by(load_audited(one))
+            held |= {} if holding is None else {str(one.subject): holding}
+    models = {one.model.format: one.model for one in (after,) if one.model is not None}
+    if len(held) < 2:
+        return
+    for difference in differences(after.mechanism.name, held, models):
+        values = {name: written(value) for names, value in zip(difference.subjects, difference.values, strict=True) for name in names}
+        owner = f" of {difference.joint}" if difference.joint else ""
+        where = f" ({'; '.join(difference.places)})" if difference.places else ""
+        old, new = (values.get(str(one.subject), "nothing") for one in (before, after))
+        yield _change(after, READING, f"{difference.quantity}{owner}{where}: {old}", new)
+
+
+def _change(of: Assignment, what: str, before: str, now: str, is_worse: bool = False) -> RunChange:
+    name, subject = of.mechanism.name, str(of.subject.without_version)
+    return RunChange(system=name, subject=subject, what=what, before=before, now=now, is_worse=is_worse)
+
+
+def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> Iterator[RunChange]:
+    states = generic_sample(after.mechanism, STATES, seed)
+    found = []
+    for one in (before, after):
+        note(f"terms of {one.subject}")
+        model = load_audited(one)
+        truth = acceleration_truth_of(one)
+        compared = compare_terms(TermTruth(truth.kernel, states), model, str(one.subject), truth.may_lose_digits(model))
+        found.append({finding.term: finding for finding in compared.findings})
+    for term in [term for term in found[0] if term in found[1]]:
+        old, new = found[0][term], found[1][term]
+        if old.verdict != new.verdict:
+            yield _change(after, TERMS, old.sentence, new.sentence, SEVERITY[new.verdict] > SEVERITY[old.verdict])
+
 
 _ANSWERED = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.DISAGREES, Verdict.UNDECIDED)
 
@@ -104,3 +159,27 @@ def _explain(system: str, subject: str, library: Library, before: str, after: st
     model_format = subject.partition("/")[2]
     old, new = (Assignment.of(library, system, Subject(version, model_format)) for version in (before, after))
     return [replace(change, system=system) for change in explain_changes(old, new, seed, note)]
+
+
+_Answer = TypeVar("_Answer")
+
+
+def first_changed(
+    versions: Sequence[str], ask: Callable[[str], _Answer], changed: Callable[[_Answer, _Answer], bool]
+) -> tuple[str, str] | None:
+    """The neighbours between which the answer leaves that of the first version; None where the last version has it too.
+
+    ``versions`` go from the oldest to the newest, and are asked as often as a bisection needs, each once. Where the answer changes
+    several times, one of the changes is found.
+    """
+    first = ask(versions[0])
+    if not changed(first, ask(versions[-1])):
+        return None
+    same, other = 0, len(versions) - 1
+    while other - same > 1:
+        middle = (same + other) // 2
+        if changed(first, ask(versions[middle])):
+            other = middle
+        else:
+            same = middle
+    return versions[same], versions[other]

@@ -14,11 +14,10 @@ import harness.bench.methods
 from harness.arrays import Array
 from harness.bench import acceleration_cost
 from harness.bench.acceleration_cost import acceleration_costs
-from harness.bench.growth import exponent, growth
+from harness.bench.growth import exponent, growth, robot_growth
 from harness.bench.measuring import Effort
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
-from harness.bench.robot_growth import robot_growth
 from harness.certify.compare import compare
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel

@@ -12,10 +12,9 @@ import pytest
 
 from harness.arrays import Array
 from harness.bench.measuring import Effort
-from harness.bench.parts import QUANTITIES, BenchmarkSettings, parts_of
+from harness.bench.parts import QUANTITIES, THOROUGHNESS, BenchmarkSettings, parts_of
 from harness.bench.quantity_cost import EngineCalls, quantity_costs
 from harness.bench.study import BenchmarkStudy
-from harness.bench.thoroughness import THOROUGHNESS
 from harness.certify.quantities import find_quantities
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited

@@ -11,7 +11,7 @@ import pytest
 from catalogue import STATES
 from support import harness, records_of
 
-from harness.commands.frame.scaffold import write_example
+from harness.commands.new import write_example
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 

@@ -16,6 +16,7 @@ from rich.console import Console
 from support import harness, make_library
 from support_results import RECORD, RUN
 
+from harness.commands import faults
 from harness.commands.bench import _print_benchmark
 from harness.commands.faults import _print_faults, _print_left_out
 from harness.commands.frame import options, terminal
@@ -132,8 +133,8 @@ PRINTED: dict[str, Callable[[], None]] = {
     "atlas": _atlas,
     "faults": lambda: _print_faults([FAULT]),
     "left out": lambda: _print_left_out({(EVIL, EVIL): EVIL}),
-    "kinds of faults": lambda: terminal.print_kinds([KIND]),
-    "smallest changes": lambda: terminal.print_caught([CHANGE]),
+    "kinds of faults": lambda: faults.print_kinds([KIND]),
+    "smallest changes": lambda: faults.print_caught([CHANGE]),
     "errors": _refuse,
 }
 

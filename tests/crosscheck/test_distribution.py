@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from harness.crosscheck.judgement import distribution_of
-from harness.results.half_decades import half_decade, half_decade_edges
+from harness.results.quantiles import half_decade, half_decade_edges
 
 
 def test_a_batch_has_the_half_decades_of_its_errors_in_their_order() -> None:

@@ -12,7 +12,7 @@ import pytest
 from harness.engines import load_engine
 from harness.environments.folders import find_environments
 from harness.library import Library
-from harness.report.known_findings import KnownFinding, known_findings
+from harness.report.upstream import KnownFinding, known_findings
 
 FINDINGS = known_findings()
 

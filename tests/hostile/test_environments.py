@@ -12,7 +12,7 @@ import pytest
 import worker_tasks as work
 from support import make_library, without_progress
 
-from harness.commands.frame.surroundings import surroundings
+from harness.cli import surroundings
 from harness.workers import Task, Workers, local
 
 LIST = "list --library library"

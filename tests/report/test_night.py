@@ -10,9 +10,8 @@ import pytest
 from lxml import etree
 from support_results import RECORD, RUN
 
-from harness.report.night import MOST_SHOWN, render_junit, render_summary
+from harness.report.night import MOST_SHOWN, NightSummary, render_junit, render_summary
 from harness.results.night import BROKEN, Case, Night, NightSettings, case_of
-from harness.results.night_summary import NightSummary
 from harness.results.trend import MEDIAN, ChangedCell
 
 SCHEMA = etree.XMLSchema(etree.parse(Path(__file__).parent / "junit.xsd"))

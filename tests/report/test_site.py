@@ -26,10 +26,10 @@ from harness.report import upstream, write
 from harness.report.addresses import slugs
 from harness.report.badges import badge
 from harness.report.benchmarks import BenchmarkSummary
-from harness.report.known_findings import known_findings
 from harness.report.site_data import collect
 from harness.report.standalone import MODULES
 from harness.report.summary import Summary
+from harness.report.upstream import known_findings
 from harness.results.benchmark import Benchmark, EngineFinding
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record, Run

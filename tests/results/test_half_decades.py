@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from harness.results.half_decades import half_decade, half_decade_edges
+from harness.results.quantiles import half_decade, half_decade_edges
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 from support_results import CARD, RECORD, RUN
 
 from harness.errors import InvalidInput
-from harness.results.json_document import to_json
+from harness.results.plain_json import to_json
 from harness.results.records import Records
 from harness.storage import write_atomically
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support import harness
 
-from harness.commands.frame.scaffold import write_example
+from harness.commands.new import write_example
 from harness.engines import load_engine
 from harness.equations.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library

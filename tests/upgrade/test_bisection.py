@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.upgrade.bisection import first_changed
+from harness.upgrade.study import first_changed
 
 
 @given(st.integers(2, 60), st.data())

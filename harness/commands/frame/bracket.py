@@ -19,7 +19,7 @@ from harness.errors import InvalidInput, InvalidRequest
 if TYPE_CHECKING:
     from harness.library import Library
     from harness.results.history import History
-    from harness.results.json_document import JsonDocument
+    from harness.results.plain_json import JsonDocument
     from harness.results.records import Record, Run
     from harness.results.study_result import StudyResult
     from harness.study import Study
@@ -173,7 +173,7 @@ class Bracket:
 
     @cached_property
     def _json(self) -> JsonDocument:
-        from harness.results.json_document import JsonDocument
+        from harness.results.plain_json import JsonDocument
 
         return JsonDocument(self.run)
 

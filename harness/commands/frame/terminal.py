@@ -9,21 +9,19 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from harness.results.brief import quantities_in_brief
 from harness.results.records import ACCELERATIONS, Record, Records, Run
-from harness.results.table import Cell, Column, Table, printable
-from harness.verdict import AGREEMENT
+from harness.results.table import Table, printable
+from harness.verdict import AGREEMENT, Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from harness.crosscheck.held import Difference
     from harness.crosscheck.settings import Settings
-    from harness.diagnosis.faults.summary import KindOfFault, SmallestChange
     from harness.report.benchmarks import BenchmarkSummary
     from harness.report.comparison import Section
     from harness.report.hard_cases import HardSummary
@@ -107,7 +105,7 @@ def console(stderr: bool = False) -> Console:
     return made
 
 
-def _print(table: Table) -> None:
+def print_rows(table: Table) -> None:
     """A table on standard output; a terminal that is too narrow for its numbers wraps the lines, and loses none."""
     console().print(table.terminal(), crop=False)
 
@@ -115,7 +113,7 @@ def _print(table: Table) -> None:
 def print_table(records: Sequence[Record], run: Run) -> None:
     """One row per record on standard output, where their states come from, and under which load they were timed."""
     shown = Records(records)
-    _print(shown.brief())
+    print_rows(shown.brief())
     if any(record.seconds_per_state is not None for record in shown):
         say(*filter(None, [shown.origins, f"times: median and fastest call, {run.load}"]))
 
@@ -124,14 +122,14 @@ def print_titled(title: str, table: Table) -> None:
     """A table under its title; nothing without rows."""
     if table.rows:
         say("", title)
-        _print(table)
+        print_rows(table)
 
 
 def print_section(parts: Sequence[str | Table]) -> None:
     """Lines of text, which a terminal wraps, and tables."""
     for part in parts:
         if isinstance(part, Table):
-            _print(part)
+            print_rows(part)
         else:
             indent = len(part) - len(part.lstrip())
             say(f"  {' ' * indent}{part.strip()}")
@@ -162,7 +160,30 @@ def print_further_quantities(records: Sequence[Record]) -> None:
         names = ", ".join(dict.fromkeys(record.quantity for record in records))
         say("", f"further quantities at {most} states each, of which harness check NAME --quantity QUANTITY tells more:", f"  {names}")
     for subject, own in sorted(by_subject.items()):
-        say(f"  {subject}: {quantities_in_brief(own)}")
+        say(f"  {subject}: {_in_brief(own)}")
+
+
+def _in_brief(records: Sequence[Record]) -> str:
+    """The quantities that agree, with the worst of them, those with another verdict, and what is not as expected.
+
+    ``records`` are of one subject. A quantity of which one record is not as expected counts as such.
+    """
+    wrong = sorted({record.quantity for record in records if not record.as_expected})
+    good = [record for record in records if record.quantity not in wrong]
+    agreeing = [record for record in good if record.verdict == Verdict.AGREES]
+    parts = []
+    if agreeing:
+        worst = max(agreeing, key=lambda record: record.backward_error or 0.0)
+        size = f"{worst.backward_error or 0.0:.3g} ({worst.quantity} of {worst.system})"
+        count = len({record.quantity for record in agreeing})
+        parts.append(f"{count} {'quantity agrees' if count == 1 else 'quantities agree'}, worst {size}")
+    for verdict in sorted({record.verdict for record in good} - {Verdict.AGREES.value}):
+        # What one mechanism has nothing of is no news where another one has.
+        names = {record.quantity for record in good if record.verdict == verdict} - {record.quantity for record in agreeing}
+        said = "not offered" if verdict == Verdict.UNSUPPORTED else f"{verdict} (as expected)"
+        parts += [f"{', '.join(sorted(names))} {said}"] if names else []
+    parts += [f"not as expected: {', '.join(wrong)}"] if wrong else []
+    return "; ".join(parts)
 
 
 def print_unexpected(records: Sequence[Record]) -> None:
@@ -254,76 +275,3 @@ def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None
             lines = [*cause.terms, *itertools.chain.from_iterable(cause.sides)]
             for line in [f"as {cause.diagnosed}, which reads the same file"] if cause.is_shared else lines:
                 say(f"  {line}")
-
-
-def print_caught(caught: Sequence[SmallestChange]) -> None:
-    """One row per live number of a model, and how far theory was kept in all."""
-    from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
-
-    if not caught:
-        say("no live numbers: no model was walked")
-        return
-    table = Table.of(
-        caught,
-        {
-            "system": "system",
-            "subject": "subject",
-            "where": lambda found: f"{found.file}:{found.place.line}",
-            "number": "number",
-            Column("value", "given"): "value",
-            Column("smallest caught", "error"): "smallest",
-            Column("theory", "error"): "theory",
-            Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
-        },
-    )
-    _print(table)
-    say("", "the number of each model that hides the largest error:")
-    pairs = [list(own) for _, own in itertools.groupby(caught, key=attrgetter("system", "subject"))]
-    _print(
-        Table.of(
-            [max(own, key=lambda found: found.smallest) for own in pairs],
-            {
-                "system": "system",
-                "subject": "subject",
-                "number": "number",
-                Column("smallest caught", "error"): "smallest",
-                Column("theory", "error"): "theory",
-            },
-        )
-    )
-    fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
-    furthest = max(found.ratio for found in caught)
-    of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
-    say("", f"{len(caught)} live numbers; {fine:.1%} caught below 1e-10; {of_theory}")
-
-
-def print_kinds(kinds: Sequence[KindOfFault]) -> None:
-    """One row per kind of fault of a campaign, and sentences over the kinds that the diagnosis knows and over the others."""
-    from harness.diagnosis.faults.summary import shares
-
-    if not kinds:
-        say("no faults: no model was found to plant them in")
-        return
-    columns: dict[Column | str, Any] = {"kind": "kind"}
-    columns |= {Column(name, "count"): name for name in ("planted", "live", "caught", "judged")}
-    columns[Column("named first", "count")] = lambda one: f"{one.named / one.judged:.0%}" if one.judged else ""
-    columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
-    columns[Column("blamed", "count")] = "blamed"
-    columns |= {Column("value right", "count"): lambda one: f"{one.right} of {one.found}" if one.found else ""}
-    columns |= {Column(name, "count"): name for name in ("misled", "stopped")}
-    columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
-    _print(Table.of(kinds, columns))
-    live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
-    found = shares(kinds)
-    say("", f"{live} faults that change the dynamics, {caught} caught")
-    if (of := found.get("known")) and of["judged"]:
-        by_name = of["judged"] - of["diagnosed"]
-        say(f"{of['judged']} judged: {of['share_named']:.1%} named first, {of['share_in_class']:.1%} first or in their class")
-        if of["diagnosed"]:
-            without = f"{of['share_found']:.1%} named first, {of['share_found_in_class']:.1%} first or in their class"
-            say(f"{of['diagnosed']} of them diagnosed, without the {by_name} that a refusal names: {without}")
-            right = f"; {of['share_right']:.1%} of those named first with the right number" if of["found"] else ""
-            say(f"{of['misled']} explained by a change elsewhere, {of['stopped']} searches stopped{right}")
-    if (of := found.get("unknown")) and of["diagnosed"]:
-        outside = f"{of['diagnosed']} diagnosed of kinds that no hypothesis undoes"
-        say(f"{outside}: {of['found_in_class']} explained at one of their places, {of['misled']} elsewhere, {of['stopped']} stopped")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import groupby
 
-from harness.bench.parts import BenchmarkSettings
+from harness.bench.parts import THOROUGHNESS, BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
-from harness.bench.thoroughness import THOROUGHNESS
 from harness.library import member_of
 from harness.night.stage import NightChoice, Stage, TrendNumbers, one_study
 from harness.report.benchmarks import BenchmarkSummary
