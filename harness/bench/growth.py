@@ -75,7 +75,7 @@ def exponent(sizes: Sequence[int], seconds: Sequence[float | None]) -> float | N
     return float(np.polyfit(logarithms[:, 0], logarithms[:, 1], 1)[0])
 
 
-FAMILY, METHOD = "arms of seven joints", "certified reference of a robot"
+ROBOTS, METHOD = "arms of seven joints", "certified reference of a robot"
 JOINTS = 7
 # Every body's inertia is added to those below it, and M's entries are formed between all pairs of joints on a way to the trunk.
 EXPECTED = "up to 3"
@@ -115,7 +115,7 @@ def robot_growth(counts: Sequence[int], seed: int, minimum_seconds: float, note:
         fastest.append(min(times) / len(states))
         radii.append(float((found.radius / found.data_roundoff).max()) if found.certified.all() else None)
     return Growth(
-        family=FAMILY,
+        family=ROBOTS,
         method=METHOD,
         sizes=sizes,
         seconds_per_state=list(seconds),

@@ -115,7 +115,7 @@ def _mechanism(root: Path, name: str, degrees_of_freedom: int) -> dict[Path, str
 
 def _engine(root: Path, name: str) -> dict[Path, str]:
     _check_name(name, "an engine")
-    if (Library.built_in().engines / f"{name}.py").is_file():
+    if any((Library.built_in().engines / place).is_file() for place in (f"{name}.py", f"{name}/__init__.py")):
         raise InvalidRequest(f"the harness has an engine called {name!r}, which this one would hide; choose another name")
     return {root / "engines" / f"{name}.py": _render("engine.py.jinja", name)}
 
@@ -163,8 +163,6 @@ def command(bracket: Bracket, name: str | None, dof: int, engine: str | None) ->
       harness new my_arm --dof 2 --engine my_engine --library mine
       harness new --engine my_engine --library mine
     """
-    from harness.commands.new import write_example
-
     if name is None and engine is None:
         raise click.UsageError("name a mechanism to write, or an engine with --engine")
     library_path = bracket.library_path or "."
