@@ -10,9 +10,8 @@ from typing import Any
 import mpmath
 import sympy as sp
 
-from harness.equations.assembly import energy_program_of, program_of
+from harness.equations.assembly import constraints_of, energy_program_of, program_of
 from harness.equations.constraint_forces import by_multipliers, constrained_program
-from harness.equations.constraint_rows import constraints_of
 from harness.equations.derivation import load_system
 from harness.equations.lagrange import EquationsOfMotion, derive
 from harness.equations.mechanism import Mechanism

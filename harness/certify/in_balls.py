@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.factorisation import cholesky_in_balls, condition_number, scaled_cholesky
-from harness.equations.balls import mass_matrix, solved
+from harness.equations.evaluation import mass_matrix, solved
 from harness.equations.kernels import BallKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle

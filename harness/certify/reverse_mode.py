@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.balls import BALLS, mass_matrix, solved
+from harness.equations.evaluation import BALLS, mass_matrix, solved
 from harness.equations.program import OUTPUTS, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.storage import Kept
 

@@ -27,7 +27,7 @@ from harness.library import MODEL_SUFFIXES, Library
 from harness.models.model_file import ModelFile, read_model
 from harness.results.cross_check import Cause
 from harness.results.records import Record
-from harness.robots.accelerations import accelerations
+from harness.robots.mechanism import accelerations
 from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers

@@ -4,24 +4,36 @@ There are two ways to the program of the equations. ``program_of`` writes down S
 ``lagrange_program`` differentiates the programs of T and V instead, which is quicker and leaves about half as many
 instructions of a long arm.
 
-Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equation 1.57.
+A text that measures coordinates from the world, as the absolute angles of a chain, has a kinetic energy of few terms; in the angles of
+the joints every term depends on all joints before it, and the equations of n bars hold n^4 of them. So the equations are derived in
+the text's coordinates q, and the program is then put into the joints' positions u:
+
+    q = S u,    M_u = S' M S,    f_u = S' f,
+
+where S adds to each joint's position those of the joints that it is measured from. S' sums over whatever is measured from a
+joint, so that the program grows by about 2 n^2 additions.
+
+Sources: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., equation 1.57; Greenwood, Principles of Dynamics, 2nd ed., section 6-4
+(generalised forces under a change of coordinates).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import sympy as sp
 
+from harness.equations.constraint import Constraint
+from harness.equations.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
 from harness.equations.derivatives import along, depending_on, gradient
 from harness.equations.euler_angles import ChangeOfVariables, change_of_variables, energies_in_joints, equations_in_joints
 from harness.equations.expressions import assemble
 from harness.equations.lagrange import EnergiesInSymbols, EquationsOfMotion, in_symbols, split_potential
-from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
-from harness.equations.relative_joints import in_joint_positions
+from harness.equations.program import StraightLineProgram, upper_triangle, with_operands, without_unused
 from harness.equations.system import TIME, System
-from harness.equations.term import Builder, Term, Vector, cross, vector
+from harness.equations.term import Builder, Term, Vector, cross, dot, vector
 
 
 def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_body: bool = False) -> StraightLineProgram:
@@ -146,3 +158,93 @@ def _inputs(system: System, energies: EnergiesInSymbols, change: ChangeOfVariabl
 
 def _in_joints(program: StraightLineProgram, system: System) -> StraightLineProgram:
     return in_joint_positions(program, system.parents) if system.measured_from else program
+
+
+Parents = Sequence[int | None]
+_OF_FORCE = ("velocity", "gravity", "passive", "forces")
+
+
+def in_joint_positions(program: StraightLineProgram, measured_from: Parents) -> StraightLineProgram:
+    """The program of the same equations with joint positions and velocities for inputs, and their forces for outputs.
+
+    ``measured_from`` has, for each of the n coordinates, the place of an earlier one, or None for the world. The first n
+    inputs are positions, the next n rates. Outputs are those of ``harness.equations.kernels`` or of ``harness.equations.energies``.
+    """
+    n = len(measured_from)
+    instructions: list[tuple[Any, ...]] = [("input", place) for place in range(len(program.inputs))]
+
+    def add(first: int, second: int) -> int:
+        instructions.append(("add", first, second))
+        return len(instructions) - 1
+
+    coordinate = list(range(len(program.inputs)))
+    for block in (0, n):
+        for place, parent in enumerate(measured_from):
+            if parent is not None:
+                coordinate[block + place] = add(block + place, coordinate[block + parent])
+    results: list[int] = []
+    for instruction in program.instructions:
+        if instruction[0] == "input":
+            results.append(coordinate[instruction[1]])
+        else:
+            instructions.append(with_operands(instruction, results))
+            results.append(len(instructions) - 1)
+    outputs = {name: [results[index] for index in indices] for name, indices in program.outputs.items()}
+    for name in filter(outputs.get, _OF_FORCE):
+        for place, parent in _from_the_tips(measured_from):
+            outputs[name][parent] = add(outputs[name][parent], outputs[name][place])
+    if "mass" in outputs:
+        upper = [(i, j) for i in range(n) for j in range(i, n)]
+        mass = {pair: index for index, (i, j) in zip(outputs["mass"], upper, strict=True) for pair in ((i, j), (j, i))}
+        for place, parent in _from_the_tips(measured_from):
+            mass |= {(row, parent): add(mass[row, parent], mass[row, place]) for row in range(n)}
+        for place, parent in _from_the_tips(measured_from):
+            mass |= {(parent, column): add(mass[parent, column], mass[place, column]) for column in range(n)}
+        outputs["mass"] = [mass[pair] for pair in upper]
+    joint = StraightLineProgram(program.inputs, tuple(instructions), {name: tuple(indices) for name, indices in outputs.items()})
+    return without_unused(joint)
+
+
+def _from_the_tips(measured_from: Parents) -> list[tuple[int, int]]:
+    return [(place, parent) for place, parent in reversed(list(enumerate(measured_from))) if parent is not None]
+
+
+def constraints_of(system: System, tree: StraightLineProgram) -> Constraints:
+    """The constraints of a system whose equations of motion without them are ``tree``, in the positions of its joints."""
+    system = system.in_joint_positions() if system.measured_from else system
+    order, rates = list(system.coordinates), system.rates
+    holding = [(name, one) for name, one in system.constraints.items() if not one.is_rolling(rates)]
+    rolling = [(name, one) for name, one in system.constraints.items() if one.is_rolling(rates)]
+    both = [*holding, *rolling]
+
+    def places(constraints: Sequence[tuple[str, Constraint]]) -> tuple[int, ...]:
+        return tuple(order.index(q) for _, one in constraints for q in one.determines)
+
+    return Constraints(
+        rows=tuple(name for name, one in both for _ in one.rows),
+        redundant=tuple(number in one.redundant for _, one in both for number in range(len(one.rows))),
+        holonomic=sum(len(one.rows) for _, one in holding),
+        positions=places(holding),
+        rates=places(both),
+        assembly=tuple(float(system.assembly.get(q, 0.0)) for q in order),
+        program=_rows(system, tree.inputs, *([row for _, one in some for row in one.rows] for some in (holding, rolling))),
+        tree=tree,
+    )
+
+
+def _rows(system: System, names: Sequence[str], holding: Sequence[sp.Expr], rolling: Sequence[sp.Expr]) -> StraightLineProgram:
+    nv = len(system.coordinates)
+    # The inputs of the mechanism, of which the first are the coordinates and then their rates.
+    inputs = [sp.Symbol(name, real=True) for name in names]
+    symbols = dict(zip([*system.rates, *system.coordinates], [*inputs[nv : 2 * nv], *inputs[:nv]], strict=True))
+    symbols |= {parameter: inputs[names.index(parameter.name)] for parameter in system.parameters}
+    expressions = [[row.xreplace(symbols) for row in some] for some in (holding, rolling)]
+    program = assemble(inputs, dict(zip((RESIDUAL, "rolling"), expressions, strict=True)))
+    builder = Builder(program.inputs)
+    written = builder.append(program)
+    q, v = builder.inputs[:nv], builder.inputs[nv : 2 * nv]
+    jacobian = [gradient(row, q) for row in written[RESIDUAL]] + [gradient(row, v) for row in written["rolling"]]
+    velocities = [dot(row, v, builder.number(0)) for row in jacobian]
+    bias = along(velocities, dict(zip(q, v, strict=True)))
+    outputs = {RESIDUAL: written[RESIDUAL], JACOBIAN: [entry for row in jacobian for entry in row], RATE: velocities, BIAS: bias}
+    return without_unused(builder.program(outputs))

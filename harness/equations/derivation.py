@@ -105,9 +105,8 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     import sympy as sp
 
     from harness.equations.applied_forces import applied_forces
-    from harness.equations.assembly import energy_program_of, lagrange_program, program_of
+    from harness.equations.assembly import constraints_of, energy_program_of, lagrange_program, program_of
     from harness.equations.constraint_forces import by_multipliers, constrained_program
-    from harness.equations.constraint_rows import constraints_of
     from harness.equations.lagrange import derive, in_symbols
     from harness.equations.notation import printed
     from harness.equations.system import TIME

@@ -3,7 +3,8 @@
 For quantities that are asked for now and then: the derivatives of every entry of a mass matrix take seconds to compile
 and microseconds to run, and these take milliseconds.
 
-Source: Griewank, Walther, Evaluating Derivatives, 2nd ed., section 3.1 (forward mode).
+Sources: Griewank, Walther, Evaluating Derivatives, 2nd ed., section 3.1 (forward mode); Johansson, Arb: efficient arbitrary-precision
+midpoint-radius interval arithmetic, IEEE Trans. Comput. 66 (2017), for balls.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.equations.derivatives import PARTIAL_DERIVATIVES
-from harness.equations.program import StraightLineProgram, earlier_results
+from harness.equations.program import StraightLineProgram, earlier_results, upper_triangle
 
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "neg": operator.neg,
@@ -177,3 +178,38 @@ def _last_uses(program: StraightLineProgram) -> list[list[int]]:
         taken |= last
         found.append(sorted(last))
     return found[::-1]
+
+
+def _literal(numerator: int, denominator: int) -> Any:
+    import flint
+
+    return flint.arb(flint.fmpq(numerator, denominator))
+
+
+def _pi() -> Any:
+    import flint
+
+    return flint.arb.pi()
+
+
+# At the working precision in force.
+BALLS = Arithmetic(_literal, _pi, operator.pow, lambda name, value, *others: getattr(value, name)(*others))
+
+
+def mass_matrix(upper: Sequence[Any], nv: int) -> Any:
+    """M as ``arb_mat`` of its upper triangle by rows."""
+    import flint
+
+    entries = dict(zip(upper_triangle(nv), upper, strict=True))
+    return flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
+
+
+def solved(mass: Any, force: Sequence[Any]) -> list[Any]:
+    """The solution of M x = force; all indeterminate where M is not certainly regular."""
+    import flint
+
+    try:
+        solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
+    except ZeroDivisionError:
+        return [flint.arb.nan()] * len(force)
+    return [solution[place, 0] for place in range(len(force))]

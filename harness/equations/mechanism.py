@@ -17,8 +17,7 @@ from harness.equations.program import ENERGY_OUTPUTS, StraightLineProgram, used_
 from harness.equations.states import States
 
 if TYPE_CHECKING:
-    from harness.equations.derivative_kernel import DerivativeKernel
-    from harness.equations.mechanism_kernel import MechanismKernel
+    from harness.equations.mechanism_kernel import DerivativeKernel, MechanismKernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +141,7 @@ class Mechanism:
 
     def derivatives(self) -> DerivativeKernel:
         """The evaluator of derivatives of accelerations and of forces in float64; what it compiles stays in the process."""
-        from harness.equations.derivative_kernel import DerivativeKernel
+        from harness.equations.mechanism_kernel import DerivativeKernel
 
         return DerivativeKernel(self)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from harness.equations.balls import mass_matrix
+from harness.equations.evaluation import mass_matrix
 from harness.equations.program import upper_triangle
 from harness.equations.term import Term, Vector, cross
 from harness.files.equalities import Polygon, Tendon, TendonLinkage

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harness.files.tree import Solid, vector
-from harness.robots.solids import mass_and_moments
+from harness.robots.rigid import mass_and_moments
 from harness.robots.spatial import FileBuilder
 
 SIZES = st.floats(0.05, 3).map(Fraction)

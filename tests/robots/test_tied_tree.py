@@ -14,7 +14,7 @@ from harness.equations.constraint_forces import Tied, by_multipliers, by_reducti
 from harness.equations.states import States
 from harness.equations.term import Vector
 from harness.files.tree import Joint, Tree
-from harness.robots.accelerations import accelerations_of
+from harness.robots.mechanism import accelerations_of
 from harness.robots.recursion import Recursion, recursion_program
 from harness.robots.robot import read_robot
 from harness.robots.tied_mechanism import tied_tree
