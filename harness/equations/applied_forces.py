@@ -6,14 +6,10 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.equations.states import DEFAULT_ACCELERATION, DEFAULT_RATES
-
-if TYPE_CHECKING:
-    from harness.equations.system import System
 
 # (w, x, y, z) at which no chart is singular.
 ANY_ROTATION = (0.8, 0.4, 0.4, 0.2)
@@ -29,17 +25,6 @@ class AppliedForces:
     force_ranges: tuple[tuple[float, float], ...]
     static_loads: tuple[float, ...]
     moving_loads: tuple[float, ...]
-
-
-def applied_forces(program: StraightLineProgram, system: System) -> AppliedForces:
-    """``forces_of`` a system's program, within the ranges of its coordinates."""
-    # Imported late: a robot's program has no system, and SymPy takes most of a second.
-    from harness.equations.system import TIME
-
-    positions = [system.ranges.get(q) for q in system.coordinates]
-    rates = [system.ranges.get(q.diff(TIME)) or DEFAULT_RATES for q in system.coordinates]
-    attitudes = [list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes]
-    return forces_of(program, [float(value) for value, _ in system.parameters.values()], positions, rates, attitudes)
 
 
 def forces_of(

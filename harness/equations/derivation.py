@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from harness.equations.applied_forces import AppliedForces, forces_of
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import DEFAULT_RATES
 from harness.errors import InvalidSystem
@@ -104,7 +105,6 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     """
     import sympy as sp
 
-    from harness.equations.applied_forces import applied_forces
     from harness.equations.assembly import constraints_of, energy_program_of, lagrange_program, program_of
     from harness.equations.constraint_forces import by_multipliers, constrained_program
     from harness.equations.lagrange import derive, in_symbols
@@ -145,7 +145,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         rotating=system.rotating,
         position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
         rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
-        **vars(applied_forces(tree, system)),
+        **vars(_applied_forces(tree, system)),
         attitudes=tuple(list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes),
         other_charts=tuple(program for _, _, program in derived[1:]),
         charts_in_body=in_body,
@@ -180,6 +180,16 @@ def _derived(system: System) -> tuple[System, EquationsOfMotion | None, Straight
         equations = equations.simplified()
         program = program_of(system, equations)
     return system, equations, program
+
+
+def _applied_forces(program: StraightLineProgram, system: System) -> AppliedForces:
+    """``forces_of`` a system's program, within the ranges of its coordinates."""
+    from harness.equations.system import TIME
+
+    positions = [system.ranges.get(q) for q in system.coordinates]
+    rates = [system.ranges.get(q.diff(TIME)) or DEFAULT_RATES for q in system.coordinates]
+    attitudes = [list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes]
+    return forces_of(program, [float(value) for value, _ in system.parameters.values()], positions, rates, attitudes)
 
 
 def _start(system: System) -> tuple[tuple[float, float], ...]:
