@@ -5,22 +5,20 @@ A model that the load audit refuses is diagnosed all the same: the engine answer
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
-from harness.certify.certified import Flags
 from harness.certify.compare import errors_in_roundoffs
 from harness.certify.gaps import beside_gaps, gaps_of
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.explanation import explain_difference
 from harness.crosscheck.tasks import Note
-from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms
+from harness.diagnosis.terms import TermComparison, TermTruth, batches_at, compare_terms, wrong_blocks
 from harness.engines import Subject, accelerations, load_engine
 from harness.equations.states import States
 from harness.errors import InvalidModel, shown_path
@@ -37,6 +35,8 @@ from harness.verdict import AGREEMENT
 TERM_STATES, TERM_VELOCITIES, LEAST_TERM_STATES = 64, 12, 4
 # Of a parameter in a system file.
 MOST_DIGITS_WRITTEN = 12
+# Positions at which blocks are compared, each three times.
+POSITIONS = 16
 
 
 def examine(
@@ -149,12 +149,6 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)
 
 
-# Positions at which blocks are compared, each three times, and blocks that are named.
-POSITIONS, NAMED = 16, 3
-_ALWAYS = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces or accelerations are given"}
-_SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces or accelerations are given"}
-
-
 @dataclass(frozen=True)
 class QuantityDiagnosis:
     """What is wrong with a subject's answers.
@@ -199,30 +193,3 @@ def diagnose_blocks(asked: Assignment, seed: int, note: Note) -> QuantityDiagnos
     explained = explain_difference(asked, seed) or "no single number explains it"
     of_file = f"{shown_path(asked.model.path)}: {explained}"
     return QuantityDiagnosis(sentences, asked.model.path, of_file)
-
-
-def batches_at(states: States) -> dict[str, States]:
-    """The positions of ``states`` at rest, at their velocities, and with what is given besides."""
-    still = np.zeros_like(states.v)
-    at_rest, moving = (States(states.q, v, still, states.time) for v in (still, states.v))
-    return {AT_REST: at_rest, MOVING: moving, LOADED: states}
-
-
-def wrong_blocks(blocks: Sequence[str], errors: Array, kinds: Array) -> Iterator[str]:
-    """A sentence for the blocks that are wrong since the same kind of state, and as often; ``errors`` are (n, blocks) [data roundoffs].
-
-    ``kinds``, (n,), are kinds of states, in order. NaN counts as wrong.
-    """
-    wrong = ~(errors <= AGREEMENT)
-    alike: dict[tuple[str, bool], list[int]] = {}
-    for block in np.flatnonzero(wrong.any(axis=0)).tolist():
-        since = str(kinds[np.argmax(wrong[:, block])])
-        later: Flags = wrong[int(np.argmax(kinds == since)) :, block]
-        alike.setdefault((since, bool(later.all())), []).append(block)
-    for (since, always), found in sorted(alike.items(), key=lambda item: list(_SINCE).index(item[0][0])):
-        largest = np.nan_to_num(errors[:, found], nan=np.inf, posinf=np.inf).max(axis=0)
-        worst = [blocks[found[place]] for place in np.argsort(-largest, kind="stable")]
-        more = f" and {len(worst) - NAMED} more" if len(worst) > NAMED else ""
-        size = f"{largest.max():.3g} data roundoffs" if np.isfinite(largest.max()) else "not finite"
-        when = _ALWAYS[since] if always else f"at some states, {_SINCE[since]}"
-        yield f"{', '.join(worst[:NAMED])}{more} {'are' if len(worst) > 1 else 'is'} wrong {when}; {size}"

@@ -10,7 +10,7 @@ say what they were given.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.certify.certified import Flags
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
@@ -36,6 +37,9 @@ TITLES = {
 }
 _WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
 _SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
+# Of a quantity that is computed from accelerations or forces.
+_WHEN_GIVEN = {**_WHEN, LOADED: "wherever forces or accelerations are given"}
+_SINCE_GIVEN = {**_SINCE, LOADED: "once forces or accelerations are given"}
 _WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
 _MOST_NAMED = 3
 _AXES = "xyz"
@@ -149,13 +153,8 @@ class TermTruth:
     """
 
     def __init__(self, kernel: ReferenceKernel, states: States) -> None:
-        still = np.zeros_like(states.v)
         self.mechanism, self._kernel = kernel.mechanism, kernel
-        self.batches = {
-            AT_REST: States(states.q, still, still, states.time),
-            MOVING: States(states.q, states.v, still, states.time),
-            LOADED: states,
-        }
+        self.batches = batches_at(states)
         self.states = States.concatenate(list(self.batches.values()))
         self.kinds = np.repeat(list(self.batches), len(states))
 
@@ -203,10 +202,7 @@ def _finding(
     wrong = np.isin(verdicts, list(_WRONG))
     # What is no number is worse than any number; what is undecided is none.
     worst = int(np.argmax(np.select([~finite, np.isnan(whole)], [np.inf, -1.0], whole)))
-    since, later = "", wrong
-    if wrong.any():
-        since = str(kinds[np.argmax(wrong)])
-        later = wrong[np.argmax(kinds == since) :]
+    since, later = _since(wrong, kinds) if wrong.any() else ("", wrong)
     return TermFinding(
         term=name,
         verdict=gravest(verdicts.tolist()),
@@ -244,3 +240,35 @@ def coordinate_names(mechanism: Mechanism) -> list[str]:
         else:
             names.append(f"{joint} along {_AXES[place - mechanism.joints.index(joint)]}")
     return names
+
+
+def _since(wrong: Flags, kinds: np.ndarray[Any, np.dtype[Any]]) -> tuple[str, Flags]:
+    """The first of the kinds of states (n,), in order, at which one is wrong, and which states of it and of later ones are."""
+    since = str(kinds[np.argmax(wrong)])
+    return since, wrong[int(np.argmax(kinds == since)) :]
+
+
+def batches_at(states: States) -> dict[str, States]:
+    """The positions of ``states`` at rest, at their velocities, and with what is given besides."""
+    still = np.zeros_like(states.v)
+    at_rest, moving = (States(states.q, v, still, states.time) for v in (still, states.v))
+    return {AT_REST: at_rest, MOVING: moving, LOADED: states}
+
+
+def wrong_blocks(blocks: Sequence[str], errors: Array, kinds: Array) -> Iterator[str]:
+    """A sentence for the blocks that are wrong since the same kind of state, and as often; ``errors`` are (n, blocks) [data roundoffs].
+
+    ``kinds``, (n,), are kinds of states, in order. NaN counts as wrong.
+    """
+    wrong = ~(errors <= AGREEMENT)
+    alike: dict[tuple[str, bool], list[int]] = {}
+    for block in np.flatnonzero(wrong.any(axis=0)).tolist():
+        since, later = _since(wrong[:, block], kinds)
+        alike.setdefault((since, bool(later.all())), []).append(block)
+    for (since, always), found in sorted(alike.items(), key=lambda item: list(_SINCE_GIVEN).index(item[0][0])):
+        largest = np.nan_to_num(errors[:, found], nan=np.inf, posinf=np.inf).max(axis=0)
+        worst = [blocks[found[place]] for place in np.argsort(-largest, kind="stable")]
+        more = f" and {len(worst) - _MOST_NAMED} more" if len(worst) > _MOST_NAMED else ""
+        size = f"{largest.max():.3g} data roundoffs" if np.isfinite(largest.max()) else "not finite"
+        when = _WHEN_GIVEN[since] if always else f"at some states, {_SINCE_GIVEN[since]}"
+        yield f"{', '.join(worst[:_MOST_NAMED])}{more} {'are' if len(worst) > 1 else 'is'} wrong {when}; {size}"

@@ -24,7 +24,7 @@ from harness.explain.changes.numbers import INERTIAS, numeric_changes
 from harness.explain.columns import DIFFERENCE, ChangeColumn, derivative, find_columns
 from harness.explain.one_number import Projection, explaining_directions
 from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_digits
-from harness.explain.search import DEFAULT_LIMITS, Limits, Search, Side, Tried
+from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
 from harness.models.formats import LEAST
 from harness.models.model_file import ModelFile
 from harness.models.text import Place, Watch, find_elements, tag, with_values, written
@@ -67,7 +67,7 @@ def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS
         reference: certified accelerations; states that are not certified do not count.
     """
     model, side = watch.model, ModelSide(watch, reference, limits)
-    search = Search(side)
+    search = ChangeSearch(side)
     as_change = partial(_tried_change, model)
     if not search.is_needed and not limits.factorises:
         return search.diagnosis(model.path, as_change)
@@ -103,14 +103,14 @@ def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS
 def explaining_numbers(watch: Watch, certified: Certified) -> list[TriedChange]:
     """The numbers of a model's text, each of which makes its answers to any quantity agree, the likeliest first."""
     side = ModelSide(watch, certified)
-    search = Search(side)
+    search = ChangeSearch(side)
     if not search.is_needed:
         return []
     search.fit_best(side.columns(numeric_changes(watch.model)))
     return [_tried_change(watch.model, tried) for tried in search.found() if tried.explains]
 
 
-def _try_directions(search: Search, side: ModelSide, reference: Reference, columns: Sequence[ChangeColumn]) -> None:
+def _try_directions(search: ChangeSearch, side: ModelSide, reference: Reference, columns: Sequence[ChangeColumn]) -> None:
     """Keep the numbers that explain the errors of all states, each at the value that leaves no more than lost digits."""
     here = side.residual_of(side.answers)
     directions = explaining_directions([Projection.of(reference, here, [column.values for column in columns])])
@@ -124,7 +124,7 @@ def _try_directions(search: Search, side: ModelSide, reference: Reference, colum
             search.keep(Tried(change, value, side.left_of(mended), True))
 
 
-def _fit_closely(search: Search, side: ModelSide, columns: Sequence[ChangeColumn]) -> None:
+def _fit_closely(search: ChangeSearch, side: ModelSide, columns: Sequence[ChangeColumn]) -> None:
     """Fit the changes of columns again, if nothing explains a small error, by derivatives over steps as small as the error.
 
     Answers may bend within the usual step: where a wrong length keeps redundant rows from holding together, an engine that

@@ -160,7 +160,7 @@ class Side(ABC, Generic[Evaluated]):
         return math.inf if evaluated is None else self.left_of(evaluated)
 
 
-class Search:
+class ChangeSearch:
     """The changes tried on one side.
 
     Attributes:

@@ -24,7 +24,7 @@ from harness.equations.states import States
 from harness.explain.changes import PARAMETER, Change
 from harness.explain.columns import ChangeColumn, Whitening, parameter_derivatives
 from harness.explain.result import Diagnosis, TriedChange, to_four_digits
-from harness.explain.search import Limits, Search, Side, Tried
+from harness.explain.search import ChangeSearch, Limits, Side, Tried
 from harness.models.text import Place
 
 # Instructions of the equations that all certified evaluations of a diagnosis may have together, and the bounds of their number.
@@ -120,9 +120,9 @@ class TextbookSide(Side[Reference]):
         return np.where(np.isfinite(found), found, 0.0)
 
 
-def search_parameters(side: TextbookSide) -> Search:
+def search_parameters(side: TextbookSide) -> ChangeSearch:
     """The search for the one parameter that a subject seems to have another value of."""
-    search = Search(side)
+    search = ChangeSearch(side)
     if search.is_needed:
         search.fit_best(side.columns())
         search.fit_from_other_starts(side.changes)

@@ -10,8 +10,7 @@ from catalogue import BUILT_IN
 from support import InThisProcess, make_library
 
 import harness
-from harness.diagnosis.subject import wrong_blocks
-from harness.diagnosis.terms import AT_REST, LOADED, MOVING
+from harness.diagnosis.terms import AT_REST, LOADED, MOVING, wrong_blocks
 from harness.errors import InvalidRequest
 
 TURNED_ENGINE = """
