@@ -34,8 +34,8 @@ from harness.equations.lagrange import derive
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.equations.system import TIME
+from harness.files.model_file import read_model
 from harness.library import Library
-from harness.models.model_file import read_model
 from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import read_robot
 

@@ -65,7 +65,7 @@ def test_every_contract_is_kept() -> None:
     ("contract", "module", "imported", "named"),
     [
         ("A room imports only rooms below it", "results.records", "crosscheck.run", "harness.results.records -> harness.crosscheck.run"),
-        ("A room imports only rooms below it", "models.values", "equations.system", "harness.models.values -> harness.equations.system"),
+        ("A room imports only rooms below it", "files.facts", "equations.system", "harness.files.facts -> harness.equations.system"),
         (
             "An engine imports nothing of the equations",
             "engines.adapters.mjx",
@@ -267,7 +267,7 @@ def test_what_is_kept_depends_on_whole_rooms(copied: Path) -> None:
 
     assert entries_after_a_run() == (1, 1)
     assert entries_after_a_run() == (1, 1)
-    change_one_constant(copied / "harness" / "models")
+    change_one_constant(copied / "harness" / "files")
     assert entries_after_a_run() == (1, 2)
     change_one_constant(copied / "harness" / "equations")
     assert entries_after_a_run() == (2, 3)

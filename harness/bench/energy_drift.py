@@ -24,8 +24,8 @@ from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.equations.energies import EnergyKernel
 from harness.equations.program import StraightLineProgram
-from harness.models.model_file import parse_model
-from harness.models.text import find_numbers, with_values
+from harness.files.model_file import parse_model
+from harness.files.text.scan import find_numbers, with_values
 from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import HORIZON, Start, drift

@@ -23,9 +23,9 @@ from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS
 from harness.equations.energies import EnergyKernel
 from harness.equations.mechanism import Mechanism
+from harness.files.model_file import parse_model
+from harness.files.text.scan import find_numbers, with_values
 from harness.library import Library
-from harness.models.model_file import parse_model
-from harness.models.text import find_numbers, with_values
 from harness.motion.integrators import Integrator, integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from harness.equations.kernels import BallKernel
-from harness.models.step_rule import StepRule
+from harness.files.rules.step_rule import StepRule
 from harness.robots.step_forces import StepForces
 from harness.robots.steps import LARGEST_TURN, steps_program
 

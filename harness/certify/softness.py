@@ -13,7 +13,7 @@ from harness.equations.constraint_forces import Softness, softened_program
 from harness.equations.constraints import Constraints
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 from harness.robots.inverse_weights import inverse_weights
 from harness.storage import Kept
 

@@ -105,7 +105,7 @@ def refuse_alone(bracket: Bracket, command: str, names: Sequence[str], stand_ins
     """
     if names or not stand_ins:
         return
-    from harness.models.joint_table import systems_with_joints_of
+    from harness.files.text.joint_table import systems_with_joints_of
 
     model_format, path = next(iter(stand_ins.items()))
     problem, similar = f"{path} is a model file, and stands in for that of a mechanism, which is not named", list[str]()

@@ -30,8 +30,8 @@ from harness.equations.program import without_unused
 from harness.equations.states import States
 from harness.explain.changes.readings import element_at, find_readings
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
+from harness.files.rules.constraint_law import ConstraintLaw
 from harness.files.tree import WORLD
-from harness.models.constraint_law import ConstraintLaw
 from harness.results.comparison import EqualitiesRecord, EqualityPart
 from harness.robots.inverse_weights import inverse_weights_of
 from harness.robots.robot import Robot

@@ -23,7 +23,7 @@ from harness.arrays import Array
 from harness.certify.declared_motion import DeclaredMotion
 from harness.equations.evaluation import values
 from harness.equations.program import upper_triangle
-from harness.models.step_rule import StepRule
+from harness.files.rules.step_rule import StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Share
 from harness.robots.step_forces import StepForces
 

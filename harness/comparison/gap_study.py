@@ -25,10 +25,10 @@ from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.changes.readings import find_readings
+from harness.files.document.xml import read_any
 from harness.files.joint_kinds import JointKind
+from harness.files.rules.step_rule import StepRule
 from harness.library import nearest
-from harness.models.step_rule import StepRule
-from harness.models.xml import read_any
 from harness.motion.trajectories import Start
 from harness.results.gap import Gap, Gaps, Mover
 from harness.robots.mechanism import mechanism_of

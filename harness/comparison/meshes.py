@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from harness.models.mjcf.meshes import CompiledMesh, Number
+from harness.files.mjcf.meshes import CompiledMesh, Number
 
 # What a geom weighs follows from these.
 _WEIGHED_BY = ("type", "size", "fromto", "meshname", "fitscale", "mass", "density", "typeinertia", "group")

@@ -19,9 +19,9 @@ from harness.comparison.states import request_of
 from harness.comparison.truth import joints_without_inertia
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel, InvalidRequest
+from harness.files.reading import format_of
+from harness.files.text.joint_table import systems_with_joints_of
 from harness.library import FILE_SUFFIXES, ROBOTS, Library, nearest
-from harness.models.joint_table import systems_with_joints_of
-from harness.models.reading import format_of
 from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import read_robot
 

@@ -33,8 +33,8 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
+from harness.files.model_file import ModelFile, read_model
 from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import ModelFile, read_model
 from harness.results.records import ACCELERATIONS, quantity_words
 from harness.storage import Kept
 

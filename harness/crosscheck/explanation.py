@@ -21,7 +21,7 @@ from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
 from harness.explain.model_side import explaining_numbers
 from harness.explain.one_number import Projection, explaining_directions
-from harness.models.text import Watch, tag, written
+from harness.files.text.scan import Watch, tag, written
 
 # At rest and moving, of which each state adds six equations a joint; and how many numbers that explain are named.
 STATES_OF_QUANTITIES, NAMED = 32, 3

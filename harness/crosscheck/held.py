@@ -15,9 +15,9 @@ import numpy as np
 
 from harness.crosscheck.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
 from harness.engines import HeldModel, HeldSpring, Model
-from harness.models import lines as quantities
-from harness.models.formats import LEAST
-from harness.models.model_file import ModelFile
+from harness.files.lint.formats import LEAST
+from harness.files.model_file import ModelFile
+from harness.files.text import lines as quantities
 
 # Largest difference of sound readers [ulps], about 6e-14. MuJoCo keeps a full inertia, and every inertia of a URDF, as
 # principal moments and a quaternion whose norm is off by up to 25 roundings: up to 108 ulps over random tensors. Each turned
@@ -34,7 +34,7 @@ class Difference:
     """One quantity that the subjects of a system do not hold alike.
 
     Attributes:
-        quantity: a name of ``harness.models.lines``.
+        quantity: a name of ``harness.files.text.lines``.
         joint: the joint, or the last joint that moves the body; the number of a spring between points, from 1, in the first
             subject that has the most of them; "" for gravity.
         subjects: in groups that hold the same, the largest group first. values: what each group holds, as its first subject.

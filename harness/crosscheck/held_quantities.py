@@ -23,8 +23,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldSpring
-from harness.models import lines as quantities
-from harness.models.formats import LEAST
+from harness.files.lint.formats import LEAST
+from harness.files.text import lines as quantities
 
 Value = float | str | list[float]
 

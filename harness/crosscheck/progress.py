@@ -9,7 +9,7 @@ from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.judgement import Evidence
 from harness.engines import Subject
 from harness.equations.mechanism import Mechanism
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 from harness.results.records import ACCELERATIONS, quantity_words
 
 

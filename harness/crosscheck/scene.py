@@ -8,8 +8,8 @@ from typing import Any
 
 from harness.engines import Subject, Unsupported, load_model
 from harness.equations.mechanism import Mechanism
+from harness.files.model_file import ModelFile
 from harness.library import Library
-from harness.models.model_file import ModelFile
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Scene:
             harness.errors.InvalidModel: a model file is no well-formed, physical model.
         """
         from harness.equations.derivation import load_mechanism
-        from harness.models.model_file import read_model
+        from harness.files.model_file import read_model
 
         paths = {form: path for form, path in library.validated_models(name).items() if library.has_model(name, form)}
         models = {model_format: read_model(path, model_format) for model_format, path in paths.items()}

@@ -25,8 +25,8 @@ from harness.crosscheck.tasks import Note
 from harness.engines import HeldModel
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
+from harness.files.text.lines import JOINT
 from harness.library import Library, nearest
-from harness.models.lines import JOINT
 from harness.results.cross_check import HeldDifference
 from harness.study import sentence
 

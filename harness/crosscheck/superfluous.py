@@ -27,10 +27,10 @@ from harness.engines.audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
+from harness.files.lint.formats import STAGES
+from harness.files.model_file import ModelFile
+from harness.files.text.scan import Attribute, Element, Number, Watch, find_elements, largest_change, scaled, with_values, without
 from harness.library import Library
-from harness.models.formats import STAGES
-from harness.models.model_file import ModelFile
-from harness.models.text import Attribute, Element, Number, Watch, find_elements, largest_change, scaled, with_values, without
 from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 

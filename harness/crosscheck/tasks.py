@@ -22,8 +22,8 @@ from harness.engines import (
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.files.model_file import ModelFile, read_model
 from harness.library import Library
-from harness.models.model_file import ModelFile, read_model
 from harness.results.cross_check import SuperfluousPart
 from harness.verdict import Verdict
 

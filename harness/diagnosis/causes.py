@@ -23,8 +23,8 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.explain.search import EVALUATIONS
+from harness.files.model_file import ModelFile, read_model
 from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import ModelFile, read_model
 from harness.results.cross_check import Cause
 from harness.results.records import Record
 from harness.robots.mechanism import accelerations

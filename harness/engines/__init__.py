@@ -4,7 +4,7 @@ An engine file defines ``ENGINE``, an object with the attributes of ``Engine``, 
 it wraps only inside its methods, so that finding engines costs nothing. A library's own engine files are run by worker
 processes alone; what the harness itself has to know of them is ``engine_files``.
 
-Knows no equation. May use ``models`` and what is below it.
+Knows no equation. May use ``files`` and what is below it.
 
 Start with ``Engine`` and ``Model``, the protocol, then with ``adapters``, one for each engine; ``elsewhere`` runs those in environments of
 their own.
@@ -43,13 +43,13 @@ from harness.engines.interface import Unsupported as Unsupported
 from harness.engines.interface import answer_of as answer_of
 from harness.environments.folders import environment_of, split_name
 from harness.errors import InvalidModel, InvalidRequest
+from harness.files.model_file import ModelFile
+from harness.files.rules.constraint_law import ConstraintLaw as ConstraintLaw
+from harness.files.rules.constraint_law import Impedance as Impedance
+from harness.files.rules.constraint_law import InverseWeight as InverseWeight
+from harness.files.rules.step_rule import Part as Part
+from harness.files.rules.step_rule import StepRule as StepRule
 from harness.library import Library, nearest
-from harness.models.constraint_law import ConstraintLaw as ConstraintLaw
-from harness.models.constraint_law import Impedance as Impedance
-from harness.models.constraint_law import InverseWeight as InverseWeight
-from harness.models.model_file import ModelFile
-from harness.models.step_rule import Part as Part
-from harness.models.step_rule import StepRule as StepRule
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism

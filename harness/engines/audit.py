@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from harness.engines import LoadedModel
 from harness.errors import InvalidModel
+from harness.files.model_file import ModelFile
 from harness.library import nearest
-from harness.models.model_file import ModelFile
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism

@@ -11,9 +11,9 @@ from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
 from harness.files.equalities import Equality
-from harness.models.constraint_law import ConstraintLaw
-from harness.models.model_file import ModelFile
-from harness.models.step_rule import StepRule
+from harness.files.model_file import ModelFile
+from harness.files.rules.constraint_law import ConstraintLaw
+from harness.files.rules.step_rule import StepRule
 
 if TYPE_CHECKING:
     from harness.engines import Model

@@ -12,12 +12,12 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.coordinates import multiplied, rotations
 from harness.engines.request import Aid, AskedJoint, BodyInertia, JointForces, Request, in_columns
+from harness.files.document.xml import parse_document
 from harness.files.facts import PointSpring
 from harness.files.joint_kinds import JointKind
+from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.reading import read
 from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.reading import read
-from harness.models.xml import parse_document
 
 # Orientation as a unit quaternion (w, x, y, z), and origin [m].
 Frame = tuple[tuple[float, ...], tuple[float, ...]]

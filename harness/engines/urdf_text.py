@@ -9,9 +9,9 @@ from lxml import etree
 
 from harness.engines.interface import Unsupported
 from harness.engines.request import Refused, Request
+from harness.files.document.xml import describe, literal_tag, parse_document
+from harness.files.model_file import ROOT_TAGS, ModelFile
 from harness.files.tree import WORLD
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.xml import describe, literal_tag, parse_document
 
 Found = TypeVar("Found")
 SHAPES = ("visual", "collision")

@@ -26,8 +26,8 @@ from harness.engines import Engine, Model, Unsupported
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.explain.changes import NUMBER, Change
-from harness.models.model_file import ModelFile
-from harness.models.text import Place, Watch
+from harness.files.model_file import ModelFile
+from harness.files.text.scan import Place, Watch
 from harness.verdict import AGREEMENT
 
 # Of the central differences, relative to a value's scale: their error is about u / DIFFERENCE, or DIFFERENCE^2.

@@ -25,9 +25,9 @@ from harness.explain.columns import DIFFERENCE, ChangeColumn, derivative, find_c
 from harness.explain.one_number import Projection, explaining_directions
 from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_digits
 from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
-from harness.models.formats import LEAST
-from harness.models.model_file import ModelFile
-from harness.models.text import Place, Watch, find_elements, tag, with_values, written
+from harness.files.lint.formats import LEAST
+from harness.files.model_file import ModelFile
+from harness.files.text.scan import Place, Watch, find_elements, tag, with_values, written
 from harness.verdict import AGREEMENT, Verdict
 
 # Of directions that explain the errors of all states, those are reported that are all but as significant as the strongest.

@@ -13,7 +13,7 @@ from typing import Any
 
 from harness.errors import shown_path
 from harness.explain.changes import PARAMETER
-from harness.models.text import Place
+from harness.files.text.scan import Place
 
 
 class Conclusion(StrEnum):

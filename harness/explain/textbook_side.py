@@ -25,7 +25,7 @@ from harness.explain.changes import PARAMETER, Change
 from harness.explain.columns import ChangeColumn, Whitening, parameter_derivatives
 from harness.explain.result import Diagnosis, TriedChange, to_four_digits
 from harness.explain.search import ChangeSearch, Limits, Side, Tried
-from harness.models.text import Place
+from harness.files.text.scan import Place
 
 # Instructions of the equations that all certified evaluations of a diagnosis may have together, and the bounds of their number.
 INSTRUCTIONS, LEAST_EVALUATIONS, MOST_EVALUATIONS = 200_000, 50, 600

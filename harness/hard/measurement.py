@@ -32,10 +32,10 @@ from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.one_number import Projection, explaining_directions
+from harness.files.model_file import ModelFile
 from harness.hard.cases import HardCase, Theory, hard_cases
 from harness.hard.truths import TruePoint, file_at, plain_points, true_points
 from harness.library import Library
-from harness.models.model_file import ModelFile
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import ACCELERATIONS, quantity_words
 from harness.verdict import Verdict, gravest

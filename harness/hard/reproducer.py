@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
 from harness.equations.states import States
-from harness.models.text import compact
+from harness.files.text.scan import compact
 
 
 @runtime_checkable

@@ -23,9 +23,9 @@ from harness.engines import EQUATIONS, Subject, constraint_laws, linear_velocity
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.files.model_file import ModelFile, read_model
 from harness.hard.cases import HardCase, hard_cases, library_of
 from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import ModelFile, read_model
 
 
 @dataclass(frozen=True)

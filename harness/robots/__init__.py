@@ -3,7 +3,7 @@
 It is a second truth beside a system's energies. It needs a model file and nothing else, and shares no expression with
 Lagrange's equations.
 
-Asks no engine. What meshes weigh, which no file states, is given by who reads the file. May use ``models``,
+Asks no engine. What meshes weigh, which no file states, is given by who reads the file. May use ``files``,
 ``equations`` and what is below them.
 
 Start with ``robot``: ``read_robot`` gives a ``Robot``, whose tree is the plain data, with what is left out and what no body can

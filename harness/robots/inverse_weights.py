@@ -19,12 +19,12 @@ from typing import Any
 from harness.equations.evaluation import mass_matrix
 from harness.equations.program import upper_triangle
 from harness.equations.term import Term, Vector, cross
+from harness.files.document.xml import parse_document
 from harness.files.equalities import Polygon, Tendon, TendonLinkage
 from harness.files.joint_kinds import JointKind
+from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.rules.constraint_law import InverseWeight
 from harness.files.tree import WORLD, Body, Given, Joint, Tree
-from harness.models.constraint_law import InverseWeight
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.xml import parse_document
 from harness.robots.bounds import bounded
 from harness.robots.constraints import Row, jacobian_of, untied
 from harness.robots.force_quantities import entries_of_mass

@@ -23,8 +23,8 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.program import right_hand_side
 from harness.equations.states import DEFAULT_RATES, States
 from harness.files.joint_kinds import JointKind
+from harness.files.model_file import ModelFile
 from harness.files.tree import Joint
-from harness.models.model_file import ModelFile
 from harness.robots.recursion import Recursion, recursion_program
 from harness.robots.robot import Robot, tree_of
 from harness.robots.spatial import parameter_name

@@ -21,15 +21,15 @@ from harness.equations.evaluation import mass_matrix
 from harness.equations.kernels import BallKernel
 from harness.equations.program import without_unused
 from harness.errors import InvalidModel
+from harness.files.document.xml import Document, parse_any, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
+from harness.files.mjcf.meshes import CompileMeshes
+from harness.files.model_file import ModelFile
+from harness.files.reading import EXPECTED, GRAVITY, read
 from harness.files.tree import Given, Joint, SpringDampers, Tree
-from harness.models.formats import BALL_CONSTRAINT
-from harness.models.mjcf.meshes import CompileMeshes
-from harness.models.model_file import ModelFile
-from harness.models.reading import EXPECTED, GRAVITY, read
-from harness.models.urdf.reading import FLOATING_BASE
-from harness.models.xml import Document, parse_any, read_any
+from harness.files.urdf.kinds import BALL_CONSTRAINT
+from harness.files.urdf.reading import FLOATING_BASE
 from harness.robots.inertias import impossible_inertias, total_mass
 from harness.robots.recursion import recursion_program
 

@@ -18,8 +18,8 @@ from fractions import Fraction
 from harness.equations.derivatives import derivative_name, differentiate
 from harness.equations.program import StraightLineProgram, upper_triangle, without_unused
 from harness.equations.term import Builder, Matrix, Term, Vector, cross, dot, length, symmetric, vector
+from harness.files.rules.step_rule import Part, StepRule
 from harness.files.tree import Given
-from harness.models.step_rule import Part, StepRule
 from harness.robots.step_forces import JOINT_DAMPING, JOINT_STIFFNESS, LINE_DAMPING, LINE_STIFFNESS, LINES, StepForces
 
 # Of the cosine of half a turn in a step, and of its sine over it, in the square.
@@ -186,7 +186,7 @@ class _Stepper:
     # Steps of vectors and rotations.
 
     def _turned(self, step: Term, rates: Vector) -> Vector:
-        """q + h v, rotations as of ``harness.models.step_rule``."""
+        """q + h v, rotations as of ``harness.files.rules.step_rule``."""
         after: list[Term] = []
         place = 0
         while place < self.nv:

@@ -17,9 +17,9 @@ from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of
 from harness.engines.audit import audit
 from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
+from harness.files.model_file import ModelFile
+from harness.files.text.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs
 from harness.library import Library, member_of
-from harness.models.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs
-from harness.models.model_file import ModelFile
 from harness.results.table import Column, Table, number_text
 from harness.robots.constraints import rows_of, untied
 from harness.robots.nodes import kinematics

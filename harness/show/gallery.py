@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 from harness.engines import EQUATIONS, Subject, is_native, load_model, subjects_beside
 from harness.equations.derivation import load_mechanism
+from harness.files.model_file import read_model
 from harness.library import Library
-from harness.models.model_file import read_model
 from harness.results.cross_check import CrossCheckResult, Picture
 from harness.show.picture import draw
 from harness.show.placement import choose_view, place

@@ -22,8 +22,8 @@ from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.equations.states import States
+from harness.files.text.attributes import with_attributes
 from harness.library import CONSTRAINED, MECHANISMS, Library
-from harness.models.attributes import with_attributes
 from harness.motion.integrators import kind_of
 from harness.results.benchmark import AccelerationCost, EngineFinding
 from harness.study import run_study

@@ -26,8 +26,8 @@ from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.equations.states import States
 from harness.errors import InvalidRequest
+from harness.files.model_file import parse_model
 from harness.library import Library
-from harness.models.model_file import parse_model
 from harness.results.benchmark import AccelerationCost
 from harness.verdict import AGREEMENT
 

@@ -20,9 +20,9 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.energies import LagrangianKernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.system import TIME, System
+from harness.files.model_file import parse_model
+from harness.files.text.scan import find_numbers, scaled
 from harness.library import Library
-from harness.models.model_file import parse_model
-from harness.models.text import find_numbers, scaled
 from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start

@@ -22,8 +22,8 @@ from harness.equations.kernels import Float64Kernel
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.equations.system import TIME, System
+from harness.files.model_file import read_model
 from harness.library import Library
-from harness.models.model_file import read_model
 from harness.verdict import AGREEMENT, SEVERITY, Verdict, gravest
 
 

@@ -19,7 +19,7 @@ from harness.engines import accelerations, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
-from harness.models.model_file import read_model
+from harness.files.model_file import read_model
 from harness.verdict import AGREEMENT
 
 # What a linear program's tolerances leave.

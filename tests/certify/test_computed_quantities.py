@@ -23,7 +23,7 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.energies import EnergyKernel
 from harness.equations.states import States
 from harness.errors import InvalidModel
-from harness.models.model_file import parse_model, read_model
+from harness.files.model_file import parse_model, read_model
 from harness.verdict import AGREEMENT
 
 SEED = 11

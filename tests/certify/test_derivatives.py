@@ -25,7 +25,7 @@ from harness.equations.mechanism import Mechanism
 from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import right_hand_side, upper_triangle
 from harness.equations.states import States
-from harness.models.model_file import read_model
+from harness.files.model_file import read_model
 
 SEED, BITS = 7, 512
 # Of a rate in the differences, whose error is its square.

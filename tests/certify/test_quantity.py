@@ -24,7 +24,7 @@ from harness.equations.kernels import BallKernel
 from harness.equations.program import StraightLineProgram
 from harness.equations.states import States
 from harness.errors import InvalidModel
-from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.robots.robot import tree_of
 from harness.verdict import AGREEMENT
 

@@ -21,8 +21,8 @@ from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import Model, NotOffered, Subject, Unsupported, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
+from harness.files.model_file import parse_model, read_model
 from harness.library import Library
-from harness.models.model_file import parse_model, read_model
 from harness.robots.robot import tree_of
 from harness.verdict import AGREEMENT
 

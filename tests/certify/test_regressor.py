@@ -14,7 +14,7 @@ from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, Subject, Unsupported, load_model
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
-from harness.models.model_file import read_model
+from harness.files.model_file import read_model
 from harness.robots.regressor import PARAMETERS
 
 SEED = 5

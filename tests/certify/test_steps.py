@@ -24,8 +24,8 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
-from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.step_rule import Part, StepRule
+from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.rules.step_rule import Part, StepRule
 from harness.robots.mechanism import mechanism_of
 from harness.robots.robot import robot_of
 from harness.verdict import AGREEMENT

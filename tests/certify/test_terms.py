@@ -32,8 +32,8 @@ from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import upper_triangle
 from harness.equations.states import States
 from harness.equations.system import System
+from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import MODEL_SUFFIXES
-from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.verdict import AGREEMENT, Verdict
 
 SUBJECTS = subjects(BUILT_IN)

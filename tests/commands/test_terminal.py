@@ -24,8 +24,8 @@ from harness.crosscheck.held import Difference
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
 from harness.errors import InvalidInput
+from harness.files.text.scan import Place
 from harness.library import Library
-from harness.models.text import Place
 from harness.report import hard_tables
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary

@@ -20,7 +20,7 @@ from harness.certify.declared_motion import DeclaredMotion
 from harness.comparison.asking import engines_of_files
 from harness.comparison.gap_study import By, GapSettings, GapStudy
 from harness.errors import InvalidRequest
-from harness.models.step_rule import Part, StepRule
+from harness.files.rules.step_rule import Part, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
 from harness.robots.robot import read_robot
 from harness.robots.step_forces import step_forces

@@ -10,7 +10,7 @@ from comparison import robots
 from comparison.robots import record_of
 
 from harness.comparison.meshes import compiled_meshes
-from harness.models.mjcf.meshes import CompiledMesh, Number
+from harness.files.mjcf.meshes import CompiledMesh, Number
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.verdict import Verdict

@@ -21,8 +21,8 @@ from harness.engines import EQUATIONS, Subject, engine_files, load_engine
 from harness.equations.states import States
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, watch
 from harness.explain.one_number import Projection, explaining_directions
-from harness.models.model_file import parse_model
-from harness.models.text import Watch
+from harness.files.model_file import parse_model
+from harness.files.text.scan import Watch
 from harness.verdict import AGREEMENT, Verdict
 
 SEED = 3

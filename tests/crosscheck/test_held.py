@@ -23,8 +23,8 @@ from harness.engines.audit import audit
 from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.explain.changes.mistakes import mended_mistakes
-from harness.models import lines as quantities
-from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.text import lines as quantities
 
 READERS = [subject for subject in subjects(BUILT_IN) if subject.format != EQUATIONS]
 # Every bar of a chain is like the first ones.

@@ -26,8 +26,8 @@ from harness.engines import Subject, Unsupported, select_subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
+from harness.files.model_file import read_model
 from harness.library import Library
-from harness.models.model_file import read_model
 from harness.verdict import Verdict
 
 BUILT_IN = Library.built_in()

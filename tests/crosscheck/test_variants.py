@@ -25,8 +25,8 @@ from harness.engines.adapters.pinocchio import mjcf as pinocchio_mjcf
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
+from harness.files.model_file import read_model
 from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import read_model
 from harness.report.markdown import matrix, render_markdown
 from harness.report.summary import Summary
 from harness.results.records import Record

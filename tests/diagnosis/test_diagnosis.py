@@ -43,8 +43,8 @@ from harness.explain.model_side import diagnose
 from harness.explain.result import Conclusion, Diagnosis
 from harness.explain.search import Limits, Tried, best_first
 from harness.explain.textbook_side import TextbookSide, diagnose_textbook
-from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Place, Watch, find_numbers, with_values
+from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.text.scan import Place, Watch, find_numbers, with_values
 from harness.verdict import AGREEMENT
 
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}

@@ -29,8 +29,8 @@ from harness.diagnosis.pattern import Inference
 from harness.explain.changes.mistakes import find_mistakes, mended_mistakes
 from harness.explain.columns import STATES, watch
 from harness.explain.model_side import Diagnosis, diagnose
-from harness.models.model_file import ModelFile, read_model
-from harness.models.text import Element, Number, Place, find_elements, find_numbers
+from harness.files.model_file import ModelFile, read_model
+from harness.files.text.scan import Element, Number, Place, find_elements, find_numbers
 from harness.verdict import Verdict
 
 KINDS = ("number", "damping", "friction", "parallel_axis", "units")

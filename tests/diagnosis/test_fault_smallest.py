@@ -40,8 +40,8 @@ from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import watch
+from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import Library
-from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.results.records import Record
 from harness.verdict import gravest
 

@@ -17,8 +17,8 @@ from harness.arrays import Array
 from harness.engines import ConstraintLaw, InverseWeight, Unsupported, constraint_laws, load_engine
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import LoopConstraints, Solver
+from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import Library
-from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.robots.inverse_weights import inverse_weights
 
 LIBRARY = Library.built_in()

@@ -39,8 +39,8 @@ from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import StraightLineProgram, upper_triangle
 from harness.equations.states import States
 from harness.equations.system import TIME, System
+from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, read_model
 from harness.library import Library
-from harness.models.model_file import JointDamper, JointSpring, ModelFile, PointSpring, read_model
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -19,9 +19,9 @@ from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, loa
 from harness.engines.elsewhere.interpreter import EngineDied
 from harness.engines.elsewhere.transport import dumps, loads, portable
 from harness.errors import InvalidModel, InvalidRequest
+from harness.files.model_file import ModelFile, read_model
 from harness.hard.worst_cases import ranked
 from harness.library import Library
-from harness.models.model_file import ModelFile, read_model
 from harness.workers import Workers
 
 VERSIONS = {

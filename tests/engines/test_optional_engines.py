@@ -24,8 +24,8 @@ from harness.engines import describe_engines, known_subjects, load_engine, selec
 from harness.engines.rotations import BALL, FREE, Columns, rotation
 from harness.environments.folders import find_environments
 from harness.equations.derivation import load_mechanism
+from harness.files.model_file import read_model
 from harness.library import Library
-from harness.models.model_file import read_model
 from harness.results.records import ACCELERATIONS
 from harness.workers import Workers
 

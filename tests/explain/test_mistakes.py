@@ -23,9 +23,9 @@ from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake, mended_mistakes
 from harness.explain.columns import DIFFERENCE, Whitening, derivative, watch
 from harness.explain.fit import fit
+from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.text.scan import Watch, find_elements, find_numbers
 from harness.library import MODEL_SUFFIXES
-from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Watch, find_elements, find_numbers
 from harness.verdict import AGREEMENT
 
 MISTAKES = {mistake.name: mistake for mistake in mended_mistakes()}
@@ -278,7 +278,7 @@ def test_frames_that_are_turned_have_their_rotations_dropped_reversed_and_misrea
 def _same_numbers(model: ModelFile, once: ModelFile, text: str) -> bool:
     """True where mending ``once`` gives the orientation of ``model`` again; MJCF writes it as a quaternion."""
     from harness.explain.changes.mistakes.frames import matrix_of
-    from harness.models.anatomy import anatomy
+    from harness.files.text.anatomy import anatomy
 
     def orientations(of: ModelFile) -> list[np.ndarray]:
         parts = anatomy(of)

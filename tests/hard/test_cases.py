@@ -17,10 +17,10 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
+from harness.files.model_file import read_model
+from harness.files.text.scan import find_elements
 from harness.hard.cases import POINTS, HardCase, decades, hard_cases, library_of, number_at
 from harness.library import MODEL_SUFFIXES, Library
-from harness.models.model_file import read_model
-from harness.models.text import find_elements
 from harness.verdict import Verdict
 
 CASES = list(hard_cases().values())

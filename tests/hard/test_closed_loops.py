@@ -16,6 +16,7 @@ from harness.diagnosis.pattern import subject_named
 from harness.engines import Subject, accelerations, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
+from harness.files.text.attributes import with_attributes
 from harness.hard import truths
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import HardCase, hard_cases, library_of
@@ -24,7 +25,6 @@ from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import measure
 from harness.hard.truths import model_file, states_at
 from harness.library import Library
-from harness.models.attributes import with_attributes
 from harness.results.records import ACCELERATIONS
 
 CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), library_of(case))]

@@ -16,10 +16,10 @@ from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
 from harness.engines import select_subjects
 from harness.equations.derivation import load_mechanism
+from harness.files.model_file import parse_model, read_model
+from harness.files.text.scan import compact
 from harness.hard.reproducer import reproduce
 from harness.library import Library
-from harness.models.model_file import parse_model, read_model
-from harness.models.text import compact
 
 # One of each kind of model: hinges, a written family, a ball joint, a free joint, springs between points, springs in joints.
 PAIRS = [

@@ -24,11 +24,11 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidRequest
+from harness.files.model_file import read_model
 from harness.hard import evolution, lost_digits
 from harness.hard.evolution import StateSpace, evolve
 from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, Search, SearchSettings, hunt, hunts
 from harness.library import Library
-from harness.models.model_file import read_model
 from harness.results.hard_states import load_found, path_of
 from harness.results.search import as_lines
 from harness.study import run_study

@@ -85,7 +85,7 @@ def read_and_die(note: object) -> None:
 
     pinocchio.buildModelFromMJCF = lambda path: os.kill(os.getpid(), signal.SIGKILL if Path(path).read_text() else 0)
     library = Library.built_in()
-    from harness.models.model_file import read_model
+    from harness.files.model_file import read_model
 
     load_engine(library, "pinocchio").load(read_model(library.model_path("bar_pendulum", "mjcf"), "mjcf"), ["pin"], 9.81)
 

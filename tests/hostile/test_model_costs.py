@@ -16,9 +16,9 @@ from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.superfluous import MOST_PARTS, superfluous
 from harness.engines import Subject
 from harness.errors import InvalidModel
-from harness.models.model_file import parse_model
-from harness.models.text import find_elements
-from harness.models.xml import MAXIMUM_ELEMENTS
+from harness.files.document.xml import MAXIMUM_ELEMENTS
+from harness.files.model_file import parse_model
+from harness.files.text.scan import find_elements
 
 BAR = '<joint name="{0}" class="{1}" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 

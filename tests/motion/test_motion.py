@@ -13,9 +13,9 @@ from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
+from harness.files.model_file import parse_model
+from harness.files.text.scan import find_numbers, with_values
 from harness.library import Library
-from harness.models.model_file import parse_model
-from harness.models.text import find_numbers, with_values
 from harness.motion.integrators import integrators
 from harness.motion.integrators.equations import EULER_CROMER, RUNGE_KUTTA
 from harness.motion.integrators.mujoco import RUNGE_KUTTA as MUJOCO_RUNGE_KUTTA

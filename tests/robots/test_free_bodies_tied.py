@@ -17,7 +17,7 @@ from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
-from harness.models.model_file import parse_model, read_model
+from harness.files.model_file import parse_model, read_model
 from harness.robots.robot import tree_of
 from harness.robots.tied_mechanism import independent_rows
 

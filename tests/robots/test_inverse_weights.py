@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from harness.engines import load_engine
+from harness.files.model_file import parse_model, read_model
+from harness.files.rules.constraint_law import InverseWeight
 from harness.library import Library
-from harness.models.constraint_law import InverseWeight
-from harness.models.model_file import parse_model, read_model
 from harness.robots.inverse_weights import inverse_weights
 
 LIBRARY = Library.built_in()

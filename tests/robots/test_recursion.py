@@ -21,7 +21,7 @@ from harness.equations.derivation import load_mechanism
 from harness.equations.kernels import BallKernel
 from harness.equations.program import upper_triangle
 from harness.equations.states import States
-from harness.models.model_file import ModelFile, parse_model, read_model
+from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.robots.mechanism import accelerations as by_recursion
 from harness.robots.mechanism import accelerations_of
 from harness.robots.recursion import recursion_program

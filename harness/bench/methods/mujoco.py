@@ -19,8 +19,8 @@ from harness.crosscheck.scene import Scene
 from harness.engines import Subject, Unsupported
 from harness.engines.adapters.mujoco import MujocoModel
 from harness.equations.states import States
+from harness.files.text.scan import compact
 from harness.library import CONSTRAINED, MECHANISMS
-from harness.models.text import compact
 
 
 def _forward(scene: Scene, states: States) -> Prepared:

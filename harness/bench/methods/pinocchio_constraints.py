@@ -25,8 +25,8 @@ from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import ACCURATE, LoopConstraints, Solver
 from harness.equations.constraint_forces import Softness
 from harness.equations.states import States
+from harness.files.text.scan import compact
 from harness.library import CONSTRAINED
-from harness.models.text import compact
 
 
 def _solved(solver: Solver, scene: Scene, states: States, is_declared: bool = False) -> Prepared:

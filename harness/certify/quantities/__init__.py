@@ -18,9 +18,9 @@ from harness.engines import Model
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidRequest
+from harness.files.model_file import ModelFile
+from harness.files.rules.step_rule import StepRule
 from harness.library import nearest
-from harness.models.model_file import ModelFile
-from harness.models.step_rule import StepRule
 from harness.registry import Registry
 from harness.robots.constraints import untied
 from harness.robots.mechanism import RobotMechanism

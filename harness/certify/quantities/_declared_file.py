@@ -8,7 +8,7 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.equations.states import States
 from harness.errors import InvalidModel
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 from harness.verdict import AGREEMENT, Verdict
 
 

@@ -17,7 +17,7 @@ from harness.certify.certified import Certified
 from harness.certify.compare import farthest_block
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.equations.states import States
-from harness.models.step_rule import Part, StepRule
+from harness.files.rules.step_rule import Part, StepRule
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

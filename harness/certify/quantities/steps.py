@@ -7,7 +7,7 @@ Lengths are kinetic-energy norms with M at the start: of differences of velociti
 positions, which for a rotation is twice the vector part of the difference as a quaternion in the body's frame. How far a quaternion is
 off length 1 counts for nothing, as no reader of one feels it.
 
-Source: that of ``harness.models.step_rule``.
+Source: that of ``harness.files.rules.step_rule``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.evaluation import values
 from harness.equations.states import States
-from harness.models.step_rule import StepRule
+from harness.files.rules.step_rule import StepRule
 from harness.robots.mechanism import mechanism_of
 from harness.robots.step_forces import step_forces
 from harness.robots.steps import LARGEST_TURN, Steps, positions, steps_program, velocities

@@ -32,7 +32,7 @@ from harness.engines import Subject
 from harness.errors import InvalidInput
 from harness.explain.columns import Whitening
 from harness.explain.one_number import Projection, explaining_directions
-from harness.models.text import Watch, largest_change
+from harness.files.text.scan import Watch, largest_change
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 # Lost digits are no wrong answer.
@@ -87,7 +87,7 @@ class Baseline:
         return answers is not None and self.verdict(answers) in RED
 
     def movement(self, accelerations: Array) -> float:
-        """``harness.models.text.largest_change`` from the answers to the unchanged model to others, at the sound states."""
+        """``harness.files.text.scan.largest_change`` from the answers to the unchanged model to others, at the sound states."""
         return largest_change(self.watch.healthy[self.sound], accelerations[self.sound], self.watch.nv)
 
     def theory(self, slope: Array | None) -> float:

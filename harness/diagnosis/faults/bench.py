@@ -40,8 +40,8 @@ from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
+from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import Library
-from harness.models.model_file import ModelFile, parse_model, read_model
 from harness.verdict import Verdict, gravest
 
 # Stages whose refusal comes before any acceleration.

@@ -28,9 +28,9 @@ from harness.explain.columns import watch
 from harness.explain.model_side import diagnose
 from harness.explain.result import TriedChange
 from harness.explain.search import EVALUATIONS, Limits
+from harness.files.model_file import ModelFile, parse_model
+from harness.files.text.scan import Place
 from harness.library import Library
-from harness.models.model_file import ModelFile, parse_model
-from harness.models.text import Place
 
 SIZES = tuple(float(f"1e{power}") for power in range(-12, 1))
 # Relative size from which on a fault of a live number must be caught, where theory allows.

@@ -23,7 +23,7 @@ from harness.engines.output import captured_output
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
 from harness.engines.urdf_text import moving_mass, refuse_constraints, take_root_off
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 
 class AdamModel(StateByState):

@@ -26,7 +26,7 @@ from harness.engines.rotations import FREE, rotation
 from harness.engines.state_by_state import StateByState
 from harness.engines.urdf_text import links_without_inertia, read_without_meshes
 from harness.files.joint_kinds import JointKind
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 # Of its messages in a terminal.
 _COLOURS = re.compile("\x1b\\[[0-9;]*m")

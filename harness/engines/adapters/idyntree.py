@@ -22,7 +22,7 @@ from harness.engines.output import captured_standard_error
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
 from harness.engines.urdf_text import moving_mass, refuse_constraints, root_link, take_root_off
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 _GRAVITY = (0.0, 0.0, -9.81)
 

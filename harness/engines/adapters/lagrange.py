@@ -13,7 +13,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import EQUATIONS, Engine, Terms
 from harness.engines.request import Request
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
     from harness.equations.mechanism import Mechanism

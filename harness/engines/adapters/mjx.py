@@ -27,7 +27,7 @@ from harness.engines import ConstraintLaw, Engine, HeldModel, LoadedModel, NotOf
 from harness.engines.adapters.mujoco import MujocoModel, law, robot
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.request import Refused, Request
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 from harness.storage import cache_directory
 
 BLOCK = 64

@@ -26,7 +26,7 @@ from harness.engines.request import Refused, Request
 from harness.engines.rotations import rotation
 from harness.engines.state_by_state import StateByState
 from harness.engines.urdf_text import elements_of, moving_mass, refuse_constraints, take_root_off, text_of, without_shapes
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 _GRAVITY = (0.0, 0.0, -9.81)
 # pybullet.URDF_USE_INERTIA_FROM_FILE.

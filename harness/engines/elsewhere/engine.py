@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.engines.engine import handed_over
 from harness.environments.folders import Environment
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
     from harness.engines import Engine, Model

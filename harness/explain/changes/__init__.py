@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from harness.models.text import Place
+from harness.files.text.scan import Place
 
 # Kinds of changes that no module declares: one number of a file, and one parameter of the truth.
 NUMBER, PARAMETER = "number", "parameter"

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from harness.explain.changes import NUMBER, Change
-from harness.models.formats import BALL_CONSTRAINT, ORIENTATIONS, POINT_SPRING
-from harness.models.model_file import ModelFile
-from harness.models.text import Attribute, Element, Number, Place, find_elements, with_values
+from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.model_file import ModelFile
+from harness.files.text.scan import Attribute, Element, Number, Place, find_elements, with_values
+from harness.files.urdf.kinds import BALL_CONSTRAINT, POINT_SPRING
 
 # Of a value beside far larger ones, which may be what a wrong unit left: its scale is at least this share of theirs.
 LEAST_SHARE = 1e-3

@@ -30,10 +30,10 @@ from harness.engines import Model
 from harness.equations.derivation import load_mechanism
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.text.attributes import Attributes, with_attributes
+from harness.files.text.scan import Element, Number, find_elements, with_values
 from harness.library import MODEL_SUFFIXES, Library, nearest
-from harness.models.attributes import Attributes, with_attributes
-from harness.models.model_file import ModelFile, parse_model, read_model
-from harness.models.text import Element, Number, find_elements, with_values
 
 POINTS = 30
 # States at each point; the worst of them counts.
@@ -81,7 +81,7 @@ class HardCase:
         changes: model format to the numbers of the model file that follow, by address, for example
             ``"body bar_2/inertial@diaginertia[0]"``: a tag, the element's name (or ``reference``), tags further in,
             the attribute, and the place in it.
-        attributes: model format to attributes of the file that the knob sets, as of ``harness.models.attributes``, where its author
+        attributes: model format to attributes of the file that the knob sets, as of ``harness.files.text.attributes``, where its author
             may have written none.
         opened: moves states off the manifold of the constraints, which all others are on; only declared truths are asked for there.
         configured: an engine's model with settings that the knob's value says.

@@ -25,7 +25,7 @@ from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request
 from harness.engines.rotations import BALL, FREE
 from harness.engines.state_by_state import StateByState
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 # Of a discrete plant [s]; no file of a mechanism says it.
 _TIME_STEP = 0.001

@@ -19,12 +19,12 @@ from lxml import etree
 from harness.engines import Unsupported
 from harness.engines.request import Refused, Request
 from harness.engines.urdf_text import refuse_unexpressed, root_link
+from harness.files.document.xml import Document, describe, literal_tag, parse_document
 from harness.files.joint_kinds import JointKind
+from harness.files.mjcf.defaults import resolved, resolved_text
+from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring
 from harness.files.tree import WORLD
-from harness.models.formats import POINT_SPRING
-from harness.models.mjcf.defaults import resolved, resolved_text
-from harness.models.model_file import ROOT_TAGS, ModelFile, PointSpring
-from harness.models.xml import Document, describe, literal_tag, parse_document
+from harness.files.urdf.kinds import POINT_SPRING
 
 # Of the warnings, those about what the adapter supplies, and about what changes no acceleration.
 _SUPPLIED = (

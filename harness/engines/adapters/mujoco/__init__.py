@@ -20,7 +20,7 @@ from harness.engines.adapters.mujoco import equalities, law, robot, steps, urdf,
 from harness.engines.adapters.mujoco.model import MujocoModel as MujocoModel
 from harness.engines.request import Request
 from harness.files.equalities import Equality
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 
 class MujocoEngine(Engine):

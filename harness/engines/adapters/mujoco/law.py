@@ -16,11 +16,11 @@ from typing import Literal
 
 from lxml import etree
 
+from harness.files.document.xml import parse_document
 from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
-from harness.models.constraint_law import ConstraintLaw, Impedance, InverseWeight
-from harness.models.mjcf.options import is_on
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.xml import parse_document
+from harness.files.mjcf.options import is_on
+from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.rules.constraint_law import ConstraintLaw, Impedance, InverseWeight
 
 # mjMINIMP, mjMAXIMP and mjMINVAL.
 LEAST_IMPEDANCE, MOST_IMPEDANCE, LEAST_NUMBER = 0.0001, 0.9999, 1e-15

@@ -24,10 +24,10 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.versions import require_declared_steps
 from harness.engines.interface import NotOffered
-from harness.models.mjcf.options import is_on
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.step_rule import Part, StepRule
-from harness.models.xml import parse_document
+from harness.files.document.xml import parse_document
+from harness.files.mjcf.options import is_on
+from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.rules.step_rule import Part, StepRule
 
 # Of an iteration, relative.
 _TOLERANCE = 2.0**-53

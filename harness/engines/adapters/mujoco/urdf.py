@@ -22,12 +22,12 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines.adapters.mujoco.versions import coefficients
+from harness.files.document.xml import Document, describe, literal_tag, parse_document
 from harness.files.equalities import Meeting
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
-from harness.models.formats import LEAST
-from harness.models.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
-from harness.models.xml import Document, describe, literal_tag, parse_document
+from harness.files.lint.formats import LEAST
+from harness.files.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
 
 # mjEPS: the principal inertia below which MuJoCo refuses the six numbers of an inertia matrix, though not the three principal ones.
 LEAST_OF_SIX = 1e-14

@@ -12,8 +12,8 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.engines import NotOffered, Unsupported
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.xml import parse_document
+from harness.files.document.xml import parse_document
+from harness.files.model_file import ROOT_TAGS, ModelFile
 
 # The first version, as ``mj_version`` counts, that knows all that the harness lets stand in a model.
 _KNOWS_ALL = 400

@@ -35,7 +35,7 @@ from harness.engines.adapters.pinocchio.versions import armature, read_urdf, set
 from harness.engines.output import captured_standard_error
 from harness.engines.request import Request
 from harness.errors import InvalidModel
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 
 class PinocchioModel(PinocchioQuantities):

@@ -16,8 +16,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.adapters.pinocchio.versions import parent_joint
+from harness.files.model_file import ForceElement, JointDamper, JointSpring, PointSpring
 from harness.files.tree import WORLD
-from harness.models.model_file import ForceElement, JointDamper, JointSpring, PointSpring
 
 
 class JointPlace(NamedTuple):

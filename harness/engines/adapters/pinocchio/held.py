@@ -14,7 +14,7 @@ from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring, Unsuppor
 from harness.engines.adapters.pinocchio.forces import ForceElements
 from harness.engines.adapters.pinocchio.versions import armature, parent_joint
 from harness.files.joint_kinds import JointKind
-from harness.models.model_file import JointDamper, JointSpring
+from harness.files.model_file import JointDamper, JointSpring
 
 _KINDS = {"JointModelSpherical": JointKind.BALL, "JointModelFreeFlyer": JointKind.FREE, "JointModelPlanar": JointKind.PLANAR}
 

@@ -17,7 +17,7 @@ from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines.adapters.pinocchio.versions import read_mimics
 from harness.engines.output import captured_standard_error
-from harness.models.model_file import ModelFile
+from harness.files.model_file import ModelFile
 
 Columns = tuple[Array, Array, Array]
 

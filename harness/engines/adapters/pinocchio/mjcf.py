@@ -17,11 +17,11 @@ from lxml import etree
 
 from harness.engines import Unsupported
 from harness.engines.output import captured_standard_error
+from harness.files.document.xml import Document, describe, parse_document, shorten
 from harness.files.joint_kinds import JointKind
-from harness.models.formats import ORIENTATIONS
-from harness.models.mjcf.defaults import childclass_of, of_class, resolved
-from harness.models.model_file import ROOT_TAGS, ModelFile
-from harness.models.xml import Document, describe, parse_document, shorten
+from harness.files.mjcf.defaults import childclass_of, of_class, resolved
+from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.model_file import ROOT_TAGS, ModelFile
 
 # Sections of which the reader takes the first as often as there are some.
 _ONCE = ("compiler", "default", "worldbody")

@@ -3,7 +3,7 @@
 A declaration mends and plants: diagnosis tries every change that would undo the mistake, wherever it could have been made; the
 fault campaign makes it wherever it can be made. Most mistakes are undone by a mistake of the same kind: what is exchanged is
 exchanged back, what is doubled is halved. Then one list of changes serves both. No engine is imported here: what a change does
-to accelerations is found by ``harness.models.text.Watch``.
+to accelerations is found by ``harness.files.text.scan.Watch``.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 
 from harness.explain.changes import Change
-from harness.models.anatomy import anatomy
-from harness.models.anatomy.parts import Anatomy, Slot, Words
-from harness.models.model_file import ModelFile
-from harness.models.text import Place, edited
+from harness.files.model_file import ModelFile
+from harness.files.text.anatomy import anatomy
+from harness.files.text.anatomy.parts import Anatomy, Slot, Words
+from harness.files.text.scan import Place, edited
 from harness.registry import Registry
 
 # A slot with its new words, None where it goes.

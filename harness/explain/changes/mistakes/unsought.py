@@ -14,9 +14,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake
-from harness.models.anatomy.parts import Anatomy
-from harness.models.model_file import ModelFile
-from harness.models.text import Number, Place, find_elements, find_numbers, with_values
+from harness.files.model_file import ModelFile
+from harness.files.text.anatomy.parts import Anatomy
+from harness.files.text.scan import Number, Place, find_elements, find_numbers, with_values
 
 # Moments of inertia, masses and centres of mass in both formats.
 _MOMENTS = {"inertial": ("diaginertia", "fullinertia"), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}

@@ -20,8 +20,8 @@ from typing import Any
 from lxml import etree
 
 from harness.environments.folders import split_name
+from harness.files.document.xml import read_any
 from harness.files.tree import Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
-from harness.models.xml import read_any
 from harness.registry import Registry
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot

@@ -14,8 +14,8 @@ from harness.explain.changes.readings import (
     with_solids,
     without_bodies,
 )
+from harness.files.mjcf.defaults import childclass_of, of_class, resolved, resolved_text
 from harness.files.tree import ORIGIN, WORLD, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, vector
-from harness.models.mjcf.defaults import childclass_of, of_class, resolved, resolved_text
 from harness.robots.bounds import bounded
 from harness.robots.robot import Robot
 

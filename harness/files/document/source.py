@@ -1,0 +1,175 @@
+"""The elements of a model's files, which need be neither minimal nor strict: their places, their numbers, and what is passed over.
+
+What is in them and known to nobody is read past. A number that is read is checked, and refused at its line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from lxml import etree
+
+from harness.errors import InvalidModel
+from harness.files.document.values import Check, Numbers
+from harness.files.document.xml import Document, describe, literal_tag, shorten
+from harness.files.findings import PassedOver, Unread
+from harness.files.tree import Given, Place
+from harness.library import nearest
+
+# Elements by their names.
+Elements = Mapping[str, etree._Element]
+
+
+class Source:
+    """The elements of one or several files; element to its place.
+
+    Attributes:
+        passed_over: what is no part of the tree, and no model of a mechanism may say, in the order in which it was found.
+        unread: forces and inertias that no tree holds.
+    """
+
+    def __init__(self) -> None:
+        self._places: dict[etree._Element, Place] = {}
+        self._included_by: dict[Path, Place] = {}
+        self.passed_over: list[PassedOver] = []
+        self.unread: list[Unread] = []
+
+    def add(self, document: Document, included_by: etree._Element | None = None) -> etree._Element:
+        """The root of a document, whose elements then have places; tags in a default namespace are as without."""
+        if included_by is not None:
+            self._included_by[document.path] = self._places[included_by]
+        for number, (element, line) in enumerate(document.lines.items()):
+            if element.tag[0] == "{" and not element.prefix:
+                element.tag = etree.QName(element).localname
+            self._places[element] = Place(document.path, line, number, literal_tag(element))
+        return document.root
+
+    def add_copy(self, original: etree._Element, copy: etree._Element) -> None:
+        """Give the elements of a copy the places of the original."""
+        for one, other in zip(original.iter("*"), copy.iter("*"), strict=True):
+            self._places[other] = self._places[one]
+
+    def place(self, element: etree._Element) -> Place:
+        return self._places[element]
+
+    def refuse(self, element: etree._Element, problem: str) -> NoReturn:
+        """Raises InvalidModel at the line of ``element``."""
+        place = self._places[element]
+        raise InvalidModel(place.path, place.line, problem)
+
+    def pass_over(self, element: etree._Element, problem: str, what: str = "") -> None:
+        """Leave an element out as ``what``, "" for what needs no mention; ``problem`` is why a mechanism's model may not have it."""
+        self.passed_over.append(PassedOver(self._places[element], self.lines([element])[0], problem, what))
+
+    def leave_unread(self, element: etree._Element, what: str, advice: str) -> None:
+        """Note a force or an inertia that no tree holds."""
+        self.unread.append(Unread(self._places[element], what, advice))
+
+    def lines(self, elements: Iterable[etree._Element]) -> tuple[int, ...]:
+        """The lines of elements in the model's own file, each once; of one in an included file, that of the element that includes it."""
+        return tuple(sorted({self._line(self._places[element]) for element in elements}))
+
+    def _line(self, place: Place) -> int:
+        while place.path in self._included_by:
+            place = self._included_by[place.path]
+        return place.line
+
+    # Elements by tag and by name.
+
+    def children(self, element: etree._Element, *tags: str) -> Iterator[etree._Element]:
+        """The elements right inside another one that are written with one of the tags."""
+        return (child for child in element.iterchildren("*") if literal_tag(child) in tags)
+
+    def one(self, element: etree._Element, tag: str) -> etree._Element | None:
+        """The part of that tag; raises InvalidModel where there are two, of which readers take the one or the other."""
+        found = list(self.children(element, tag))
+        if len(found) > 1:
+            self._refuse_second(element, found[1])
+        return found[0] if found else None
+
+    def parts(self, element: etree._Element) -> dict[str, etree._Element]:
+        """All that stands right inside an element by its tag; raises InvalidModel where two have the same."""
+        parts: dict[str, etree._Element] = {}
+        for part in element.iterchildren("*"):
+            if parts.setdefault(literal_tag(part), part) is not part:
+                self._refuse_second(element, part)
+        return parts
+
+    def _refuse_second(self, element: etree._Element, part: etree._Element) -> NoReturn:
+        self.refuse(part, f"second <{literal_tag(part)}> in {describe(element)}; expected one, keep the right one")
+
+    def by_name(self, elements: Iterable[etree._Element]) -> dict[str, etree._Element]:
+        """Elements by name; raises InvalidModel where one has none, or another's."""
+        found: dict[str, etree._Element] = {}
+        for element in elements:
+            name = element.get("name")
+            if not name:
+                self.refuse(element, f"<{literal_tag(element)}> has no name; add one, for it is matched by name")
+            if name in found:
+                line = self._places[found[name]].line
+                self.refuse(element, f"{describe(element)} repeats the name of line {line}; give each its own")
+            found[name] = element
+        return found
+
+    def resolve(self, element: etree._Element, attribute: str, known: Elements) -> str:
+        """The name in ``attribute``; raises InvalidModel where ``known`` does not hold it."""
+        name = element.get(attribute)
+        if name not in known:
+            self.refuse(element, unresolved(element, attribute, known))
+        return str(name)
+
+    # Numbers.
+
+    def numbers(
+        self,
+        element: etree._Element,
+        attribute: str,
+        default: Sequence[float] | None,
+        check: Check | None = None,
+        fewest: int = 0,
+        most: int = 0,
+    ) -> tuple[Given, ...]:
+        """The numbers of an attribute, ``default`` where the element has none.
+
+        As many as ``default`` holds, or from ``fewest`` to ``most``; None demands the attribute.
+
+        Raises:
+            InvalidModel: another number of numbers, one that is not finite, or one that ``check`` complains of.
+        """
+        text = element.get(attribute)
+        if text is None:
+            if default is None:
+                self.refuse(element, f"{describe(element)} has no attribute {attribute!r}; add it")
+            return self.default(element, attribute, default)
+        count = len(default) if default is not None and not most else fewest
+        return self.read(element, attribute, text, Numbers(count, most or count, check))
+
+    def default(self, element: etree._Element, attribute: str, values: Sequence[float]) -> tuple[Given, ...]:
+        """The numbers that hold for ``element`` where the file gives none."""
+        place = self._places[element]
+        return tuple(Given(value, place, attribute, index) for index, value in enumerate(values))
+
+    def read(self, element: etree._Element, attribute: str, text: str, rule: Numbers) -> tuple[Given, ...]:
+        """The numbers that ``text`` holds, as those of an attribute of ``element``."""
+        place = self._places[element]
+        try:
+            values = rule.read(text)
+        except ValueError as error:
+            shown = f' {attribute}="{shorten(text)}"' if attribute else ""
+            self.refuse(element, f"<{literal_tag(element)}{shown}> {error}")
+        return tuple(Given(value, place, attribute, index) for index, value in enumerate(values))
+
+    def number(self, element: etree._Element, attribute: str, default: float | None, check: Check | None = None) -> Given:
+        """``numbers`` of one."""
+        (value,) = self.numbers(element, attribute, None if default is None else (default,), check, 1, 1)
+        return value
+
+
+def unresolved(element: etree._Element, attribute: str, known: Elements) -> str:
+    """The complaint about an attribute that is missing, or names nothing of ``known``."""
+    name = element.get(attribute)
+    if name is None:
+        return f"{describe(element)} has no attribute {attribute!r}; add it"
+    return f'<{literal_tag(element)} {attribute}="{shorten(name)}"> names nothing in this file; {nearest(shorten(name), known)}'

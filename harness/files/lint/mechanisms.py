@@ -1,0 +1,242 @@
+"""What the model of a mechanism must not leave to its readers, beyond the tables of elements and attributes.
+
+A file that passes has been read: here stands what is well-defined, but taken differently by some engine, or felt by none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from lxml import etree
+
+from harness.errors import InvalidModel
+from harness.files.document.values import Numbers, positive
+from harness.files.document.xml import Document, add_named, describe, literal_tag, shorten
+from harness.files.equalities import Linkage, Meeting, TendonLinkage
+from harness.files.lint.checks import check_inertia, numbers
+from harness.files.lint.formats import SOLVER_OPTIONS
+from harness.files.mjcf.defaults import resolved
+from harness.files.mjcf.options import ORIENTATIONS, is_on
+from harness.files.reading import Reading
+from harness.files.tree import WORLD
+from harness.files.urdf.kinds import BALL_CONSTRAINT, DRAKE_JOINT, FIXED, JOINT_TAGS, needs_axis
+
+_UNIVERSE = "universe"
+
+
+def check_parts(document: Document, model_format: str) -> None:
+    """Hold a file that fits the tables, and is yet to be read, against what engines need.
+
+    Raises:
+        InvalidModel: at the line of the first element that does not fit.
+    """
+    {"mjcf": _check_mjcf_parts, "urdf": _check_urdf_parts}[model_format](document)
+
+
+def check_reading(document: Document, reading: Reading) -> None:
+    """Hold what has been read against what engines need; raises as ``check_parts``."""
+    {"mjcf": _check_equalities, "urdf": _check_urdf}[reading.format](document, reading)
+    for one in reading.passed_over:
+        raise InvalidModel(one.place.path, one.place.line, one.problem)
+
+
+def _check_joints(document: Document, joints: Iterable[etree._Element]) -> None:
+    known: dict[str, etree._Element] = {}
+    for joint in joints:
+        add_named(document, joint, known)
+        if joint.get("name") == _UNIVERSE:
+            document.refuse(joint, f"joint {_UNIVERSE!r}, as Pinocchio calls the world: its reader aborts on that; give it another name")
+
+
+# MJCF.
+
+
+def _check_mjcf_parts(document: Document) -> None:
+    worlds = document.root.findall("worldbody")
+    joints = [joint for world in worlds for joint in world.iter("joint", "freejoint")]
+    moving: set[etree._Element] = set()
+    for joint in joints:
+        body = _owner(joint)
+        if body.tag != "body":
+            document.refuse(joint, f"{describe(joint)} stands in <{body.tag}>; a joint belongs in the <body> that it moves")
+        moving.add(body)
+    _check_joints(document, joints)
+    for body in (body for world in worlds for body in world.iter("body")):
+        if _owner(body) in moving:
+            moving.add(body)
+        _check_inertial(document, body, body in moving)
+    if not joints:
+        document.refuse(document.root, "has no joint in any body; expected one for each coordinate of the system")
+
+
+def _owner(element: etree._Element) -> etree._Element:
+    """The element that holds ``element``, looking through MJCF frames, which only shift coordinates."""
+    parent = element.getparent()
+    while parent.tag == "frame":
+        parent = parent.getparent()
+    return parent
+
+
+def _check_inertial(document: Document, body: etree._Element, moves: bool) -> None:
+    inertial = body.find("inertial")
+    if inertial is None:
+        if moves:
+            document.refuse(body, f"{describe(body)} moves but has no <inertial>; add one with pos, mass and diaginertia")
+        return
+    given = [name for name in ("diaginertia", "fullinertia") if name in inertial.attrib]
+    if len(given) != 1:
+        found = "both diaginertia and fullinertia" if given else "neither diaginertia nor fullinertia"
+        document.refuse(inertial, f"<inertial> of {describe(body)} has {found}; expected one of them")
+    check_inertia(document, inertial, *numbers(document, inertial, given[0], Numbers(3, 6)))
+    if moves and next(body.iterdescendants("body"), None) is None:
+        numbers(document, inertial, "mass", Numbers(check=positive))
+
+
+def _check_equalities(document: Document, reading: Reading) -> None:
+    elements: dict[str, etree._Element] = {}
+    for section in document.root.iterfind("equality"):
+        if section.find("*") is None:
+            document.refuse(section, "<equality> holds no constraint; remove it")
+        for element in section.iterchildren("*"):
+            add_named(document, element, elements)
+            _refuse_switched_off(document, element)
+    if not elements:
+        _refuse_options(document)
+    sites = {site.get("name"): site for site in document.root.iterfind("worldbody//site")}
+    tendons = {tendon.get("name"): tendon for tendon in document.root.iterfind("tendon/*")}
+    for equality, element in zip(reading.equalities, elements.values(), strict=True):
+        said = equality.says
+        if said is None:
+            document.refuse(element, f"{describe(element)} {equality.why_not}")
+        if isinstance(said, Meeting):
+            ends = [sites[element.get(name)] for name in ("site1", "site2")]
+            if said.bodies[0] == said.bodies[1]:
+                what = f"holds two sites of body {said.bodies[0]!r} together"
+                document.refuse(element, f"{describe(element)} {what}; name one of another body")
+            for site in ends:
+                _check_site(document, site, turned=element.tag == "weld")
+        elif isinstance(said, Linkage):
+            _refuse_itself(document, element, "joint", said.joint, said.leader)
+        else:
+            _refuse_itself(document, element, "tendon", said.tendon.name, None if said.leader is None else said.leader.name)
+            for site in _sites_of(said, tendons, sites):
+                _check_site(document, site, turned=False)
+
+
+def _refuse_itself(document: Document, element: etree._Element, what: str, name: str, leader: str | None) -> None:
+    if name == leader:
+        document.refuse(element, f"{describe(element)} couples {what} {name!r} to itself; name another one")
+
+
+def _sites_of(
+    said: TendonLinkage, tendons: dict[str | None, etree._Element], sites: dict[str | None, etree._Element]
+) -> Iterator[etree._Element]:
+    for tendon in said.tendons:
+        yield from (sites[part.get("site")] for part in tendons[tendon.name].iterchildren("site"))
+
+
+def _check_site(document: Document, site: etree._Element, turned: bool) -> None:
+    """Refuse a site of a constraint whose place in its body, or orientation there, some engine reads otherwise."""
+    holder = site.getparent()
+    if holder.tag == "frame":
+        document.refuse(site, f"{describe(site)} of a constraint stands in a <frame>, which is not read; write its pose in its body")
+    if holder.tag != "worldbody" and not holder.get("name"):
+        document.refuse(holder, f"<body> holds {describe(site)} of a constraint and has no name; add one")
+    for name in ORIENTATIONS if turned else ():
+        if name != "quat" and resolved(site, name) is not None:
+            document.refuse(site, f"{describe(site)} of a weld is turned by {name!r}, which is not read there; write a quat")
+
+
+def _refuse_switched_off(document: Document, element: etree._Element) -> None:
+    active = resolved(element, "active")
+    if active is not None and active.text == "false":
+        document.refuse(element, f'{describe(element)} is switched off by active="false", so that nothing feels it; remove one of them')
+    for stage in ("constraint", "equality"):
+        if not is_on(document.root, stage):
+            document.refuse(element, f'{describe(element)} is switched off by <flag {stage}="disable">; remove one of them')
+
+
+def _refuse_options(document: Document) -> None:
+    """Refuse what bears on constraints alone."""
+    for option in document.root.iterfind("option"):
+        for name in (name for name in SOLVER_OPTIONS if name in option.attrib):
+            shown = f'<option {name}="{shorten(option.get(name))}">'
+            document.refuse(option, f"{shown} is for constraints, of which the file has none; remove it")
+    for flag in document.root.iterfind("option/flag[@diagexact]"):
+        document.refuse(flag, "<flag diagexact> is for constraints, of which the file has none; remove it")
+
+
+# URDF.
+
+
+def _check_urdf_parts(document: Document) -> None:
+    root = document.root
+    if not root.get("name"):
+        document.refuse(root, "<robot> has no name, without which URDF readers give up; add one")
+    for inertia in root.iterfind("link/inertial/inertia"):
+        order = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        check_inertia(document, inertia, *(numbers(document, inertia, name, Numbers())[0] for name in order))
+    _check_joints(document, _with_tag(document, *JOINT_TAGS))
+    for number, joint in enumerate(_with_tag(document, DRAKE_JOINT)):
+        if number:
+            document.refuse(joint, f"second <{DRAKE_JOINT}>; one ball joint can hang the root link on the world, and no other is read")
+        parent = joint.find("parent")
+        found = None if parent is None else parent.get("link")
+        if found != WORLD:
+            where = joint if parent is None else parent
+            hung = f"{describe(joint)} has parent link {found!r}, expected {WORLD!r}"
+            document.refuse(where, f"{hung}: it hangs the root link on the world")
+        for link in root.iterfind(f"link[@name='{WORLD}']"):
+            hung = f"{describe(joint)} hangs the root link on the world, which a <{DRAKE_JOINT}> knows by itself"
+            document.refuse(link, f"{describe(link)} is a second root: {hung}; remove the link")
+
+
+def _with_tag(document: Document, *tags: str) -> list[etree._Element]:
+    return [element for element in document.root.iterchildren("*") if literal_tag(element) in tags]
+
+
+def _check_urdf(document: Document, reading: Reading) -> None:
+    root = document.root
+    if not reading.moving:
+        document.refuse(root, "has no moving joint; expected one for each coordinate of the system")
+    links = {link.get("name"): link for link in root.iterfind("link")}
+    inner, moving = {body.parent for body in reading.tree.bodies}, set()
+    for body in reading.tree.bodies:
+        if body.joints or body.parent in moving:
+            moving.add(body.name)
+            link = links[body.name]
+            if body.inertia is None:
+                document.refuse(link, f"{describe(link)} moves but has no <inertial>; add one with mass and inertia")
+            if body.name not in inner:
+                numbers(document, link.find("inertial/mass"), "value", Numbers(check=positive))
+    for joint in root.iterfind("joint"):
+        _check_dynamics(document, joint)
+    followers = {joint.name: joint.follows for joint in reading.tree.joints if joint.follows}
+    _refuse_in_followers(document, followers)
+    known: dict[str, etree._Element] = {}
+    for element in _with_tag(document, BALL_CONSTRAINT):
+        add_named(document, element, known)
+        if element.get("name") in followers:
+            document.refuse(element, f"{describe(element)} has the name of a joint that mimics another; give each constraint its own")
+
+
+def _check_dynamics(document: Document, joint: etree._Element) -> None:
+    dynamics = joint.find("dynamics")
+    if dynamics is None:
+        return
+    if not {"damping", "friction"} & set(dynamics.attrib):
+        document.refuse(dynamics, f"<dynamics> of {describe(joint)} has no damping; add it, or remove the element")
+    if joint.get("type") == FIXED and any(numbers(document, dynamics, "damping", Numbers()) if "damping" in dynamics.attrib else ()):
+        document.refuse(dynamics, needs_axis(joint, "a damper"))
+
+
+def _refuse_in_followers(document: Document, followers: Mapping[str, str]) -> None:
+    """Refuse forces and rotors in joints that mimic another."""
+    root = document.root
+    acting = [(spring, "reference", "spring") for spring in root.iterchildren("gazebo")]
+    acting += [(joint, "name", "transmission") for joint in root.iterfind("transmission/joint")]
+    acting += [(joint, "name", "damper") for joint in root.iterfind("joint") if joint.find("dynamics[@damping]") is not None]
+    for element, attribute, what in acting:
+        if (name := element.get(attribute)) in followers:
+            problem = f"has a {what} in a joint that mimics another, which is not read; give it to {followers[name]!r}"
+            document.refuse(element, f"{describe(element)} {problem}")

@@ -1,0 +1,136 @@
+"""The masses of MJCF bodies: from ``<inertial>`` or from geoms, and what the ``compiler`` element changes about them.
+
+Source: MuJoCo documentation, XML reference, ``compiler``, ``body/inertial`` and ``body/geom``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+from lxml import etree
+
+from harness.files.document.source import Source
+from harness.files.document.values import Numbers, not_negative, positive
+from harness.files.document.xml import describe
+from harness.files.mjcf.defaults import resolved, resolved_text
+from harness.files.mjcf.meshes import Meshes
+from harness.files.mjcf.numbers import JOINTS, Attributes, inside
+from harness.files.tree import ORIGIN, Body, Bounds, Inertia, Placement, Solid, vector
+
+# Sizes that each takes, and those that it takes beside two points.
+_SIZES = {"sphere": (1, 0), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": (3, 1), "box": (3, 1)}
+_WEIGHTLESS = ("plane", "hfield")
+_OF_WATER = 1000.0
+
+
+class Inertias:
+    """Reads them by what the ``compiler`` elements say."""
+
+    def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:
+        self._source, self._attributes, self._meshes = source, attributes, meshes
+        self._from_geoms = attributes.compiler("inertiafromgeom", "auto", ("auto", "true", "false"))
+        least_mass, least_moment = (self._number(root, name) for name in ("boundmass", "boundinertia"))
+        balances = attributes.compiler("balanceinertia", "false", ("true", "false")) == "true"
+        self.bounds = Bounds(least_mass, least_moment, balances) if least_mass > 0 or least_moment > 0 or balances else None
+        self._total = self._number(root, "settotalmass")
+        self._groups = 0, 5
+        for compiler in root.iterchildren("compiler"):
+            if "inertiagrouprange" in compiler.attrib:
+                low, high = source.read(compiler, "inertiagrouprange", str(compiler.get("inertiagrouprange")), Numbers(2))
+                self._groups = int(low), int(high)
+
+    @property
+    def total_mass(self) -> Fraction | None:
+        """What all bodies are to weigh; None where the file does not say."""
+        return self._total if self._total > 0 else None
+
+    def of_body(self, element: etree._Element, body: Body) -> Body:
+        """The body with its masses."""
+        inertial = element.find("inertial")
+        if inertial is not None and self._from_geoms != "true":
+            return replace(body, inertia=self._explicit(inertial))
+        if self._from_geoms == "false":
+            return body
+        geoms = list(inside(element, "geom"))
+        if not self._total and not _moves(element):
+            # No file needs to state the inertia of what stands still.
+            geoms = [geom for geom in geoms if not self._is_mesh(geom)]
+        return replace(body, solids=tuple(solid for geom in geoms for solid in self._solid(geom)))
+
+    def _number(self, root: etree._Element, attribute: str) -> Fraction:
+        found = Fraction(0)
+        for compiler in root.iterchildren("compiler"):
+            if attribute in compiler.attrib:
+                found = self._source.number(compiler, attribute, 0.0)
+        return found
+
+    def _explicit(self, element: etree._Element) -> Inertia:
+        source, place = self._source, self._source.place(element)
+        mass, pose = source.number(element, "mass", None), self._attributes.pose(element)
+        if "fullinertia" not in element.attrib:
+            return Inertia(pose, mass, (*source.numbers(element, "diaginertia", (0, 0, 0)), *ORIGIN), place)
+        if "diaginertia" in element.attrib:
+            source.refuse(element, f"{describe(element)} has both diaginertia and fullinertia; expected one of them")
+        if pose[-1].rotation:
+            source.refuse(element, f"{describe(element)} has fullinertia and an orientation; expected one of them")
+        return Inertia(pose, mass, source.numbers(element, "fullinertia", None, None, 6, 6), place)
+
+    def _solid(self, geom: etree._Element) -> Iterator[Solid]:
+        """What a geom adds to its body: one solid, or nothing."""
+        source, attributes = self._source, self._attributes
+        group = attributes.number(geom, "group", 0.0)
+        if not self._groups[0] <= group <= self._groups[1]:
+            return
+        mass = attributes.number(geom, "mass", 0.0, not_negative) if resolved(geom, "mass") is not None else None
+        density = attributes.number(geom, "density", _OF_WATER, not_negative)
+        kind = "mesh" if self._is_mesh(geom) else resolved_text(geom, "type", "sphere")
+        is_massless = not (density if mass is None else mass)
+        # A massless solid adds nothing, and stays for those that read its mass otherwise.
+        if kind in _WEIGHTLESS or (is_massless and kind not in _SIZES):
+            return
+        if self._meshes is not None and self._is_mesh(geom):
+            yield self._meshes.solid(source, geom)
+            return
+        if kind not in _SIZES:
+            source.refuse(
+                geom,
+                f"{describe(geom)} gives its body the inertia of a {kind} of MuJoCo's making, which no file states; "
+                'write the body an <inertial>, or the geom mass="0"',
+            )
+        shell = resolved_text(geom, "shellinertia", "false") == "true"
+        if shell and kind == "ellipsoid" and not is_massless:
+            source.refuse(
+                geom, f"{describe(geom)} is the shell of an ellipsoid, whose area has no closed form; write the body an <inertial>"
+            )
+        yield self._with_sizes(geom, Solid(kind, (), attributes.pose(geom), mass, density, shell, None, source.place(geom)))
+
+    def _is_mesh(self, geom: etree._Element) -> bool:
+        """Whether a geom has the shape, or the size, of a mesh."""
+        return resolved(geom, "mesh") is not None or resolved_text(geom, "type") in ("mesh", "sdf")
+
+    def _with_sizes(self, geom: etree._Element, solid: Solid) -> Solid:
+        attributes, place = self._attributes, self._source.place(geom)
+        points = attributes.numbers(geom, "fromto", (0,) * 6) if resolved(geom, "fromto") is not None else ()
+        count = _SIZES[solid.kind][bool(points)]
+        if not count:
+            self._source.refuse(geom, f"{describe(geom)} is a {solid.kind} with fromto; expected a capsule, cylinder, ellipsoid or box")
+        sizes = attributes.numbers(geom, "size", (0, 0, 0))[:count]
+        complaint = positive(tuple(map(float, sizes)))
+        if complaint:
+            found = " ".join(str(float(size)) for size in sizes)
+            self._source.refuse(geom, f"{describe(geom)} is a {solid.kind} of size {found}, of which one {complaint}; it takes {count}")
+        if not points:
+            return replace(solid, size=sizes)
+        first, second = vector(points[:3]), vector(points[3:])
+        if first == second:
+            line = "" if points[0].place == place else f" of line {points[0].place.line}"
+            self._source.refuse(geom, f"{describe(geom)} reaches from a point to itself by the fromto{line}; expected two points")
+        between = Placement(first, attributes.between(first, second), second)
+        return replace(solid, size=sizes, pose=(*solid.pose[:-1], between), ends=(first, second))
+
+
+def _moves(body: etree._Element) -> bool:
+    """Whether a joint moves a body."""
+    return any(next(inside(one, *JOINTS), None) is not None for one in (body, *body.iterancestors("body")))

@@ -1,0 +1,174 @@
+"""From an MJCF to its tree of bodies.
+
+Bodies and joints without names get names from their place, which no author's name can be.
+
+Source: MuJoCo documentation, XML reference, ``body``, ``inertial``, ``joint``, ``frame`` and ``compiler``; Modeling, section
+Frame orientations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+from lxml import etree
+
+from harness.files.document.source import Source
+from harness.files.document.values import not_negative, not_zero
+from harness.files.document.xml import describe
+from harness.files.equalities import Equality
+from harness.files.joint_kinds import JointKind
+from harness.files.mjcf.defaults import resolved_text
+from harness.files.mjcf.equalities import read_equalities
+from harness.files.mjcf.inertias import Inertias
+from harness.files.mjcf.meshes import Meshes
+from harness.files.mjcf.numbers import JOINTS, Attributes, inside
+from harness.files.mjcf.options import GRAVITY, is_on
+from harness.files.mjcf.tendons import read_tendons
+from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers, Tree, Vector, vector
+
+KINDS = {kind.value: kind for kind in JointKind if kind is not JointKind.PLANAR}
+
+
+def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
+    """The tree of an MJCF, the equalities that are no part of it, and joints whose stiffness and damping follow from their inertia.
+
+    Its included files and replicas are in place; see ``harness.files.mjcf.expansion``.
+
+    ``meshes`` gives the inertias of meshes, which no file states; without it a body that has its inertia from one is refused.
+
+    Raises:
+        InvalidModel: what has no meaning, or one that is that of MuJoCo's program alone.
+    """
+    attributes = Attributes(source, root)
+    _refuse_other_frames(source, root, attributes)
+    reader = _Reader(source, root, attributes, meshes)
+    bodies = tuple(reader.body(body) for world in root.iterchildren("worldbody") for body in world.iter("body"))
+    springs, couplings = read_tendons(
+        source, root, attributes, reader.name, {joint.name: joint for body in bodies for joint in body.joints}
+    )
+    inertias = reader.inertias
+    tree = Tree(bodies, _gravity(source, root), springs, couplings, inertias.total_mass, source.place(root), inertias.bounds)
+    equalities = read_equalities(source, root, attributes, reader.name, bodies)
+    return tree, equalities, SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
+
+
+def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:
+    """Refuse what makes positions mean something else."""
+    for attribute, word in (("coordinate", "global"), ("alignfree", "true")):
+        if attributes.compiler(attribute, "") == word:
+            compiler = next(one for one in root.iterchildren("compiler") if one.get(attribute) == word)
+            source.refuse(compiler, f'<compiler {attribute}="{word}"> changes the frames of bodies, which is not read; write them out')
+    for joint in root.iter("freejoint"):
+        if joint.get("align") == "true":
+            source.refuse(joint, f'{describe(joint)} with align="true" turns the frame of its body, which is not read; write it out')
+
+
+def _gravity(source: Source, root: etree._Element) -> Vector:
+    options = [*root.iterchildren("option")]
+    if not is_on(root, "gravity"):
+        return ORIGIN
+    given = [option for option in options if "gravity" in option.attrib]
+    return vector(source.numbers(given[-1], "gravity", GRAVITY) if given else source.default(([*options, root])[0], "gravity", GRAVITY))
+
+
+class _Reader:
+    """Bodies of one file."""
+
+    def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:
+        self._source, self.attributes = source, attributes
+        self.inertias = Inertias(source, root, attributes, meshes)
+        # Time constant and damping ratio by joint.
+        self.spring_dampers: dict[str, tuple[Given, Given]] = {}
+        self._names: dict[etree._Element, str] = {}
+        self._taken: dict[str, etree._Element] = {}
+
+    def body(self, element: etree._Element) -> Body:
+        parent = next(element.iterancestors("body", "worldbody"))
+        joints = tuple(map(self._joint, inside(element, *JOINTS)))
+        if any(joint.kind is JointKind.FREE for joint in joints) and (len(joints) > 1 or parent.tag != "worldbody"):
+            self._source.refuse(element, f"{describe(element)} has a free joint; expected it alone, in a body right inside the worldbody")
+        # A free joint's position is that of the body in the world.
+        pose = () if joints and joints[0].kind is JointKind.FREE else self.attributes.pose(element)
+        body = Body(self.name(element), self.name(parent), pose, joints, None, self._source.place(element))
+        return self.inertias.of_body(element, body)
+
+    def name(self, element: etree._Element) -> str:
+        """The name of a body or joint, or one from its place."""
+        if element.tag == "worldbody":
+            return WORLD
+        if element not in self._names:
+            name = str(element.get("name") or "")
+            if not name:
+                name = self._name_of_place(element)
+            kind = "body" if element.tag == "body" else "joint"
+            other = self._taken.setdefault(f"{kind} {name}", element)
+            if other is not element or (kind == "body" and name == WORLD):
+                found = (
+                    "has the name of the world itself" if name == WORLD else f"repeats the name of line {self._source.place(other).line}"
+                )
+                self._source.refuse(element, f"{describe(element)} {found}; give each its own")
+            self._names[element] = name
+        return self._names[element]
+
+    def _name_of_place(self, element: etree._Element) -> str:
+        """Such as "(joint 2 of thigh)" or "(body 1 of world)", which stay the same when lines are added."""
+        kind = "body" if element.tag == "body" else "joint"
+        owner = next(element.iterancestors("body", "worldbody"))
+        fellows = list(inside(owner, *(JOINTS if kind == "joint" else ("body",))))
+        return f"({kind} {fellows.index(element) + 1} of {self.name(owner)})"
+
+    def _joint(self, element: etree._Element) -> Joint:
+        name, place, attributes = self.name(element), self._source.place(element), self.attributes
+        written = JointKind.FREE if element.tag == "freejoint" else resolved_text(element, "type", JointKind.HINGE)
+        if written not in KINDS:
+            self._source.refuse(element, f"{describe(element)} is of type {written!r}; expected one of {', '.join(KINDS)}")
+        kind = KINDS[written]
+        joint = Joint(
+            name,
+            kind,
+            # Those of a free or ball joint belong to all of its velocities.
+            armature=attributes.number(element, "armature", 0.0, not_negative),
+            damping=attributes.coefficient(element, "damping", "damper"),
+            stiffness=attributes.coefficient(element, "stiffness", "spring"),
+            friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
+            place=place,
+        )
+        if joint.stiffness and not kind.has_axis:
+            attributes.leave_unread(element, "stiffness", joint.stiffness, f"is a spring in a {kind} joint", "remove it")
+            joint = replace(joint, stiffness=Fraction(0))
+        time, ratio = attributes.numbers(element, "springdamper", (0, 0))
+        if time or ratio:
+            if min(time, ratio) <= 0:
+                self._source.refuse(
+                    element, f"{describe(element)} has springdamper {float(time):g} {float(ratio):g}; expected two positive numbers"
+                )
+            if not kind.has_axis:
+                self._source.refuse(element, f"{describe(element)} is a {kind} joint with springdamper, which is not read; remove it")
+            self.spring_dampers[name] = time, ratio
+        if kind is JointKind.FREE:
+            return joint
+        turned = replace(
+            joint,
+            axis=vector(attributes.numbers(element, "axis", (0, 0, 1), not_zero)) if kind.has_axis else ORIGIN,
+            anchor=vector(attributes.numbers(element, "pos", (0, 0, 0))),
+            # A joint has no placement of its own.
+            pose=attributes.pose(element)[:-1],
+        )
+        if not kind.has_axis:
+            return turned
+        return replace(
+            turned,
+            reference=attributes.number(element, "ref", 0.0),
+            spring_reference=attributes.number(element, "springref", 0.0),
+            in_degrees=kind is JointKind.HINGE and attributes.in_degrees,
+            limits=self._limits(element),
+        )
+
+    def _limits(self, element: etree._Element) -> tuple[Fraction, Fraction] | None:
+        """The range of a joint that is limited, as ``autolimits`` says where it does not say so itself."""
+        lower, upper = self.attributes.numbers(element, "range", (0, 0))
+        limited = resolved_text(element, "limited", "auto")
+        given = lower.place != self._source.place(element) or "range" in element.attrib
+        is_limited = limited == "true" or (limited == "auto" and self.attributes.auto_limits and given)
+        return (lower, upper) if is_limited and lower < upper else None

@@ -1,0 +1,154 @@
+"""Read and validate one MJCF or URDF file before any engine sees it: engines take much of it in silence.
+
+An element or attribute is understood and checked (``harness.files.lint.formats``), or is decoration that no
+acceleration feels and that a comment declares, or is refused by name. The comment names the elements and
+attributes, in MJCF and URDF alike, anywhere in the file::
+
+    <!-- decoration: geom asset rgba -->
+
+URDF states neither springs nor reflected inertias. These conventions, and no others, are read:
+
+- viscous damping of a joint, ``<dynamics damping>`` (http://wiki.ros.org/urdf/XML/joint);
+- a spring in a joint, ``<gazebo reference="JOINT">`` with ``<springStiffness>`` and ``<springReference>``:
+  force -k (q - reference). Source: SDFormat extensions to URDF, "<gazebo> elements for joints"
+  (gazebosim/sdf_tutorials, docs/urdf/sdf_extensions.md);
+- a spring and damper between points of two links, ``<drake:linear_spring_damper>``: force
+  k (length - free length) + c d(length)/dt along the line between them. Source: Drake, "Parsing model
+  files", tag drake:linear_spring_damper, and drake::multibody::LinearSpringDamper;
+- reflected inertia of a joint's rotor, ``<drake:rotor_inertia value>`` and ``<drake:gear_ratio value>``
+  (default 1) in the ``<actuator name>`` of a ``<transmission>`` with ``<type>``
+  transmission_interface/SimpleTransmission and ``<joint name>``: gear_ratio^2 rotor_inertia is added to the
+  joint's own inertia. As in Drake, the joint's effort limit must be above zero. Source: Drake, "Parsing
+  model files", tags drake:rotor_inertia and drake:gear_ratio, and "Reflected Inertia";
+- two points held together, ``<drake:ball_constraint>``, with a ``name`` that the harness finds it by. Source: Drake, "Parsing model
+  files", tag drake:ball_constraint (``harness.files.urdf.equalities``);
+- a ball joint, ``<drake:joint type="ball">`` from ``world``, which is not declared, to the root link. Source:
+  Drake, "Parsing model files", tag drake:joint.
+
+A joint with ``<mimic>`` is read, and is none of ``joint_lines``: it moves as another does (``harness.files.urdf.equalities``), and is
+one of the ``constraints``. An engine that is not asked for its acceleration refuses the model for itself.
+
+MJCF states gravity, springs, dampers and ``armature`` itself. MuJoCo applies them; for readers that pass over them
+they are listed like those of a URDF (``harness.files.facts``). It states constraints in ``<equality>``
+(``harness.files.mjcf.equalities``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.files.document.xml import Document, parse_document, read_document
+from harness.files.equalities import Equality
+from harness.files.facts import (
+    Armature,
+    ForceElement,
+    JointDamper,
+    JointSpring,
+    Mimic,
+    PointSpring,
+    Unexpressed,
+    armatures,
+    joint_forces,
+    mimics,
+    point_springs,
+)
+from harness.files.joint_kinds import JointKind
+from harness.files.lint.checks import check_elements
+from harness.files.lint.mechanisms import check_parts, check_reading
+from harness.files.reading import read
+
+__all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
+
+ROOT_TAGS = {"mjcf": "mujoco", "urdf": "robot"}
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """One validated model file; can be pickled.
+
+    Attributes:
+        format: "mjcf" or "urdf".
+        text: the content handed to the engine, exactly as read.
+        joint_lines: joint that moves by itself to the line of its element, in document order.
+        gravity_line: MJCF: line of the option with ``gravity``, else of an option, else of the root. URDF: None.
+        root_line: line of the root element.
+        force_elements: springs and dampers that the file declares; the harness adds them where a reader passes over them.
+        armatures: reflected inertias that a URDF declares, in document order, to be added likewise; none for MJCF.
+        ball_joint: name of the ball joint that hangs a URDF's root link on the world; None without one.
+        mimics: joints of a URDF that mimic another.
+        constraints: what closes loops and couples joints, in document order; a joint that mimics another is among them.
+        gravity: MJCF: [m/s^2], (x, y, z), zero where it is switched off. URDF holds none: None.
+        unexpressed: MJCF: forces and inertias it states that are not among ``force_elements``.
+    """
+
+    path: Path
+    format: str
+    text: str
+    joint_lines: Mapping[str, int]
+    gravity_line: int | None
+    root_line: int
+    force_elements: tuple[ForceElement, ...]
+    armatures: tuple[Armature, ...] = ()
+    ball_joint: str | None = None
+    mimics: tuple[Mimic, ...] = ()
+    gravity: tuple[float, float, float] | None = None
+    unexpressed: tuple[Unexpressed, ...] = ()
+    constraints: tuple[Equality, ...] = ()
+
+
+def read_model(path: Path, format: str) -> ModelFile:
+    """Read and validate the model file at ``path``; ``format`` is "mjcf" or "urdf".
+
+    Whether its joints are those of a system is not asked here.
+
+    Raises:
+        InvalidModel: the file cannot be read, or is not a well-formed, physical model.
+        ValueError: no such format.
+    """
+    return _validated(read_document(path, _root_tag(format)), format)
+
+
+def parse_model(path: Path, text: str, format: str) -> ModelFile:
+    """``read_model`` of a file at ``path`` that would hold ``text``; raises the same."""
+    return _validated(parse_document(path, text, _root_tag(format)), format)
+
+
+def _root_tag(format: str) -> str:
+    if format not in ROOT_TAGS:
+        raise ValueError(f"model format {format!r}; expected one of {sorted(ROOT_TAGS)}")
+    return ROOT_TAGS[format]
+
+
+def _validated(document: Document, format: str) -> ModelFile:
+    check_elements(document, format)
+    check_parts(document, format)
+    reading = read(document)
+    check_reading(document, reading)
+    tree = reading.tree
+    in_order = sorted(tree.joints, key=lambda joint: joint.place.element if joint.place else 0)
+    forces = [*joint_forces(in_order), *point_springs(tree)]
+    if format == "urdf":
+        forces.sort(key=lambda one: one.line)
+    options = [*document.root.iterfind("option[@gravity]")] or [*document.root.iterfind("option")] or [document.root]
+    of_mjcf = format == "mjcf"
+    x, y, z = map(float, tree.gravity)
+    return ModelFile(
+        path=document.path,
+        format=format,
+        text=document.text,
+        joint_lines={joint.name: joint.place.line for joint in in_order if joint.place and not joint.follows},
+        gravity_line=document.lines[options[-1]] if of_mjcf else None,
+        root_line=document.lines[document.root],
+        force_elements=tuple(one for one in forces if not isinstance(one, Unexpressed)),
+        armatures=() if of_mjcf else tuple(armatures(in_order)),
+        ball_joint=None if of_mjcf else next((joint.name for joint in in_order if joint.kind is JointKind.BALL), None),
+        mimics=tuple(mimics(reading.equalities)),
+        gravity=(x, y, z) if of_mjcf else None,
+        unexpressed=(
+            *(Unexpressed(one.place.line, one.what) for one in reading.unread),
+            *(one for one in forces if isinstance(one, Unexpressed)),
+        ),
+        constraints=reading.equalities,
+    )

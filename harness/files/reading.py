@@ -1,0 +1,106 @@
+"""The one reading of a model file, whoever asks: the tree, what is tied beside it, and what the file says besides.
+
+Files in the wild hold much that says nothing of the motion, and some that no equation of motion can hold. What is left out is
+listed with its lines; nothing that bears on the motion is read past in silence.
+
+Sources: http://wiki.ros.org/urdf/XML; MuJoCo documentation, XML reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from lxml import etree
+
+from harness.files.document.source import Source
+from harness.files.document.xml import Document, describe, read_any
+from harness.files.equalities import Equality
+from harness.files.findings import LeftOut, PassedOver, Unread
+from harness.files.mjcf import left_out as mjcf_left_out
+from harness.files.mjcf import reading as mjcf
+from harness.files.mjcf.expansion import expand
+from harness.files.mjcf.meshes import CompileMeshes, Meshes
+from harness.files.tree import Joint, SpringDampers, Tree
+from harness.files.urdf import left_out as urdf_left_out
+from harness.files.urdf import reading as urdf
+from harness.files.urdf.reading import FLOATING_BASE
+
+FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
+# What an empty file should have been.
+EXPECTED = "a robot: a URDF, whose root element is <robot>, or an MJCF, whose root element is <mujoco>"
+# [m/s^2], of a URDF, which holds none.
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A model file as its format's documentation gives it meaning.
+
+    Attributes:
+        format: "urdf" or "mjcf", as its root element says.
+        tree: without the forces and inertias of ``unread``, and without those of ``spring_dampers``.
+        equalities: what is tied beside the tree; a joint that mimics another is one, and follows the other in the tree.
+        passed_over: what no model of a mechanism may say, in the order in which it was found.
+    """
+
+    format: str
+    tree: Tree
+    equalities: tuple[Equality, ...]
+    left_out: tuple[LeftOut, ...]
+    passed_over: tuple[PassedOver, ...]
+    unread: tuple[Unread, ...]
+    spring_dampers: SpringDampers
+
+    @cached_property
+    def moving(self) -> tuple[Joint, ...]:
+        """The joints that move by themselves in the order of the file, behind a floating base that is none of its own."""
+        moving = [joint for joint in self.tree.joints if not joint.follows]
+        if self.format == "urdf":
+            # A tree has them by depth.
+            moving.sort(key=lambda joint: (joint.name != FLOATING_BASE, joint.place.element if joint.place else 0))
+        return tuple(moving)
+
+
+def format_of(path: Path) -> str:
+    """The format of a model file, "urdf" or "mjcf", by its root element.
+
+    Raises:
+        InvalidModel: the file cannot be read, or has another root.
+    """
+    source = Source()
+    return _format(source, source.add(read_any(path, EXPECTED)))
+
+
+def _format(source: Source, root: etree._Element) -> str:
+    if root.tag not in FORMATS:
+        source.refuse(root, f"the root element is {describe(root)}; expected {EXPECTED}")
+    return FORMATS[root.tag]
+
+
+def read(
+    document: Document, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None
+) -> Reading:
+    """What a document says; an MJCF that includes files or makes replicas is changed in place, by having them.
+
+    ``floating_base`` puts a free joint between the world and the root link of a URDF. ``gravity`` is along -z. ``compile_meshes`` gives
+    what meshes of an MJCF weigh, which no file states; it is called for files that need it.
+
+    Raises:
+        InvalidModel: something in it has no meaning: a number that is none, a joint without axis, links that are no tree, an element
+            that makes bodies by the rules of one engine alone.
+    """
+    source = Source()
+    root = source.add(document)
+    if _format(source, root) == "urdf":
+        tree, equalities = urdf.read_tree(source, root, gravity, floating_base)
+        left_out, spring_dampers = urdf_left_out.left_out(source, root), SpringDampers()
+    elif floating_base:
+        source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
+    else:
+        expand(source, root, document.path)
+        meshes = None if compile_meshes is None else Meshes(document.path, compile_meshes)
+        tree, equalities, spring_dampers = mjcf.read_tree(source, root, meshes)
+        left_out = mjcf_left_out.left_out(source, root, tree)
+    return Reading(_format(source, root), tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)

@@ -1,0 +1,1 @@
+"""What engines document of constraints that they do not hold rigid, and of their steps, as plain data."""

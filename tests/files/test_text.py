@@ -1,0 +1,132 @@
+"""Numbers, attributes and elements of a model: found where they stand, changed in place, and watched."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.text.scan import Number, Watch, find_elements, find_numbers, largest_change, scaled, with_values, without
+from harness.library import MODEL_SUFFIXES, Library
+
+MJCF = """\
+<?xml version="1.0"?>
+<!-- stiffness="3" -->
+<!-- decoration: geom -->
+<mujoco model="7">
+  <option gravity='0 0 -9.81'><flag contact="disable"/></option>
+  <worldbody>
+    <geom size="4"/>
+    <body name="2" pos="1
+      -2.5e-3 0">
+      <joint name="pin" axis="0 1 0"/>
+      <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+URDF = """\
+<robot name="r">
+  <link name="world"/><link name="bar"><inertial><mass value="2"/>
+  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <joint name="pin" type="continuous"><parent link="world"/><child link="bar"/></joint>
+  <gazebo reference="pin"><springStiffness>
+    270 </springStiffness><springReference>0</springReference></gazebo>
+</robot>
+"""
+
+
+def shown(number: Number) -> tuple[int, str, str, int, float]:
+    return number.line, number.element, number.attribute, number.index, number.value
+
+
+def test_numbers_are_found_with_line_element_and_attribute() -> None:
+    assert [shown(number) for number in find_numbers(MJCF, "mjcf") if number.value] == [
+        (5, "option", "gravity", 2, -9.81),
+        (8, "body", "pos", 0, 1.0),
+        (9, "body", "pos", 1, -2.5e-3),
+        (10, "joint", "axis", 1, 1.0),
+        (11, "inertial", "mass", 0, 2.0),
+        *((11, "inertial", "diaginertia", place, 1.0) for place in range(3)),
+    ]
+    springs = [shown(number) for number in find_numbers(URDF, "urdf") if number.attribute == ""]
+    assert springs == [(6, "springStiffness", "", 0, 270.0), (6, "springReference", "", 0, 0.0)]
+
+
+def test_elements_know_their_place() -> None:
+    elements = {element.path[-1]: element for element in find_elements(MJCF, "mjcf")}
+    assert "geom" not in elements
+    body = elements["body"]
+    assert body.path == ("mujoco", "worldbody", "body") and body.line == 8 and body.get("name") == "2"
+    assert MJCF[body.start : body.opened].startswith("<body") and MJCF[body.closed : body.end] == "</body>"
+    joint = elements["joint"]
+    assert MJCF[joint.start : joint.end] == '<joint name="pin" axis="0 1 0"/>'
+    assert body.start < joint.start < joint.end < body.closed
+    assert without(MJCF[joint.start : joint.end], (joint.attributes[1].start - joint.start, joint.attributes[1].end - joint.start)) == (
+        '<joint name="pin"/>'
+    )
+
+
+@pytest.mark.parametrize("model_format", MODEL_SUFFIXES)
+def test_every_number_of_every_shipped_model_stands_where_it_is_said_to(model_format: str) -> None:
+    for path in sorted((Library.built_in().models / model_format).glob(f"*{MODEL_SUFFIXES[model_format]}")):
+        text = path.read_text()
+        numbers = find_numbers(text, model_format)
+        assert numbers
+        assert all(float(text[number.start : number.end]) == number.value for number in numbers)
+        assert all(number.line == text.count("\n", 0, number.start) + 1 for number in numbers)
+        assert with_values(text, {}) == without(text) == text
+        # Written anew, a number keeps its value to the last bit and everything around it.
+        again = find_numbers(scaled(text, numbers, 1.0), model_format)
+        assert [shown(number) for number in again] == [shown(number) for number in numbers]
+
+
+def test_values_are_replaced_in_place() -> None:
+    numbers = [number for number in find_numbers(MJCF, "mjcf") if number.attribute in ("gravity", "mass") and number.value]
+    changed = with_values(MJCF, {numbers[0]: -1.62, numbers[1]: 1e-15})
+    assert changed == MJCF.replace("-9.81", "-1.62").replace('mass="2"', 'mass="1e-15"')
+    assert scaled(MJCF, numbers, 2) == MJCF.replace("-9.81", "-19.62").replace('mass="2"', 'mass="4.0"')
+
+
+def test_a_watch_sees_what_moves_and_what_is_refused() -> None:
+    model = parse_model(Path("model.xml"), MJCF, "mjcf")
+
+    def answer(changed: ModelFile) -> np.ndarray:
+        """Two joints, of which the first feels gravity and the second, a thousand times faster, the mass."""
+        values = {(number.element, number.attribute): number.value for number in find_numbers(changed.text, "mjcf")}
+        if values["inertial", "mass"] > 10:
+            raise ValueError("too heavy")
+        with np.errstate(all="ignore"):
+            return np.array([[values["option", "gravity"], 1e3 / np.float64(values["inertial", "mass"])]])
+
+    watch = Watch(model, answer)
+    gravity, mass = (
+        next(number for number in find_numbers(MJCF, "mjcf") if number.attribute == name and number.value) for name in ("gravity", "mass")
+    )
+    assert watch.movement(MJCF) == 0
+    assert watch.movement(scaled(MJCF, [gravity], 1.01)) == pytest.approx(0.01)
+    assert watch.movement(scaled(MJCF, [mass], 0.0)) is None  # a leaf without mass is no valid model
+    assert watch.movement(scaled(MJCF, [mass], 100.0)) is None  # the reader's own refusal
+    assert watch.movement(scaled(MJCF, [mass], 1e-320)) == math.inf
+    assert watch.movement(MJCF.replace('axis="0 1 0"', 'axis="0 2 0"')) is None
+
+
+def test_what_constraints_leave_is_measured_by_a_metre_and_not_by_its_own_rounding() -> None:
+    """Behind the acceleration of one joint, two rows of a closed loop hold rounding, which another order of operations changes."""
+    healthy, moved = np.array([[2.0, 0.0, 3e-16], [-4.0, 0.0, 0.0]]), np.array([[2.0, 1e-16, 0.0], [-4.0, 0.0, 2e-16]])
+    assert largest_change(healthy, moved, 1) == pytest.approx(3e-16)
+    assert largest_change(healthy, moved) == math.inf
+    opened = moved + np.array([0.0, 0.0, 1e-3])
+    assert largest_change(healthy, opened, 1) == pytest.approx(1e-3)
+    assert largest_change(healthy, 1.5 * healthy, 1) == pytest.approx(0.5)
+    watch = Watch(parse_model(Path("model.xml"), MJCF, "mjcf"), lambda model: healthy if "-9.81" in model.text else opened, 1)
+    assert watch.movement(MJCF.replace("-9.81", "-9.8")) == pytest.approx(1e-3)
+
+
+def test_the_watched_model_is_the_one_that_was_read() -> None:
+    path = Library.built_in().model_path("collar", "urdf")
+    model = read_model(path, "urdf")
+    assert parse_model(path, model.text, "urdf") == model
