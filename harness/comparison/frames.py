@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.canonical import CanonicalNode, canonical
 from harness.comparison.numbers import place_text
 from harness.comparison.quantities import JOINT_NUMBERS, Key, Quantity, quantities
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, reference_of
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
 from harness.results.comparison import FileDifference
+from harness.robots.canonical import CanonicalNode, canonical
 from harness.robots.robot import Robot
 from harness.robots.spatial import parameter_name
 

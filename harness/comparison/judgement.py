@@ -16,10 +16,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
-from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.reference import ROUNDINGS, Reference, energy_norm
+from harness.certify.far_links import FAR_LINKS, FarLinks
+from harness.certify.reference import Reference
 from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
-from harness.comparison.canonical import CanonicalNode, canonical
 from harness.comparison.truth import Meant, read_as, reference_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
@@ -64,7 +63,9 @@ def judge(meant: Meant, answers: EngineAnswers, caller: Engine, aided: bool) -> 
     if _are_all(after, Verdict.AGREES):
         return replace(record, explained=True)
     if cause := _cause_of_lost_digits(read, answers, after, caller):
-        return replace(record, explained=True, lost_digits=_lost(after, cause))
+        # As the cross-check of the file has it.
+        verdict = Verdict.UNSTABLE.value if after is compared else record.verdict
+        return replace(record, explained=True, lost_digits=_lost(after, cause), verdict=verdict)
     return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, answers))
 
 
@@ -75,7 +76,10 @@ def _cause_of_lost_digits(read: Meant, answers: EngineAnswers, after: Comparison
         return ""
     if _are_all(after, Verdict.AGREES, Verdict.UNSTABLE):
         return ILL_CONDITIONED
-    return FAR_LINKS if caller.takes_inertias_about_tree and is_explained_by_distance(read, accelerations) else ""
+    if not caller.takes_inertias_about_tree:
+        return ""
+    lost = FarLinks(read.robot).explain(read.truth, read.states, accelerations)
+    return FAR_LINKS if lost[read.truth.certified].all() else ""
 
 
 def _lost(after: Comparison, cause: str) -> str:
@@ -128,62 +132,6 @@ def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
     """True where each state with a certified truth has one of these verdicts, and one has such a truth."""
     verdicts, wanted = set(compared.verdicts.tolist()), {one.value for one in allowed}
     return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}
-
-
-FAR_LINKS = (
-    "no error is beyond what half ulps of m r^2 do at light links far from the centre of mass of their tree, about which the engine forms "
-    "inertias, and no number of the file explains them"
-)
-
-
-def is_explained_by_distance(meant: Meant, accelerations: Array) -> bool:
-    """True where no error of accelerations (n, nv) is beyond what half ulps of m r^2 in M, and of m r in forces, do.
-
-    MuJoCo forms composite inertias about the centre of mass of a tree: what a joint carries has m r^2 there, of which the small inertia
-    about the joint's own axis is what is left of a difference. Half an ulp of m r^2 stays in the entries of M, whatever the arithmetic
-    of the rest.
-
-    Source: MuJoCo documentation, Computation, ``mjData.cinert``: com-based body inertia; the hard case of this name in ``harness.hard``.
-    """
-    truth = meant.truth
-    masses, arms = _carried_from_centre(meant)
-    # |M^-1 e_j|_M = |R^-T e_j| with M = R' R.
-    inverse = np.linalg.inv(truth.norm_factor)
-    reach = np.sqrt((inverse**2).sum(axis=2))
-    # What a joint carries is accelerated by all joints, by their rates, and by gravity.
-    moved = np.abs(truth.high).sum(axis=1) + (meant.states.v**2).sum(axis=1)
-    weight = float(np.linalg.norm([float(component) for component in meant.robot.tree.gravity]))
-    forces = masses * arms * (arms * moved[:, None] + weight)
-    bound = ROUNDINGS * UNIT_ROUNDOFF * (reach * forces).sum(axis=1)
-    error = energy_norm(truth.norm_factor, (accelerations - truth.high) - truth.low)
-    return bool((error <= bound)[truth.certified].all())
-
-
-def _carried_from_centre(meant: Meant) -> tuple[Array, Array]:
-    """Of each velocity the mass [kg] that its joint carries, and the distance of that from the centre of all, with every joint at zero."""
-    nodes = canonical(meant.robot)
-    places: dict[str, Array] = {"": np.zeros(3)}
-    for name, node in nodes.items():
-        places[name] = places[node.parent] + node.anchor
-    carried = {name: _carried(nodes, places, name) for name in nodes}
-    roots = [carried[name] for name, node in nodes.items() if not node.parent]
-    mass = sum(one for one, _ in roots)
-    centre = sum((one * where for one, where in roots), np.zeros(3)) / mass if mass else np.zeros(3)
-    of_velocities = [carried[joint.name] for joint in meant.joints for _ in joint.velocities]
-    return np.array([own for own, _ in of_velocities]), np.array([float(np.linalg.norm(where - centre)) for _, where in of_velocities])
-
-
-def _carried(nodes: dict[str, CanonicalNode], places: dict[str, Array], name: str) -> tuple[float, Array]:
-    """Mass and centre, in the world, of all that moves with a joint."""
-    mass, first = 0.0, np.zeros(3)
-    for other, node in nodes.items():
-        at = other
-        while at and at != name:
-            at = nodes[at].parent
-        if at:
-            mass += node.total.mass
-            first = first + node.total.mass * (places[other] + node.total.centre)
-    return mass, first / mass if mass else places[name]
 
 
 # Numbers that are named, and the share of the error that the best may leave to be worth naming.

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.canonical import CanonicalNode, Mass, canonical
 from harness.files.tree import Body, Place
+from harness.robots.canonical import CanonicalNode, Mass, canonical
 from harness.robots.robot import Robot
 
 # Vectors in canonical axes carry the rounding of the rotations that brought them there.

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.canonical import CanonicalNode, canonical
 from harness.engines.coordinates import multiplied, of_linear, quaternion_of, rotations
 from harness.engines.request import AskedJoint
 from harness.engines.tree_request import asked_joints
 from harness.equations.states import States
 from harness.files.joint_kinds import JointKind
+from harness.robots.canonical import CanonicalNode, canonical
 from harness.robots.robot import Robot
 
 _ALIKE = 2.0**-48

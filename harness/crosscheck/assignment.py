@@ -157,7 +157,8 @@ def _question(assignment: Assignment, declared: ModelFile | None) -> tuple[Quest
         laws = constraint_laws(engine, read) if quantity.has_laws else {}
     rules = step_rules(engine, read) if read is not None and quantity.has_step_rules else ()
     softening = _softening(laws, read) if read is not None and laws else None
-    question = Question(mechanism, declared, read, in_body, softening, rules, precision, factorises)
+    is_about_tree = bool(getattr(engine, "takes_inertias_about_tree", False))
+    question = Question(mechanism, declared, read, in_body, softening, rules, precision, factorises, is_about_tree)
     texts = tuple(file and file.text for file in (declared, read))
     return question, (texts, in_body, tuple(laws.items()), rules)
 

@@ -18,6 +18,8 @@ from harness.results.hard_states import replay_command
 from harness.results.records import Record, quantity_options
 from harness.verdict import Verdict
 
+LOST_DIGITS = "digits are lost as the condition of M, or the distance of its links, explains, and no number of the file does"
+
 
 def record_of(settings: Settings, expectations: Expectations, name: str, pair: Pair) -> Record:
     """The record of a pair of system ``name``, with the expectations of its quantity."""
@@ -25,6 +27,10 @@ def record_of(settings: Settings, expectations: Expectations, name: str, pair: P
     if expectation is AGREES and pair.unsupported and engine_files(settings.library)[pair.subject.engine].elsewhere:
         # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
         expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
+    is_of_file = not settings.library.validated_models(name)
+    if is_of_file and expectation is AGREES and pair.verdict == Verdict.UNSTABLE and pair.explained == "":
+        # A user's file is the truth itself, of which lost digits are an explanation, as ``harness compare`` has it.
+        expectation = structs.replace(AGREES, verdict=Verdict.UNSTABLE.value, reason=LOST_DIGITS)
     record = judge(name, str(pair.subject), pair, expectation)
     few = settings.state is not None or settings.states < DEFAULT_STATES
     if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:

@@ -285,7 +285,8 @@ class CrossCheck(Inquiries):
             outcome = yield from ask(explain, pair.assignment, self.settings.seed, affinity=system.name)
             if failure := self.failure(outcome):
                 pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
-            pair.explained = outcome.value or ""
+            else:
+                pair.explained = outcome.value or ""
         # It changes no verdict: at the worst state that any task has found.
         if moves and not pair.failure and pair.shown is not None and not math.isnan(pair.shown[1].backward_error[LARGEST]):
             beyond = 0.0 if self.settings.componentwise else AGREEMENT

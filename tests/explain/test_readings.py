@@ -9,9 +9,10 @@ import pytest
 from comparison.robots import FILES, edited, line_of, meant_by, record_of
 from support import BUILT_IN
 
+from harness.certify.far_links import FarLinks
 from harness.comparison import judgement
 from harness.comparison.asking import engines_of_files
-from harness.comparison.judgement import ILL_CONDITIONED, is_explained_by_distance
+from harness.comparison.judgement import ILL_CONDITIONED
 from harness.explain.changes.readings import find_readings
 from harness.verdict import AGREEMENT, Verdict
 
@@ -116,8 +117,9 @@ def test_digits_lost_far_from_the_tree_are_told_from_a_wrong_number(tmp_path: Pa
     record = record_of(path, "mujoco", aided=True)
     assert record.explained and record.outcome == "lost digits" and "half ulps of m r^2" in record.lost_digits
     found = meant_by(path)
-    assert is_explained_by_distance(found, found.truth.high)
-    assert not is_explained_by_distance(found, found.truth.high * (1 + 1e-3))
+    links = FarLinks(found.robot)
+    assert links.explain(found.truth, found.states, found.truth.high).all()
+    assert not links.explain(found.truth, found.states, found.truth.high * (1 + 1e-3)).any()
 
 
 @pytest.mark.parametrize("shape", ['<box size="0.25 0.5 0.125"/>', '<cylinder radius="0.125" length="0.5"/>', '<sphere radius="0.125"/>'])

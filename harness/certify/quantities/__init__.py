@@ -45,6 +45,7 @@ class Question:
             ``read``; None where it holds them rigid.
         step_rules: of the integrators that the engine documents.
         unit_roundoff: of the numbers that the engine computes with. factorises: whether it declares that it factorises M.
+        is_about_tree: whether it declares that it forms inertias about the centre of a whole tree.
     """
 
     mechanism: Mechanism
@@ -55,6 +56,7 @@ class Question:
     step_rules: tuple[StepRule, ...] = ()
     unit_roundoff: float = UNIT_ROUNDOFF
     factorises: bool = False
+    is_about_tree: bool = False
 
     def robot_of(self, file: ModelFile | None) -> Robot:
         """The robot of ``declared`` or of ``read``."""

@@ -7,11 +7,14 @@ problem, in which constraints give by numbers of the model file, the *declared* 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
+from harness.certify.far_links import FarLinks
 from harness.certify.gaps import beside_gaps, gaps_of, remark_on, with_gaps
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Quantity, Question, Truth
@@ -20,7 +23,9 @@ from harness.engines import Model, accelerations, factorises_mass_matrix
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.results.records import ACCELERATIONS as NAME
+from harness.robots.mechanism import RobotMechanism
 from harness.storage import Kept
+from harness.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +36,7 @@ class AccelerationTruth(Truth):
         linear_velocity_in_body: whether that is the body's frame, not the joint's.
         unit_roundoff: of the numbers that an engine computes with.
         factorises: whether the engine declares that it factorises M.
+        far_links: of a user's file, whose engine forms inertias about the centre of a whole tree; None of all others.
         rigid: the truth that holds rigid what gives here; None where nothing does.
     """
 
@@ -39,6 +45,7 @@ class AccelerationTruth(Truth):
     unit_roundoff: float = UNIT_ROUNDOFF
     factorises: bool = False
     rigid: AccelerationTruth | None = None
+    far_links: FarLinks | None = None
     blocks = ()
 
     @property
@@ -75,9 +82,17 @@ class AccelerationTruth(Truth):
         return self.factorises or factorises_mass_matrix(model)
 
     def judge(self, certified: Any, states: States, answers: Array, model: Model) -> Comparison:
-        """See ``Truth``; what the model's constraints leave open counts beside the accelerations."""
+        """See ``Truth``; what the model's constraints leave open counts beside the accelerations.
+
+        An answer is unstable too where the links of a user's file are too far from one another for what its engine documents.
+        """
         gaps = gaps_of(model, states)
-        return compare(beside_gaps(certified, self._own, states, gaps), with_gaps(answers, gaps), self.may_lose_digits(model))
+        found = compare(beside_gaps(certified, self._own, states, gaps), with_gaps(answers, gaps), self.may_lose_digits(model))
+        disagree = found.verdicts == Verdict.DISAGREES.value
+        if self.far_links is None or not disagree.any():
+            return found
+        lost = disagree & self.far_links.explain(certified, states, answers)
+        return replace(found, verdicts=np.where(lost, Verdict.UNSTABLE.value, found.verdicts))
 
     def describe(self, certified: Any, states: States, answers: Array, model: Model) -> str:
         """See ``Truth``: the constraint that is open by more than data explain, where one is."""
@@ -95,11 +110,15 @@ def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> Ref
 
 def _truth(question: Question) -> AccelerationTruth:
     about = question.linear_velocity_in_body, question.unit_roundoff, question.factorises
-    rigid = AccelerationTruth(question.mechanism, *about)
+    mechanism, far_links = question.mechanism, None
+    if question.is_about_tree and isinstance(mechanism, RobotMechanism):
+        far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
+    rigid = AccelerationTruth(mechanism, *about, far_links=far_links)
     return rigid if question.softened is None else AccelerationTruth(question.softened(question.mechanism), *about, rigid)
 
 
 _KERNELS: Kept[ReferenceKernel] = Kept(64)
+_FAR_LINKS: Kept[FarLinks] = Kept(64)
 ACCELERATIONS = Quantity(
     NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, is_searched=True, is_asked_again=True
 )

@@ -1,0 +1,76 @@
+"""One file has one verdict, whichever command asks: ``check FILE`` and ``compare FILE``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import InThisProcess, completed, cross_checked
+
+from harness.comparison.asking import ask_engine, engine_of
+from harness.comparison.judgement import judge
+from harness.comparison.robot_library import RobotLibrary
+from harness.comparison.study import RobotComparison, question_of
+from harness.comparison.study import Settings as ComparisonSettings
+from harness.comparison.truth import Meant, reference_of
+from harness.crosscheck.assignment import Assignment, load_audited
+from harness.crosscheck.settings import Settings
+from harness.engines import Subject
+from harness.equations.states import States
+from harness.robots.robot import read_robot
+
+# Seats that hang from arms of 4 m on a mast. Where one hangs still its acceleration is zero, and so is what its data round.
+CHAIROPLANE = """
+<mujoco model="chairoplane">
+  <worldbody>
+    <body name="mast" pos="0 0 6">
+      <joint name="mast" axis="0 0 1" damping="2.5"/>
+      <inertial pos="0 0 0" mass="200" diaginertia="150 150 300"/>
+      <body name="near" pos="4 0 0">
+        <joint name="swing" axis="0 1 0" damping="0.4" stiffness="3"/>
+        <inertial pos="0 0 -3" mass="80" diaginertia="4 4 2"/>
+      </body>
+      <body name="far" pos="-4 0 0" euler="0 0 180">
+        <joint name="other swing" axis="0 1 0" damping="0.4"/>
+        <inertial pos="0 0 -3" mass="60" diaginertia="4 4 2"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "chairoplane.xml"
+    path.write_text(CHAIROPLANE)
+    return path
+
+
+def test_a_file_that_compare_explains_is_as_expected_for_check(file: Path) -> None:
+    library, subjects = RobotLibrary.of([str(file)]), ["mujoco/mjcf", "pinocchio/mjcf"]
+    records, _ = cross_checked(Settings(library=library, subjects=subjects, states=400, examples=None))
+    found = completed(RobotComparison(ComparisonSettings([file], stances=(True,), subjects=subjects)), InThisProcess())
+    assert all(record.as_expected for record in records), [record.explanation for record in records]
+    assert found.as_expected, [(one.subject, one.outcome) for one in found.subjects]
+    # The search comes upon hanging seats, which no sample does.
+    worst = {record.subject: record for record in records}["mujoco/mjcf"]
+    assert worst.verdict == "unstable" and worst.worst_state is not None
+
+    robot, state = read_robot(file), States.at(*(worst.worst_state[name] for name in ("q", "v", "tau")))
+    meant = Meant(robot, state, reference_of(robot).evaluate(state))
+    aided = judge(meant, ask_engine("mujoco", question_of(meant, True)), engine_of("mujoco"), aided=True)
+    assert (aided.verdict, aided.outcome) == ("unstable", "lost digits"), "the same state has the same verdict"
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-11])
+def test_a_wrong_answer_is_no_lost_digits(file: Path, size: float) -> None:
+    library, path = RobotLibrary.of([str(file)]), str(file)
+    assignment = Assignment.of(library, path, Subject("mujoco", "mjcf"))
+    states = States.at(np.full((1, 3), 0.3), np.full((1, 3), 0.2), np.full((1, 3), 0.1))
+    truth, model = assignment.truth, load_audited(assignment)
+    certified = truth.evaluate(states)
+    answers = truth.answers(model, states)
+    assert set(truth.judge(certified, states, answers, model).verdicts) == {"agrees"}
+    assert set(truth.judge(certified, states, answers * (1 + size), model).verdicts) == {"disagrees"}
