@@ -56,8 +56,8 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
-    from harness.diagnosis.pattern import infer_from_records
     from harness.errors import InvalidInput, InvalidRequest
+    from harness.explain.pattern import infer_from_records
     from harness.verdict import Verdict
 
     require_quantity(asked.quantity)

@@ -16,12 +16,12 @@ from harness.certify.sampling import sample
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.settings import Settings
-from harness.diagnosis.pattern import Inference, infer_from_records, subject_named
 from harness.diagnosis.subject import Scope, SubjectDiagnosis, examine
 from harness.engines import EQUATIONS, HeldModel, Subject, engine_files, is_native, load_model, subjects
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
 from harness.errors import InvalidInput
+from harness.explain.pattern import Inference, infer_from_records, subject_named
 from harness.explain.search import EVALUATIONS
 from harness.files.model_file import ModelFile, read_model
 from harness.library import MODEL_SUFFIXES, Library

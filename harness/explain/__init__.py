@@ -5,4 +5,5 @@ for the same explanations.
 
 Start with ``changes``: what may be wrong, as data found by name. ``search`` finds the change that explains; ``model_side`` asks an engine
 about changed texts of a file, ``textbook_side`` the certified truth about other numbers. ``columns`` are derivatives of answers.
+``pattern`` infers the party at fault from who agrees, ``terms`` says which terms or blocks are wrong.
 """

@@ -12,10 +12,10 @@ from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, load_audited
 from harness.crosscheck.held import differences, held_by, written
 from harness.crosscheck.settings import Settings
-from harness.diagnosis.terms import TermTruth, compare_terms
 from harness.engines import HeldModel, Subject, Unsupported, engine_files, subjects_of
 from harness.environments.folders import AT, split_name
 from harness.errors import InvalidRequest
+from harness.explain.terms import TermTruth, compare_terms
 from harness.library import Library
 from harness.results.records import Record
 from harness.results.run_changes import READING, TERMS, RunChange, run_changes

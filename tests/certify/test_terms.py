@@ -22,7 +22,6 @@ from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, term_errors
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
-from harness.diagnosis.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
 from harness.equations.derivation import load_mechanism, load_system
 from harness.equations.evaluation import jacobians
@@ -32,6 +31,7 @@ from harness.equations.mechanism_kernel import Charts
 from harness.equations.program import upper_triangle
 from harness.equations.states import States
 from harness.equations.system import System
+from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import MODEL_SUFFIXES
 from harness.verdict import AGREEMENT, Verdict

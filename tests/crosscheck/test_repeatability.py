@@ -8,7 +8,7 @@ import pytest
 from support import cross_checked, harness, make_library
 
 from harness.crosscheck.settings import Settings
-from harness.diagnosis.pattern import infer_from_records
+from harness.explain.pattern import infer_from_records
 from harness.library import Library
 from harness.results.records import Record
 

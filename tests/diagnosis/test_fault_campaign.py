@@ -25,10 +25,10 @@ from harness.diagnosis.faults.bench import Answer, FaultBench
 from harness.diagnosis.faults.campaign import CampaignSettings, number_faults, run_campaign
 from harness.diagnosis.faults.study import select_models
 from harness.diagnosis.faults.summary import Fault, broken_bars, by_kind, shares
-from harness.diagnosis.pattern import Inference
 from harness.explain.changes.mistakes import find_mistakes, mended_mistakes
 from harness.explain.columns import STATES, watch
 from harness.explain.model_side import Diagnosis, diagnose
+from harness.explain.pattern import Inference
 from harness.files.model_file import ModelFile, read_model
 from harness.files.text.scan import Element, Number, Place, find_elements, find_numbers
 from harness.verdict import Verdict

@@ -11,7 +11,7 @@ from support import InThisProcess, cross_checked
 from harness.comparison.wanted import find_causes
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.causes import errors_of_files
-from harness.diagnosis.pattern import infer, infer_from_records
+from harness.explain.pattern import infer, infer_from_records
 from harness.verdict import AGREEMENT, Verdict
 
 AGREES, DISAGREES = Verdict.AGREES.value, Verdict.DISAGREES.value

@@ -10,8 +10,8 @@ from catalogue import BUILT_IN
 from support import InThisProcess, make_library
 
 import harness
-from harness.diagnosis.terms import AT_REST, LOADED, MOVING, wrong_blocks
 from harness.errors import InvalidRequest
+from harness.explain.terms import AT_REST, LOADED, MOVING, wrong_blocks
 
 TURNED_ENGINE = """
 from harness.engines.adapters.mujoco import MujocoEngine

@@ -12,10 +12,10 @@ from support import where
 from harness.certify.compare import Comparison, compare
 from harness.certify.manifold import closed, closes, distances
 from harness.crosscheck.assignment import Assignment, truth_of
-from harness.diagnosis.pattern import subject_named
 from harness.engines import Subject, accelerations, load_engine
 from harness.equations.derivation import load_mechanism
 from harness.equations.states import States
+from harness.explain.pattern import subject_named
 from harness.files.text.attributes import with_attributes
 from harness.hard import truths
 from harness.hard.atlas import AtlasStudy

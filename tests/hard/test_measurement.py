@@ -11,8 +11,8 @@ from catalogue import BUILT_IN
 
 from harness.certify.compare import compare
 from harness.certify.quantities.accelerations import reference_kernel
-from harness.diagnosis.pattern import subject_named
 from harness.explain.columns import Whitening, parameter_derivatives
+from harness.explain.pattern import subject_named
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import Answered, explained, point_of, row_of

@@ -49,7 +49,7 @@ def errors_of(name: str, subject: str, count: int, seed: int) -> np.ndarray:
 
     from harness.certify.sampling import random_sample
     from harness.crosscheck.assignment import Assignment, judge_of
-    from harness.diagnosis.pattern import subject_named
+    from harness.explain.pattern import subject_named
 
     assignment = Assignment.of(BUILT_IN, name, subject_named(subject))
     errors: np.ndarray = judge_of(assignment)(random_sample(assignment.mechanism, count, seed)).known("backward_error")

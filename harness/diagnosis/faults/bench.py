@@ -19,7 +19,6 @@ from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED, Baseline, least_that, require_sound, smallest_caught
-from harness.diagnosis.pattern import NOTHING, UNDECIDED, infer
 from harness.engines import (
     EQUATIONS,
     Engine,
@@ -40,6 +39,7 @@ from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
+from harness.explain.pattern import NOTHING, UNDECIDED, infer
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import Library
 from harness.verdict import Verdict, gravest

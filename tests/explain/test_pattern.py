@@ -9,8 +9,8 @@ from catalogue import BUILT_IN
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from harness.diagnosis.pattern import RULES, Inference, infer, infer_from_records
 from harness.engines import subjects
+from harness.explain.pattern import RULES, Inference, infer, infer_from_records
 from harness.results.records import Record
 from harness.verdict import Verdict
 
