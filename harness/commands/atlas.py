@@ -30,7 +30,7 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     """
     from harness.hard.atlas import AtlasStudy
     from harness.hard.cases import STATES
-    from harness.report import hard_tables as tables
+    from harness.report import hard_cases as tables
     from harness.report.hard_cases import HardSummary
     from harness.results.atlas import Atlas
 

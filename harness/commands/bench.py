@@ -92,7 +92,7 @@ def command(bracket: Bracket, asked: BenchOptions) -> None:
 
 def _print_benchmark(summary: BenchmarkSummary) -> None:
     """A table for each part that was measured, what is not as expected, and the cheapest ways."""
-    from harness.report import benchmark_tables as tables
+    from harness.report import benchmarks as tables
 
     costs = [cost for system in summary.systems for cost in summary.accelerations(system)]
     unused = () if any(cost.from_rigid is not None for cost in costs) else ("distance from rigid",)

@@ -13,7 +13,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import causes_of
 from harness.commands.frame.options import quantity_option, stand_in_options, states_option, subjects_option, takes
 from harness.commands.frame.robots import find_differing_lines
-from harness.results.records import ACCELERATIONS
+from harness.results.records import quantity_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
 
     require_quantity(asked.quantity)
     bracket.choose_library([asked.name])
-    if asked.quantity != ACCELERATIONS:
+    if quantity_words(asked.quantity):
         refuse_robots(bracket.library, asked.name, asked.quantity)
         if asked.evaluations is not None:
             raise InvalidRequest("--evaluations counts changed models of a diagnosis of accelerations; leave it out")

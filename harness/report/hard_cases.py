@@ -1,15 +1,18 @@
-"""An atlas arranged for a reader, before it is HTML or Markdown: families, growth, motions that part, stable steps."""
+"""An atlas arranged for a reader, before it is HTML or Markdown: families, growth, motions that part, stable steps; and its tables."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from operator import attrgetter
+from statistics import median
 
-from harness.results.atlas import Atlas, HardReason, HardRow
+from harness.results.atlas import Atlas, HardReason, HardRow, Parting, StableStep
 from harness.results.records import Run
-from harness.results.table import counted
+from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, seconds_text
 from harness.verdict import SEVERITY, Verdict, gravest
 
 # Points at which the engine was not asked, or gave nothing that could be judged.
@@ -127,3 +130,107 @@ def growth_text(growth: float | None, theory: float | None) -> str:
         return ""
     measured = "no slope" if growth is None else f"slope {growth:.2f}"
     return measured if theory is None else f"{measured}, theory {theory:g}"
+
+
+_rows = TableOf(
+    HardRow,
+    "family subject marked_verdict worst digits_lost condition growth digits_growth theory counts balls seconds",
+    "Each subject along each family",
+)
+
+
+def rows_of(hard: HardSummary) -> Table:
+    """One row per family and subject."""
+    return _rows(row for family in hard.families for row in family.rows.values())
+
+
+def verdicts(hard: HardSummary) -> Table:
+    """Family by subject: how many points have which verdict."""
+    rows = [
+        [family.name, *(row.counts if (row := family.rows.get(subject)) else "not run" for subject in hard.subjects)]
+        for family in hard.families
+    ]
+    return Table(["family", *hard.subjects], rows, "Points of each verdict")
+
+
+def matrix(hard: HardSummary, anchors: Mapping[str, str]) -> Table:
+    """Family by subject: gravest verdict, largest backward error and slope; ``anchors`` of the families on the page."""
+    caption = (
+        "Gravest verdict along each family, the largest backward error, and, where the error grows, its slope: "
+        "p of error = constant · knob^p, beside the one theory gives"
+    )
+    rows = [_matrix_row(family, hard, anchors[family.name]) for family in hard.families]
+    return Table(["family", *hard.subjects, "what you can do"], rows, caption, "matrix")
+
+
+def partings(hard: HardSummary) -> Table:
+    """One row per family of motions and integrator."""
+    rows: list[list[object]] = []
+    key = attrgetter("motion", "integrator")
+    for (motion, integrator), own in groupby(sorted(hard.atlas.partings, key=key), key=key):
+        found = list(own)
+        times = [one.parted for one in found if one.parted is not None]
+        ratios = [one.rate / one.expected_rate for one in found if one.rate is not None and one.expected_rate]
+        rates = f"median {median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
+        soonest = f"{min(times):.4g} s" if times else "-"
+        largest = max(one.largest for one in found)
+        rows.append([motion, integrator, f"{len(times)} of {len(found)}", rates, soonest, largest, _gravest(found)])
+    texts = "motion", "integrator", "parted", "rate over the expected one", "soonest"
+    return Table([*texts, Column("largest distance", "error"), "verdict"], rows, "When integrators of one scheme part")
+
+
+def starts(partings: Sequence[Parting]) -> Table:
+    """One row per start of one family of motions, with rate and time of each integrator."""
+    integrators = list(dict.fromkeys(parting.integrator for parting in partings))
+    by_place = {(parting.knob, parting.integrator): parting for parting in partings}
+    columns = [Column("knob", "given"), Column("expected rate", "error"), Column("may part from", "plain")]
+    columns += [Column(f"{name}: {what}", kind) for name in integrators for what, kind in (("rate", "error"), ("parts after", "plain"))]
+    cells: list[list[object]] = []
+    for knob, own in groupby(sorted(partings, key=attrgetter("knob")), key=attrgetter("knob")):
+        first = next(own)
+        cells.append([knob, first.expected_rate, _time(first.earliest)])
+        for one in (by_place.get((knob, name)) for name in integrators):
+            tone = "disagrees" if one and one.verdict != "agrees" else ""
+            cells[-1] += ["", ""] if one is None else [one.rate, Cell(_time(one.parted), tone=tone)]
+    return Table(columns, cells, "Each start: rates [1/s], and when it parts")
+
+
+def stable_steps(hard: HardSummary) -> Table:
+    """One row per integrator: the largest stable step times the frequency of an undamped spring."""
+    rows: list[list[object]] = []
+    key = attrgetter("integrator")
+    for integrator, own in groupby(sorted(hard.atlas.stable_steps, key=key), key=key):
+        steps = list(own)
+        expected, limits = steps[0].expected, [step.measured for step in steps]
+        low, high = min(limits), max(limits)
+        measured = "no limit found" if math.isinf(low) else f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+        frequencies = [step.frequency for step in steps]
+        theory = "no limit" if expected > 1e300 else f"{expected:.4g}"
+        rows.append([integrator, theory, measured, f"{min(frequencies):.3g} to {max(frequencies):.3g} rad/s", _gravest(steps)])
+    numbers = (Column(title, "plain") for title in ("theory", "measured", "frequencies"))
+    return Table(["integrator", *numbers, "verdict"], rows, "Largest stable step times the frequency")
+
+
+def _gravest(measured: Iterable[Parting | StableStep]) -> Cell:
+    verdict = gravest(one.verdict for one in measured)
+    return Cell(verdict, tone=verdict)
+
+
+def _matrix_row(family: Family, hard: HardSummary, anchor: str) -> list[Cell]:
+    linked = partial(Cell, fills=True, link=f"#{anchor}")
+    cells = [Cell(family.name, link=f"#{anchor}")]
+    for subject in hard.subjects:
+        row = family.rows.get(subject)
+        if row is None:
+            cells.append(Cell("not run", tone="empty", fills=True))
+            continue
+        digits = growth_text(row.digits_growth, row.theory_digits_growth) if row.theory_digits_growth is not None else ""
+        notes = [error_text(row.worst), "as expected" if row.as_expected and row.verdict != "agrees" else ""]
+        notes += [growth_text(row.growth, row.theory_growth), digits and f"relative error: {digits}"]
+        mark, tone = ("", row.verdict) if row.as_expected else ("✗ ", f"{row.verdict} surprise")
+        cells.append(linked(f"{mark}{row.verdict}", list(filter(None, notes)), tone))
+    return [*cells, Cell("; ".join(family.remedies) or "nothing is needed", tone="remedy", fills=True)]
+
+
+def _time(value: float | None) -> str:
+    return "never" if value is None else seconds_text(value)

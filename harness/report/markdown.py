@@ -10,11 +10,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from harness.report import benchmark_tables, hard_tables
+from harness.report import benchmarks, hard_cases
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.summary import Summary, changes_table, states_of, trend_changes_table, worst
-from harness.results.records import ACCELERATIONS, Record, Records
+from harness.results.records import Record, Records
 from harness.results.table import Cell, Column, Table, error_text, markdown_cell, markdown_line, printable
 from harness.verdict import AGREEMENT
 
@@ -76,7 +76,7 @@ def _stable(summary: Summary) -> Iterator[str]:
         for record in [*records, *(one for one in summary.further if one.system == system and one.is_noteworthy)]:
             if record.message:
                 yield f"{markdown_line(record.asked)}, {record.verdict}:\n\n{_fenced(record.message)}"
-            if record.quantity == ACCELERATIONS and (cause := summary.causes.get((system, record.subject))):
+            if not record.is_further and (cause := summary.causes.get((system, record.subject))):
                 yield from _diagnosis(cause)
 
 
@@ -147,46 +147,46 @@ def _volatile(summary: Summary) -> Iterator[str]:
 def _stable_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
     yield "## Speed against error"
     yield _troubles(benchmark)
-    yield benchmark_tables.findings(benchmark.benchmark.findings).without("finding").markdown()
-    yield benchmark_tables.figures(benchmark.benchmark.figures).without("computed", "true motion").markdown()
+    yield benchmarks.findings(benchmark.benchmark.findings).without("finding").markdown()
+    yield benchmarks.figures(benchmark.benchmark.figures).without("computed", "true motion").markdown()
     # Measured orders vary from run to run.
-    yield benchmark_tables.orders(benchmark, lambda order: Cell(order.verdict)).markdown()
+    yield benchmarks.orders(benchmark, lambda order: Cell(order.verdict)).markdown()
 
 
 def _volatile_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
     yield "### Benchmark"
     run = benchmark.run
     yield _about("what", "value", {"started": run.started, "profile": run.profile, "seed": str(run.seed), "command": run.command})
-    for kind in benchmark_tables.KINDS:
-        if ways := benchmark_tables.cheapest(benchmark, kind).markdown():
+    for kind in benchmarks.KINDS:
+        if ways := benchmarks.cheapest(benchmark, kind).markdown():
             yield f"#### The cheapest way: {kind}"
             yield ways
     yield _bullets(f"{markdown_line(f'{one.method} on {one.system}: {one.statement}')}" for one in benchmark.benchmark.findings)
     reasons = benchmark.explanations(["as expected", "differs"])
     yield _bullets(f"{markdown_line(text)} ({markdown_cell('; '.join(places))})" for text, places in reasons.items())
-    yield benchmark_tables.growth(benchmark.benchmark.growth).without("bodies").markdown()
+    yield benchmarks.growth(benchmark.benchmark.growth).without("bodies").markdown()
 
 
 def _stable_hard(hard: HardSummary) -> Iterator[str]:
     yield "## Hard cases"
     yield hard.sentence
     yield _troubles(hard)
-    yield hard_tables.verdicts(hard).markdown()
+    yield hard_cases.verdicts(hard).markdown()
     yield _bullets(
         markdown_line(f"{family.name}, {', '.join(subjects)}, {reason.verdict}: {reason.reason}; {reason.remedy} ({reason.link})")
         for family in hard.families
         for subjects, reason in family.reasons
     )  # fmt: skip
-    yield hard_tables.partings(hard).only("motion", "integrator", "verdict").markdown()
-    yield hard_tables.stable_steps(hard).only("integrator", "theory", "verdict").markdown()
+    yield hard_cases.partings(hard).only("motion", "integrator", "verdict").markdown()
+    yield hard_cases.stable_steps(hard).only("integrator", "theory", "verdict").markdown()
 
 
 def _volatile_hard(hard: HardSummary) -> Iterator[str]:
     yield "### Hard cases"
     yield _about("what", "value", {"started": hard.run.started, "command": hard.run.command})
-    yield hard_tables.rows_of(hard).only("family", "subject", "largest backward error", "slope", "theory", "time").markdown()
-    yield hard_tables.partings(hard).only("motion", "integrator", "parted", "rate over the expected one", "soonest").markdown()
-    yield hard_tables.stable_steps(hard).only("integrator", "measured").markdown()
+    yield hard_cases.rows_of(hard).only("family", "subject", "largest backward error", "slope", "theory", "time").markdown()
+    yield hard_cases.partings(hard).only("motion", "integrator", "parted", "rate over the expected one", "soonest").markdown()
+    yield hard_cases.stable_steps(hard).only("integrator", "measured").markdown()
 
 
 def _troubles(part: BenchmarkSummary | HardSummary) -> str:

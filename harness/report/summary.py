@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from harness.errors import shown_path
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
-from harness.results.records import ACCELERATIONS, Record, Records, Run
+from harness.results.records import Record, Records, Run
 from harness.results.table import Table, counted, error_text
 from harness.results.trend import TREND_CHANGES, ChangedCell, Trend, comparable, readings_of_records, subject_of, trends
 from harness.results.trend_numbers import TRACKED
@@ -51,8 +51,8 @@ class Summary:
     def __init__(self, run: Run, found: CrossCheckResult, history: Sequence[Earlier] = ()) -> None:
         self.run = run
         self.cards = {card.name: card for card in found.systems}
-        self.records, self.further = Records(_of_accelerations(found.records)), Records(_of_others(found.records))
-        earlier = [(one, _of_accelerations(records)) for one, records in history]
+        self.records, self.further = (Records(one for one in found.records if one.is_further is further) for further in (False, True))
+        earlier = [(one, [record for record in records if not record.is_further]) for one, records in history]
         self.earlier = sorted(earlier, key=lambda entry: datetime.fromisoformat(entry[0].started))
         self.systems = sorted({record.system for record in found.records} | set(self.cards))
         self.subjects = sorted({record.subject for record in found.records})
@@ -189,14 +189,6 @@ def trends_on(summary: Summary, system: str) -> Table:
     known = {(trend.subject, trend.number): Sparkline.of(trend) for trend in summary.trends if trend.system == system}
     rows = [[subject, *(known.get((subject, number), NO_TREND) for number in TRACKED.values())] for subject in subjects]
     return Table(["subject", *TRACKED], rows, f"Trends of backward errors on {system}")
-
-
-def _of_accelerations(records: Iterable[Record]) -> list[Record]:
-    return [record for record in records if record.quantity == ACCELERATIONS]
-
-
-def _of_others(records: Iterable[Record]) -> list[Record]:
-    return [record for record in records if record.quantity != ACCELERATIONS]
 
 
 def _short(path: str) -> str:

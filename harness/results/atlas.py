@@ -9,7 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from harness.results.records import ACCELERATIONS
+from harness.results.records import ACCELERATIONS, quantity_words
 from harness.results.study_result import StudyResult
 from harness.results.table import Cell, Column
 
@@ -104,7 +104,7 @@ class HardRow:
     @property
     def family(self) -> Annotated[str, Column("family")]:
         """The case, and the quantity where it is not the usual one."""
-        return self.case if self.quantity == ACCELERATIONS else f"{self.case}, {self.quantity}"
+        return ", ".join([self.case, *quantity_words(self.quantity)])
 
     @property
     def as_expected(self) -> bool:

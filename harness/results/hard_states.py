@@ -164,7 +164,7 @@ def worst_cases(records: Iterable[Record], most: int = 10) -> list[RankedCase]:
     among those of the records: what was stored of their errors was measured elsewhere.
     """
     cases = []
-    for record in (one for one in records if one.quantity == ACCELERATIONS):
+    for record in (one for one in records if not one.is_further):
         state, error, replay = record.worst_state, record.backward_error, record.replay
         if record.verdict == Verdict.ERROR and (shown := record.representative) is not None:
             # Worse than any number.

@@ -140,6 +140,11 @@ class Record:
         return " ".join([self.system, self.subject, *quantity_words(self.quantity)])
 
     @property
+    def is_further(self) -> bool:
+        """True for another quantity than accelerations."""
+        return bool(quantity_words(self.quantity))
+
+    @property
     def as_expected(self) -> bool:
         """True for the expected verdict with no larger errors than the expectation explains."""
         return self.verdict == self.expected and not self.beyond
@@ -233,7 +238,7 @@ class Records(UserList[Record]):
 
     def table(self) -> Table:
         """One row per record; the quantity has a column where it is not the usual one in all of them."""
-        several = any(quantity_words(record.quantity) for record in self)
+        several = any(record.is_further for record in self)
         table = _TABLE(self)
         return table if several else table.without("quantity")
 

@@ -23,7 +23,7 @@ from harness.crosscheck.stages import compare_all
 from harness.engines import Subject
 from harness.errors import InvalidRequest
 from harness.library import Library
-from harness.report import benchmark_tables
+from harness.report import benchmarks
 from harness.results.benchmark import QuantityCost
 from harness.verdict import AGREEMENT
 
@@ -142,7 +142,7 @@ def test_a_part_of_the_study_is_a_quantity(monkeypatch: pytest.MonkeyPatch) -> N
     assert [(cost.method, cost.states) for cost in found.quantities] == [
         (name, count) for name in ("mujoco/mjcf", "pinocchio/urdf") for count in (1, 2)
     ]
-    table = benchmark_tables.quantities(found.quantities)
+    table = benchmarks.quantities(found.quantities)
     assert [row[:4] for row in table.rows] == [[NAME, "bias", cost.method, cost.states] for cost in found.quantities]
 
 

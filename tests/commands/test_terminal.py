@@ -26,7 +26,7 @@ from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
 from harness.errors import InvalidInput
 from harness.files.text.scan import Place
 from harness.library import Library
-from harness.report import hard_tables
+from harness.report import hard_cases
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.results import benchmark as bench
@@ -113,7 +113,7 @@ DIFFERENCE = Difference(EVIL, "mass", EVIL, ((EVIL,), (EVIL,)), (1.0, 2.0), 1e9,
 
 def _atlas() -> None:
     summary = HardSummary(RUN, HARD)
-    for table in (hard_tables.rows_of(summary), hard_tables.partings(summary), hard_tables.stable_steps(summary)):
+    for table in (hard_cases.rows_of(summary), hard_cases.partings(summary), hard_cases.stable_steps(summary)):
         terminal.print_titled(EVIL, table)
     terminal.print_sentences(summary)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from harness.results.records import ACCELERATIONS, Record, Records, Run
+from harness.results.records import Record, Records, Run
 from harness.results.table import Table, printable
 from harness.verdict import AGREEMENT, Verdict
 
@@ -258,7 +258,7 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
 
 def print_quantity_diagnoses(records: Sequence[Record], settings: Settings) -> None:
     """The command that says what is wrong with each quantity beside accelerations that is not as expected."""
-    wrong = [record for record in records if record.quantity != ACCELERATIONS and not record.as_expected]
+    wrong = [record for record in records if record.is_further and not record.as_expected]
     for quantity, own in itertools.groupby(sorted(wrong, key=attrgetter("quantity")), key=attrgetter("quantity")):
         systems = sorted({record.system for record in own})
         say("", f"the diagnosis of {quantity}: {settings.diagnosis('NAME' if len(systems) > 1 else systems[0], quantity)}")

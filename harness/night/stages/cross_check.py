@@ -19,7 +19,6 @@ from harness.night.stage import NightChoice, Stage, Steps, TrendNumbers, UnitFou
 from harness.results.change_points import NightValue
 from harness.results.cross_check import CrossCheckResult
 from harness.results.night import Case, case_of
-from harness.results.records import ACCELERATIONS
 from harness.results.trend import Cell, readings_of_records
 from harness.show.gallery import Gallery
 from harness.workers import Workers
@@ -89,7 +88,7 @@ def _cases(found: CrossCheckResult) -> Iterator[Case]:
 
 def _readings(found: CrossCheckResult) -> dict[Cell, NightValue]:
     """Of accelerations: a median over the few states of another quantity may be any of the values that its answers often have."""
-    return readings_of_records(record for record in found.records if record.quantity == ACCELERATIONS)
+    return readings_of_records(record for record in found.records if not record.is_further)
 
 
 STAGE = Stage(
