@@ -29,7 +29,7 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import ANGLES, generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, linear_velocity_in_body, load_engine
-from harness.engines.adapters.pinocchio.forces import ForceElements
+from harness.engines.adapters.pinocchio.forces import ForceElements, joint_places
 from harness.equations.derivation import load_mechanism
 from harness.equations.euler_angles import sines_and_cosines
 from harness.equations.expressions import assemble

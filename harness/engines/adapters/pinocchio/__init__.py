@@ -28,7 +28,7 @@ from harness.arrays import Array
 from harness.engines import Engine, HeldModel, LoadedModel, Terms, Unsupported
 from harness.engines.adapters.pinocchio import held, mjcf, robot
 from harness.engines.adapters.pinocchio.constraints import LoopConstraints, Solver
-from harness.engines.adapters.pinocchio.forces import ForceElements
+from harness.engines.adapters.pinocchio.forces import ForceElements, joint_places
 from harness.engines.adapters.pinocchio.mimics import MimicJoints
 from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
 from harness.engines.adapters.pinocchio.versions import armature, read_urdf, set_armature
@@ -52,7 +52,7 @@ class PinocchioModel(PinocchioQuantities):
         self.model = model
         self._joints = joints
         self._file = file
-        self.force_elements: ForceElements = ForceElements(model, file.force_elements, composites)
+        self.force_elements: ForceElements = ForceElements(model, file.force_elements, joint_places(model, composites or {}))
         self.constraints = mimics or (LoopConstraints(model, file.constraints) if file.constraints else None)
         # What both solve with.
         self.factorises_mass_matrix = self.constraints is not None

@@ -23,7 +23,8 @@ from harness.arrays import Array
 from harness.engines.interface import NotOffered
 
 if TYPE_CHECKING:
-    from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities, Supplied
+    from harness.engines.adapters.pinocchio.forces import ForceElements
+    from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
 
 
 def forward(model: PinocchioQuantities, q: Array, v: Array, tau: Array) -> Array:
@@ -55,7 +56,7 @@ def inverse(model: PinocchioQuantities, q: Array, v: Array, accelerations: Array
     return _ordered(model, found)
 
 
-def derivatives_of_forces(elements: Supplied, configuration: Array, velocity: Array) -> tuple[Array, Array]:
+def derivatives_of_forces(elements: ForceElements, configuration: Array, velocity: Array) -> tuple[Array, Array]:
     """Of the forces of springs and dampers at one configuration (nq,) and velocity (nv,), by q and by v, (nv, nv) each."""
     by_position, by_velocity = (-matrix for matrix in elements.stiffness_and_damping())
     owners = _owners(elements, len(velocity))
@@ -71,7 +72,7 @@ def derivatives_of_forces(elements: Supplied, configuration: Array, velocity: Ar
     return by_position, by_velocity
 
 
-def _owners(elements: Supplied, nv: int) -> Array:
+def _owners(elements: ForceElements, nv: int) -> Array:
     """For each velocity, the number of its joint in the order of the tree."""
     owners = np.zeros(nv)
     for number, place in enumerate(sorted(elements.places.values(), key=lambda place: place.idx_v)):

@@ -29,6 +29,14 @@ class JointPlace(NamedTuple):
     nv: int
     joint: int
 
+    @property
+    def positions(self) -> range:
+        return range(self.idx_q, self.idx_q + self.nq)
+
+    @property
+    def velocities(self) -> range:
+        return range(self.idx_v, self.idx_v + self.nv)
+
 
 class Pull(NamedTuple):
     """A stretched spring at one state.
@@ -48,7 +56,7 @@ class Pull(NamedTuple):
     tension: float
 
 
-def _joint_places(model: Any, composites: Mapping[str, Sequence[str]]) -> dict[str, JointPlace]:
+def joint_places(model: Any, composites: Mapping[str, Sequence[str]]) -> dict[str, JointPlace]:
     """The joints of a file by name, in Pinocchio's order: several joints of one body are one composite joint of another name."""
     places: dict[str, JointPlace] = {}
     for number, (name, joint) in enumerate(zip(list(model.names)[1:], list(model.joints)[1:], strict=True), start=1):
@@ -65,17 +73,17 @@ def has_body(model: Any, body: str) -> bool:
 
 
 class ForceElements:
-    """Force elements of one ``pinocchio.Model``; ``composites`` names the parts of its composite joints in their order.
+    """Force elements of one ``pinocchio.Model``, whose joints have these places.
 
     Joint springs and dampers are applied to all states at once; springs between points run through
     Pinocchio's kinematics state by state.
     """
 
-    def __init__(self, model: Any, elements: Sequence[ForceElement], composites: Mapping[str, Sequence[str]] | None = None) -> None:
+    def __init__(self, model: Any, elements: Sequence[ForceElement], places: Mapping[str, JointPlace]) -> None:
         self._model = model
         self._data = model.createData()
         self.elements = tuple(elements)
-        self.places: Mapping[str, JointPlace] = _joint_places(model, composites or {})
+        self.places = places
         springs = [(self.places[element.joint], element) for element in elements if isinstance(element, JointSpring)]
         dampers = [(self.places[element.joint], element) for element in elements if isinstance(element, JointDamper)]
         # Numbers of a step by step motion, where looking a joint up would cost more than the dynamics.

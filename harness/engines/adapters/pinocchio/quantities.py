@@ -7,40 +7,22 @@ Source: Pinocchio documentation.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines.adapters.pinocchio import derivatives
-from harness.engines.adapters.pinocchio.forces import JointPlace, Pull
-
-
-class Supplied(Protocol):
-    """The springs and dampers that are supplied to a model, in its own order."""
-
-    places: Mapping[str, JointPlace]
-
-    def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
-        """(nv, n) [N or N m] at configurations (nq, n) and velocities (nv, n)."""
-
-    def potential_energy(self, configuration: Array) -> float:
-        """Of the springs [J], at one configuration (nq,)."""
-
-    def stiffness_and_damping(self) -> tuple[Array, Array]:
-        """By how much the forces of those in joints fall with positions and with velocities, (nv, nv) each."""
-
-    def pulls(self, configuration: Array, velocity: Array) -> Sequence[Pull]:
-        """The springs between points at one configuration (nq,) and velocity (nv,)."""
+from harness.engines.adapters.pinocchio.forces import ForceElements
 
 
 class PinocchioQuantities:
     """The methods of a ``pinocchio.Model`` whose joints have places in q and v."""
 
     model: Any
-    force_elements: Supplied
+    force_elements: ForceElements
     constraints: Any
     columns: Callable[[Array, Array, Array], tuple[Array, Array, Array]]
     _joints: Sequence[str]

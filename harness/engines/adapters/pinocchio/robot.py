@@ -7,21 +7,21 @@ velocity of a free or planar joint is in the body's frame. Source: Pinocchio 4 d
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from functools import cached_property
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines import NotOffered
-from harness.engines.adapters.pinocchio.forces import ForceElements, JointPlace, Pull, has_body
-from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities, Supplied
+from harness.engines.adapters.pinocchio.forces import ForceElements, JointPlace, has_body
+from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
 from harness.engines.adapters.pinocchio.versions import set_armature
 from harness.engines.coordinates import accelerations_from_body, body_turn, to_body
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.output import captured_standard_error
 from harness.engines.request import AskedJoint, Refused, Request, projected
+from harness.files.facts import ForceElement, JointDamper, JointSpring
 
 # Several joints of one body; its first gives the name. A joint without name, as the tree names it.
 _COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
@@ -58,14 +58,16 @@ class PinocchioFile(LoadedFile):
         self.places = _places(model, request.joints)
         super().__init__(request, self.places)
         self._model = model
-        self.own = [number for joint in self.found for number in self.places[joint.name][1]]
-        self.further = tuple(name for number, name in enumerate(model.names) if number and name not in _names(self.places))
+        self.own = [number for joint in self.found for number in self.places[joint.name].velocities]
+        known = {place.joint for place in self.places.values()}
+        self.further = tuple(name for number, name in enumerate(model.names) if number and number not in known)
         if request.aid is not None:
             model.gravity.linear = request.aid.gravity
             set_armature(model, self.own, request.aid.armature[self.v_columns])
         springs = () if request.aid is None else request.aid.springs
         # A reader that leaves bodies out leaves nothing for springs to pull at.
-        self.point_springs = ForceElements(model, [one for one in springs if all(has_body(model, body) for body, _ in one.ends)])
+        self._springs = [one for one in springs if all(has_body(model, body) for body, _ in one.ends)]
+        self._point_springs = ForceElements(model, self._springs, self.places)
 
     @property
     def model(self) -> Any:
@@ -80,7 +82,7 @@ class PinocchioFile(LoadedFile):
     def addresses(self) -> tuple[list[int], list[int]]:
         positions: list[int] = []
         for joint in self.found:
-            own = list(self.places[joint.name][0])
+            own = list(self.places[joint.name].positions)
             if len(own) in (4, 7):
                 own[-4:] = [own[-1], *own[-4:-1]]
             positions += own
@@ -90,7 +92,22 @@ class PinocchioFile(LoadedFile):
     def quantities(self) -> _Quantities:
         if floating := [joint.name for joint in self.found if joint.kind.linear > 1]:
             raise NotOffered(f"the linear velocity of joint {floating[0]!r} is in another frame, converted for accelerations alone")
-        return _Quantities(self)
+        return _Quantities(self, list(self._elements()))
+
+    def _elements(self) -> Iterator[ForceElement]:
+        """The springs and dampers that are supplied."""
+        yield from self._springs
+        if self.request.aid is None:
+            return
+        forces, by_velocity = self.request.aid.forces, {joint.velocities[0]: joint for joint in self.found}
+        for velocity, joint in by_velocity.items():
+            if damping := float(forces.damping[velocity]):
+                yield JointDamper(joint.name, damping, joint.line)
+        for _, velocity, stiffness, reference in forces.springs:
+            if (sprung := by_velocity.get(velocity)) is not None:
+                if self.places[sprung.name].nq != 1:
+                    raise NotOffered(f"joint {sprung.name!r} with a spring stands in q as the cosine and sine of its position")
+                yield JointSpring(sprung.name, stiffness, reference, sprung.line)
 
     def supplied(self, q: Array, v: Array) -> Array:
         """The forces of springs and dampers that are supplied, (n, nv)."""
@@ -109,7 +126,7 @@ class PinocchioFile(LoadedFile):
         configuration = np.tile(pinocchio.neutral(self.model), (len(q), 1))
         velocity, force = np.zeros((len(q), self.model.nv)), np.zeros((len(q), self.model.nv))
         for joint in self.found:
-            positions, velocities, _ = self.places[joint.name]
+            positions, velocities = self.places[joint.name].positions, self.places[joint.name].velocities
             own_q, own_v, own_tau = q[:, joint.positions], v[:, joint.velocities], tau[:, joint.velocities]
             if joint.kind.linear > 1:
                 turn = body_turn(joint.kind, own_q)
@@ -124,8 +141,8 @@ class PinocchioFile(LoadedFile):
     def pulled(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
         """``columns`` with the forces of all that is supplied."""
         configuration, velocity, force = self.columns(q, v, tau + self.supplied(q, v))
-        if not self.point_springs.empty:
-            force += self.point_springs.generalised_forces(configuration.T, velocity.T).T
+        if not self._point_springs.empty:
+            force += self._point_springs.generalised_forces(configuration.T, velocity.T).T
         return configuration, velocity, force
 
     def to_frame_of_parent(self, accelerations: Array, q: Array, v: Array) -> None:
@@ -141,16 +158,14 @@ class PinocchioFile(LoadedFile):
 
 
 class _Quantities(PinocchioQuantities):
-    """What Pinocchio computes beside accelerations; q and v are those of joints by their names."""
+    """What Pinocchio computes beside accelerations, over the joints found."""
 
-    def __init__(self, loaded: PinocchioFile) -> None:
+    def __init__(self, loaded: PinocchioFile, elements: Sequence[ForceElement]) -> None:
         self.model, self._loaded, self._joints = loaded.model, loaded, [joint.name for joint in loaded.found]
-        self._data = loaded.model.createData()
-        self.force_elements: Supplied = _Supplied(loaded)
-        self.constraints = None
-        self.numbers = [self.model.getJointId(loaded.places[name][2]) for name in self._joints]
+        self._data, self.constraints = loaded.model.createData(), None
+        self.force_elements = ForceElements(loaded.model, elements, loaded.places)
 
-    @cached_property
+    @property
     def addresses(self) -> tuple[list[int], list[int]]:
         return self._loaded.addresses
 
@@ -158,50 +173,6 @@ class _Quantities(PinocchioQuantities):
         """Pinocchio's own (nq, n), (nv, n) and (nv, n)."""
         positions, velocities, forces = (np.ascontiguousarray(rows.T) for rows in self._loaded.columns(q, v, tau))
         return positions, velocities, forces
-
-
-class _Supplied:
-    """Springs and dampers, which Pinocchio's readers leave out, in the model's own order."""
-
-    def __init__(self, loaded: PinocchioFile) -> None:
-        self._between_points = loaded.point_springs
-        aid = loaded.request.aid
-        self._own, self._damping = loaded.own, np.zeros(len(loaded.own)) if aid is None else aid.forces.damping[loaded.v_columns]
-        self._nv = loaded.model.nv
-        self.places: Mapping[str, JointPlace] = loaded.point_springs.places
-        # Place in q and in v, stiffness, and position at rest.
-        self._springs: list[tuple[int, int, float, float]] = []
-        for _, column, stiffness, rest in () if aid is None else aid.forces.springs:
-            name = next(joint.name for joint in loaded.found if column in joint.velocities)
-            positions, velocities, _ = loaded.places[name]
-            if len(positions) != 1:
-                raise NotOffered(f"joint {name!r} with a spring stands in q as the cosine and sine of its position")
-            self._springs.append((positions[0], velocities[0], stiffness, rest))
-
-    def generalised_forces(self, configuration: Array, velocity: Array) -> Array:
-        """(nv, n) at (nq, n) and (nv, n)."""
-        found = np.zeros_like(velocity)
-        found[self._own] = -self._damping[:, None] * velocity[self._own]
-        for position, column, stiffness, rest in self._springs:
-            found[column] -= stiffness * (configuration[position] - rest)
-        return found if self._between_points.empty else found + self._between_points.generalised_forces(configuration, velocity)
-
-    def potential_energy(self, configuration: Array) -> float:
-        """Of the springs [J] at one configuration (nq,)."""
-        in_joints = sum(stiffness * (configuration[position] - rest) ** 2 / 2 for position, _, stiffness, rest in self._springs)
-        return float(in_joints) + self._between_points.potential_energy(configuration)
-
-    def stiffness_and_damping(self) -> tuple[Array, Array]:
-        """See ``Supplied``."""
-        stiffness, damping = np.zeros((2, self._nv, self._nv))
-        damping[self._own, self._own] = self._damping
-        for _, column, of_spring, _ in self._springs:
-            stiffness[column, column] += of_spring
-        return stiffness, damping
-
-    def pulls(self, configuration: Array, velocity: Array) -> Sequence[Pull]:
-        """See ``Supplied``."""
-        return self._between_points.pulls(configuration, velocity)
 
 
 class PinocchioRun:
@@ -243,15 +214,15 @@ def _coupled(loaded: PinocchioFile, data: Any, couplings: Array, configuration: 
     return projected(mass, terms, couplings)
 
 
-def _places(model: Any, joints: Sequence[AskedJoint]) -> dict[str, tuple[list[int], list[int], str]]:
-    """Positions, velocities and Pinocchio's name of each joint that the model has; one of several in a body is part of a composite."""
-    places, names = {}, _names_of_reader(joints)
+def _places(model: Any, joints: Sequence[AskedJoint]) -> dict[str, JointPlace]:
+    """The places of the joints that the model has; one of several in a body is part of a composite."""
+    places, names = dict[str, JointPlace](), _names_of_reader(joints)
     for number in range(1, model.njoints):
         joint, name = model.joints[number], model.names[number]
         parts = _parts(joint, names.get(name.removeprefix(_COMPOSITE), name), name.startswith(_COMPOSITE), joints)
         q, v = joint.idx_q, joint.idx_v
         for part, nq, nv in parts:
-            places[part] = list(range(q, q + nq)), list(range(v, v + nv)), name
+            places[part] = JointPlace(q, nq, v, nv, number)
             q, v = q + nq, v + nv
     return {joint.name: places[joint.name] for joint in joints if joint.name in places}
 
@@ -278,7 +249,3 @@ def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[AskedJoin
         if sum(nv for _, _, nv in found) < joint.nv:
             found.append((one.name, len(one.positions), len(one.velocities)))
     return found
-
-
-def _names(places: Mapping[str, tuple[list[int], list[int], str]]) -> set[str]:
-    return {name for _, _, name in places.values()}
