@@ -143,7 +143,9 @@ class PinocchioProbe:
         return ordered
 
     def _of_elements(self, elements: Sequence[Any], position: Array, rate: Array) -> Array:
-        return ForceElements(self._model, elements).generalised_forces(position[:, None], rate[:, None])[:, 0]
+        return ForceElements(self._model, elements, joint_places(self._model, {})).generalised_forces(position[:, None], rate[:, None])[
+            :, 0
+        ]
 
     def applied_forces(self, q: Array, v: Array, qdd: Array) -> Array:
         position, rate = self._engine_order(self._positions, q), self._engine_order(self._rates, v)
