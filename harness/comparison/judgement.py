@@ -173,7 +173,7 @@ def is_explained_by_number(meant: Meant, accelerations: Array) -> bool:
 def _side(meant: Meant, accelerations: Array) -> TextbookSide:
     """The answers beside the truth of the file, at the states that have both."""
     kept = np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
-    return TextbookSide(reference_of(meant.robot), meant.states[kept], accelerations[kept])
+    return TextbookSide(reference_of(meant.robot), meant.states[kept], accelerations[kept], certified=meant.truth[kept])
 
 
 def _left_by_rounding(side: TextbookSide) -> float:

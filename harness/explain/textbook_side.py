@@ -45,6 +45,7 @@ class TextbookSide(Side[Reference]):
         kernel: certified accelerations, in the subject's frames. accelerations: the subject's answers at ``states``, (n, nv).
         limits: as many evaluations as ``textbook_evaluations`` says by default.
         parameters: how many of the kernel's are the truth's own; those behind them are of the subject's file. All for None.
+        certified: the kernel's accelerations at ``states``, where they are known.
     """
 
     def __init__(
@@ -54,9 +55,10 @@ class TextbookSide(Side[Reference]):
         accelerations: Array,
         limits: Limits | None = None,
         parameters: int | None = None,
+        certified: Reference | None = None,
     ) -> None:
         limits = Limits(textbook_evaluations(kernel.mechanism)) if limits is None else limits
-        super().__init__(kernel.evaluate(states), accelerations, limits)
+        super().__init__(kernel.evaluate(states) if certified is None else certified, accelerations, limits)
         self._kernel, self._states = kernel, states
         self._names = [name for name, _, _ in kernel.mechanism.parameters][:parameters]
 
