@@ -15,8 +15,7 @@ from harness.library import Library
 if TYPE_CHECKING:
     import sympy as sp
 
-    from harness.certify.certified import Certified
-    from harness.certify.compare import Comparison
+    from harness.certify.compare import Certified, Comparison
     from harness.certify.equation_values import EquationValues
     from harness.certify.quantities.derivatives import DerivativeTruth
     from harness.certify.reference import Reference, ReferenceKernel

@@ -17,7 +17,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.measuring import Effort, cost_of_each, measure
 from harness.bench.methods import DerivativeMethod
-from harness.certify.certified import Certified
+from harness.certify.compare import Certified
 from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene

@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from harness.certify.certified import Flags
-from harness.certify.compare import Comparison
+from harness.certify.compare import Comparison, Flags
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.study import sentence

@@ -1,6 +1,6 @@
 """The closing of constraints, as loops are written: the way along a branch in float64, and the proof in double-double.
 
-A state stands in each lane. The program has the rows' residual and Jacobian for its outputs. ``harness.certify.branch`` says which way
+A state stands in each lane. The program has the rows' residual and Jacobian for its outputs. ``harness.certify.manifold`` says which way
 is gone, and ``harness.certify.configurations`` what is proved.
 """
 

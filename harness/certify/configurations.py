@@ -1,7 +1,7 @@
 """The configurations of a mechanism with constraints by compiled loops: the way along a branch, and enclosures in double-double.
 
 ``harness.certify.closing`` writes the loops. What they leave unproved, and rows that they have no code for, are for
-``harness.certify.branch`` and ``harness.certify.enclosure``.
+``harness.certify.manifold`` and ``harness.certify.enclosure``.
 
 The Krawczyk operator proves that one configuration, and no other, is near the positions given. A third run of the rows over its image
 bounds the redundant rows and the Jacobian, which gives the rates; ``harness.certify.interpreter`` says how.

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from harness.certify.certified import Certified
+from harness.certify.compare import Certified
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import ReferenceKernel
 from harness.equations.program import StraightLineProgram, without_unused

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Flags
+from harness.certify.compare import Flags
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import ROUNDINGS, Reference, energy_norm
 from harness.equations.states import States

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array, Rows
-from harness.certify.certified import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
+from harness.certify.compare import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
 from harness.certify.in_balls import parts_of
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.equations.evaluation import jacobians, most_at_once, values

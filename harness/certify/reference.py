@@ -30,7 +30,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
+from harness.certify.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
 from harness.certify.encoding import Encoded, encode
 from harness.certify.factorisation import (
     condition_number,

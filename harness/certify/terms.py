@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import CERTIFIED_RADIUS, SOUGHT_RADIUS
+from harness.certify.compare import CERTIFIED_RADIUS, SOUGHT_RADIUS
 from harness.certify.factorisation import forward_substitute, norm_over_first_axis
 from harness.certify.in_balls import factorise, parts_of
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF

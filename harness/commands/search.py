@@ -29,7 +29,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
       harness search arm_7r --quantity mass_matrix
       harness search robot.urdf --no-keep
     """
-    from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
+    from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
     from harness.results.search import as_lines
 
     bracket.choose_library([name])
@@ -44,7 +44,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
         replay_options=bracket.replay_options,
     )
     bracket.begin(settings.budget, "search")
-    study = Search(settings)
+    study = StateSearch(settings)
     result = bracket.complete(study)
     bracket.write_json(search=result.to_json())
     say(*as_lines(result))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Flags
+from harness.certify.compare import Flags
 from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
 from harness.comparison.same_states import SameStates

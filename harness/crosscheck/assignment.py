@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import Comparison
-from harness.certify.quantities import Quantity, Question, Truth, find_quantities
-from harness.certify.quantities.accelerations import AccelerationTruth
+from harness.certify.compare import Certified, Comparison
+from harness.certify.quantities import Quantity, Truth, TruthBasis, find_quantities
+from harness.certify.quantities.accelerations import AccelerationTruth, softened, softness_of
 from harness.certify.reference import ReferenceKernel
-from harness.certify.softness import softened, softness_of
 from harness.engines import (
     EQUATIONS,
     ConstraintLaw,
@@ -132,17 +130,17 @@ def truth_of(assignment: Assignment, declared: ModelFile | None = None) -> Truth
     files = tuple(file and file.text for file in (declared, read))
 
     def find() -> Truth:
-        quantity, (question, key) = assignment.asked, _question(assignment, declared)
+        quantity, (basis, key) = assignment.asked, _basis(assignment, declared)
         if not quantity.is_of_file:
-            return quantity.truth(question)
-        return _SHARED.get((quantity.name, mechanism.key, *key), lambda: quantity.truth(question))
+            return quantity.truth(basis)
+        return _SHARED.get((quantity.name, mechanism.key, *key), lambda: quantity.truth(basis))
 
     # To read what the engine declares of a file takes longer than to judge a batch of states, each of which asks for the truth.
     return _TRUTHS.get((*about, mechanism.key, *files), find)
 
 
-def _question(assignment: Assignment, declared: ModelFile | None) -> tuple[Question, tuple[object, ...]]:
-    """The question of a quantity that takes numbers of a file, and what of it the truth of a mechanism depends on."""
+def _basis(assignment: Assignment, declared: ModelFile | None) -> tuple[TruthBasis, tuple[object, ...]]:
+    """The basis of a quantity that takes numbers of a file, and what of it the truth of a mechanism depends on."""
     quantity, mechanism, read = assignment.asked, assignment.mechanism, assignment.model
     engine = load_engine(assignment.library, assignment.subject.engine)
     in_body, precision, factorises = frame_of(assignment), unit_roundoff(engine), factorises_mass_matrix(engine)
@@ -158,9 +156,9 @@ def _question(assignment: Assignment, declared: ModelFile | None) -> tuple[Quest
     rules = step_rules(engine, read) if read is not None and quantity.has_step_rules else ()
     softening = _softening(laws, read) if read is not None and laws else None
     is_about_tree = bool(getattr(engine, "takes_inertias_about_tree", False))
-    question = Question(mechanism, declared, read, in_body, softening, rules, precision, factorises, is_about_tree)
+    basis = TruthBasis(mechanism, declared, read, in_body, softening, rules, precision, factorises, is_about_tree)
     texts = tuple(file and file.text for file in (declared, read))
-    return question, (texts, in_body, tuple(laws.items()), rules)
+    return basis, (texts, in_body, tuple(laws.items()), rules)
 
 
 def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:

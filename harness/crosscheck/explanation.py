@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.certify.gaps import beside_gaps, gaps_of
+from harness.certify.quantities.accelerations import beside_gaps, gaps_of
 from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, declared_model, load_audited, reference_kernel_of
 from harness.crosscheck.tasks import Note

@@ -1,7 +1,8 @@
 """The static audit: what the subjects of one system hold after loading, compared in the world's frame before any dynamics.
 
 Every joint stands at zero. ``harness.crosscheck.held_quantities`` says what is compared, and in which ulps differences are measured.
-Constraints are not: what they leave open, and the accelerations under them, are compared at each state (``harness.certify.gaps``).
+Constraints are not: what they leave open, and the accelerations under them, are compared at each state
+(``harness.certify.quantities.accelerations``).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.crosscheck.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, Quantity, Value
+from harness.crosscheck.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, HeldQuantity, Value
 from harness.engines import HeldModel, HeldSpring, Model
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ModelFile
@@ -145,7 +146,7 @@ def _length(model: HeldModel) -> float:
 
 def _compared(
     held: Mapping[str, HeldModel], joints: Sequence[str], length: float
-) -> Iterator[tuple[str, str, Quantity, dict[str, Any], Mapping[str, str]]]:
+) -> Iterator[tuple[str, str, HeldQuantity, dict[str, Any], Mapping[str, str]]]:
     """Owner, name of the quantity, the quantity, subject to the item that has it, and format to the number of a spring in it.
 
     An item is None where a subject has none.
@@ -185,7 +186,7 @@ def _partners(springs: Sequence[HeldSpring], others: Sequence[HeldSpring], lengt
     return [found.get(place) for place in range(len(springs))]
 
 
-def _groups(items: Mapping[str, Any], quantity: Quantity, length: float, above: float) -> tuple[tuple[tuple[str, ...], ...], float]:
+def _groups(items: Mapping[str, Any], quantity: HeldQuantity, length: float, above: float) -> tuple[tuple[tuple[str, ...], ...], float]:
     """Subjects that hold the same, the largest group first, and the largest difference from the first of them."""
 
     def apart(one: str, other: str) -> float:

@@ -92,33 +92,33 @@ def _inertia_values(body: HeldBody) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class HeldQuantity:
     """``value`` of an item as plain data, and ``ulps`` between two items given the mechanism's length [m]."""
 
     value: Callable[[Any], Value]
     ulps: Callable[[Any, Any, float], float]
 
 
-def _number(attribute: str, of_springs: bool = False) -> Quantity:
+def _number(attribute: str, of_springs: bool = False) -> HeldQuantity:
     """A number; ``of_springs``: compared where both items have a stiffness."""
 
     def ulps(one: Any, other: Any, length: float) -> float:
         first, second = getattr(one, attribute), getattr(other, attribute)
         return _ulps(abs(first - second), max(abs(first), abs(second))) if not of_springs or (one.stiffness and other.stiffness) else 0.0
 
-    return Quantity(lambda item: float(getattr(item, attribute)), ulps)
+    return HeldQuantity(lambda item: float(getattr(item, attribute)), ulps)
 
 
-def _vector(attribute: str, least: float) -> Quantity:
-    return Quantity(
+def _vector(attribute: str, least: float) -> HeldQuantity:
+    return HeldQuantity(
         lambda item: np.ravel(getattr(item, attribute)).tolist(),
         lambda one, other, length: _vectors(np.ravel(getattr(one, attribute)), np.ravel(getattr(other, attribute)), least),
     )
 
 
-OF_JOINTS: Mapping[str, Quantity] = {
-    quantities.JOINT: Quantity(lambda joint: f"{joint.kind} on {joint.parent or 'world'}", _kinds),
-    quantities.ANCHOR: Quantity(lambda joint: joint.anchor.tolist(), _anchors),
+OF_JOINTS: Mapping[str, HeldQuantity] = {
+    quantities.JOINT: HeldQuantity(lambda joint: f"{joint.kind} on {joint.parent or 'world'}", _kinds),
+    quantities.ANCHOR: HeldQuantity(lambda joint: joint.anchor.tolist(), _anchors),
     quantities.AXIS: _vector("axis", 1.0),
     quantities.FRAME: _vector("frame", 1.0),
     quantities.ARMATURE: _number("armature"),
@@ -126,16 +126,16 @@ OF_JOINTS: Mapping[str, Quantity] = {
     quantities.STIFFNESS: _number("stiffness"),
     quantities.SPRING_REFERENCE: _number("spring_reference", of_springs=True),
 }
-OF_BODIES: Mapping[str, Quantity] = {
-    quantities.MASS: Quantity(lambda body: float(body.mass), _masses),
-    quantities.CENTRE: Quantity(lambda body: body.centre.tolist(), _centres),
-    quantities.INERTIA: Quantity(_inertia_values, _inertias),
+OF_BODIES: Mapping[str, HeldQuantity] = {
+    quantities.MASS: HeldQuantity(lambda body: float(body.mass), _masses),
+    quantities.CENTRE: HeldQuantity(lambda body: body.centre.tolist(), _centres),
+    quantities.INERTIA: HeldQuantity(_inertia_values, _inertias),
 }
-OF_SPRINGS: Mapping[str, Quantity] = {
-    quantities.SPRING_ENDS: Quantity(lambda spring: spring.points.ravel().tolist(), _ends),
+OF_SPRINGS: Mapping[str, HeldQuantity] = {
+    quantities.SPRING_ENDS: HeldQuantity(lambda spring: spring.points.ravel().tolist(), _ends),
     quantities.SPRING_STIFFNESS: _number("stiffness"),
     quantities.SPRING_DAMPING: _number("damping"),
     quantities.SPRING_LENGTH: _number("free_length", of_springs=True),
 }
-OF_MODELS: Mapping[str, Quantity] = {quantities.GRAVITY: _vector("gravity", 0.0)}
+OF_MODELS: Mapping[str, HeldQuantity] = {quantities.GRAVITY: _vector("gravity", 0.0)}
 NOTHING = HeldBody(0.0, np.zeros(3), np.zeros((3, 3)))

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import Comparison
+from harness.certify.compare import Certified, Comparison
 from harness.certify.sampling import strategy
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.stages import Answers

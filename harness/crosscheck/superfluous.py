@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.gaps import gaps_of
+from harness.certify.quantities.accelerations import gaps_of
 from harness.certify.sampling import random_sample
 from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine, runs_elsewhere
 from harness.engines.audit import audit

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from harness.certify.compare import errors_in_roundoffs
-from harness.certify.gaps import beside_gaps, gaps_of
+from harness.certify.quantities.accelerations import beside_gaps, gaps_of
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.explanation import explain_difference

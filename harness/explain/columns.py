@@ -18,8 +18,8 @@ from functools import cached_property
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified, Flags
-from harness.certify.gaps import answers_with_gaps
+from harness.certify.compare import Certified, Flags
+from harness.certify.quantities.accelerations import answers_with_gaps
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.engines import Engine, Model, Unsupported

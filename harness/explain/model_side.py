@@ -14,8 +14,7 @@ from functools import partial
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import compare
+from harness.certify.compare import Certified, compare
 from harness.certify.reference import Reference
 from harness.explain.base_parameters import BaseParameters, base_parameters
 from harness.explain.changes import NUMBER, Change

@@ -22,8 +22,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import compare
+from harness.certify.compare import Certified, compare
 from harness.explain.base_parameters import are_parallel
 from harness.explain.changes import NUMBER, PARAMETER, Change
 from harness.explain.columns import ChangeColumn, Whitening, held_out

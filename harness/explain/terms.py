@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Flags
-from harness.certify.compare import compare
+from harness.certify.compare import Flags, compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
 from harness.engines import Model, Terms, accelerations

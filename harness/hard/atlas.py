@@ -16,7 +16,8 @@ from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import failed, measure
 from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings, stable_steps
-from harness.library import Library, nearest
+from harness.library import Library
+from harness.registry import select
 from harness.results.atlas import Atlas, HardRow
 from harness.study import Inquiries, Inquiry, Part, ask
 
@@ -48,19 +49,16 @@ class AtlasStudy(Inquiries):
         self._measured = Atlas()
         known, chosen = [str(one) for one in select_subjects(library, ())], select_quantities(quantities)
         self._expected = {name: load_hard_expectations(PATH, list(hard_cases()), known, name) for name in chosen}
-        for name in cases:
-            if name not in hard_cases():
-                raise InvalidRequest(f"no hard case is called {name!r}; {nearest(name, hard_cases())}")
+        chosen_cases = select(cases, hard_cases(), "hard case")
         asked = _installed(library, subjects) if families else []
-        names = list(dict.fromkeys(cases)) or list(hard_cases())
         broken = [subject for subject in asked if engine_files(library)[subject.engine].outcome.value is None]
         self._inquiries = [self._refused(subject, self.failure(engine_files(library)[subject.engine].outcome)) for subject in broken]
         self._inquiries += [
-            self._rated(name, subject, quantity, library)
-            for name in names
+            self._rated(case.name, subject, quantity, library)
+            for case in chosen_cases
             for quantity in chosen
             for subject in asked
-            if subject not in broken and (not hard_cases()[name].subjects or str(subject) in hard_cases()[name].subjects)
+            if subject not in broken and (not case.subjects or str(subject) in case.subjects)
         ]
         if motion:
             values = hard_cases()[OSCILLATOR].values

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import Comparison, compare, farthest_block
+from harness.certify.compare import Certified, Comparison, compare, farthest_block
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Truth, find_quantities
 from harness.certify.quantities.accelerations import AccelerationTruth, reference_kernel

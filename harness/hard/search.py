@@ -84,7 +84,7 @@ def hunts(budget: int) -> list[tuple[int, int]]:
     return [(by_hypothesis, 0), *((states, population) for states, population in shares if states >= evolution.SMALLEST_POPULATION)]
 
 
-class Search(Inquiries):
+class StateSearch(Inquiries):
     """One search of a system; a ``harness.study.Study`` whose parts are steps without a value.
 
     Raises:

@@ -10,10 +10,9 @@ import pytest
 from catalogue import BUILT_IN, MODELLED, PLAIN, TREES
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import compare, farthest_block
+from harness.certify.compare import Certified, compare, farthest_block
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.quantities import Quantity, Question, find_quantities, generalised_forces, motion
+from harness.certify.quantities import Quantity, TruthBasis, find_quantities, generalised_forces, motion
 from harness.certify.quantities._file_truth import FileTruth
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample, sample
@@ -34,7 +33,7 @@ NAMES = [value.name for module in (generalised_forces, motion) for value in vars
 
 def truth(name: str, quantity: str) -> FileTruth:
     declared = read_model(BUILT_IN.model_path(name, "mjcf"), "mjcf")
-    found = find_quantities()[quantity].truth(Question(load_mechanism(BUILT_IN, name), declared, declared, False))
+    found = find_quantities()[quantity].truth(TruthBasis(load_mechanism(BUILT_IN, name), declared, declared, False))
     assert isinstance(found, FileTruth)
     return found
 
@@ -201,7 +200,7 @@ def test_numbers_that_are_not_those_of_the_energies_are_no_truth() -> None:
     path = BUILT_IN.model_path("arm_2r", "mjcf")
     declared = parse_model(path, path.read_text().replace('mass="3"', 'mass="3.0000001"'), "mjcf")
     mechanism = load_mechanism(BUILT_IN, "arm_2r")
-    own = find_quantities()["position"].truth(Question(mechanism, declared, declared, False))
+    own = find_quantities()["position"].truth(TruthBasis(mechanism, declared, declared, False))
     with pytest.raises(InvalidModel, match=r"arm_2r.xml.*the mass terms of its numbers are .* from those of the energies"):
         own.evaluate(generic_sample(mechanism, 4, SEED))
 

@@ -17,13 +17,12 @@ from loops import CRANK_ROCKER, a, coupler, d, follower, four_bar
 
 from harness.arrays import Array
 from harness.certify import manifold
-from harness.certify.branch import Branch
 from harness.certify.configurations import Configurations, Enclosed
 from harness.certify.double_double import sine_and_cosine_in_float64
 from harness.certify.enclosure import Encloser
 from harness.certify.language import Writer
 from harness.certify.machine_code import compiled
-from harness.certify.manifold import closed, closes
+from harness.certify.manifold import Branch, closed, closes
 from harness.certify.sampling import sample
 from harness.equations.constraint import Constraint
 from harness.equations.derivation import load_mechanism

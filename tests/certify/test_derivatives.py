@@ -11,8 +11,7 @@ import pytest
 from catalogue import BUILT_IN, TREES
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import compare
+from harness.certify.compare import Certified, compare
 from harness.certify.quantities._derivative_mistakes import rotations
 from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth, Dynamics
 from harness.certify.sampling import generic_sample, sample

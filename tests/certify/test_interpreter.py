@@ -15,7 +15,7 @@ from catalogue import BUILT_IN
 
 from harness.arrays import Array
 from harness.certify import encoding, machine_code
-from harness.certify.certified import DOUBLE_DOUBLE
+from harness.certify.compare import DOUBLE_DOUBLE
 from harness.certify.encoding import Encoded, encode
 from harness.certify.interpreter import Filtered, derivatives, evaluate
 from harness.certify.numbers import SMALLEST_SCALE

@@ -11,10 +11,9 @@ from catalogue import BUILT_IN, TREES
 from free_bodies import BoundFreeBodies, free_bodies
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import compare
+from harness.certify.compare import Certified, compare
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.quantities import Question, find_quantities
+from harness.certify.quantities import TruthBasis, find_quantities
 from harness.certify.quantities.reactions import ReactionTruth
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.sampling import generic_sample, sample
@@ -41,7 +40,7 @@ def model_of(name: str, model_format: str) -> ModelFile:
 
 def truth_of(name: str, read: ModelFile | None = None, declared: ModelFile | None = None, in_body: bool = False) -> ReactionTruth:
     declared = declared or model_of(name, "mjcf")
-    return ReactionTruth(Question(load_mechanism(BUILT_IN, name), declared, read or declared, in_body))
+    return ReactionTruth(TruthBasis(load_mechanism(BUILT_IN, name), declared, read or declared, in_body))
 
 
 def loaded(name: str, engine: str, model: ModelFile) -> Model:

@@ -15,7 +15,7 @@ import sympy as sp
 from catalogue import IN_CI
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.certified import CERTIFIED_RADIUS
+from harness.certify.compare import CERTIFIED_RADIUS
 from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import generic_sample

@@ -8,7 +8,7 @@ from catalogue import BUILT_IN, TREES
 
 from harness.arrays import Array
 from harness.certify.compare import compare
-from harness.certify.quantities import Question, Truth, find_quantities
+from harness.certify.quantities import Truth, TruthBasis, find_quantities
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, Subject, Unsupported, load_model
@@ -22,7 +22,7 @@ SEED = 5
 
 def truth_of(name: str, model_format: str) -> Truth:
     mechanism, file = load_mechanism(BUILT_IN, name), read_model(BUILT_IN.model_path(name, model_format), model_format)
-    return find_quantities()["regressor"].truth(Question(mechanism, file, file, bool(mechanism.charts_in_body)))
+    return find_quantities()["regressor"].truth(TruthBasis(mechanism, file, file, bool(mechanism.charts_in_body)))
 
 
 def pinocchio_model(name: str, model_format: str) -> Model:
@@ -90,7 +90,7 @@ def test_a_mistake_is_seen(mistake: str) -> None:
 def test_loops_have_none() -> None:
     mechanism, file = load_mechanism(BUILT_IN, "four_bar"), read_model(BUILT_IN.model_path("four_bar", "mjcf"), "mjcf")
     with pytest.raises(NotOffered, match="under constraints"):
-        find_quantities()["regressor"].truth(Question(mechanism, file, file, False))
+        find_quantities()["regressor"].truth(TruthBasis(mechanism, file, file, False))
 
 
 def test_what_is_zero_by_geometry_is_certified_at_rest() -> None:

@@ -13,7 +13,7 @@ from catalogue import BUILT_IN
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.arrays import Array
-from harness.certify.certified import DOUBLE_DOUBLE
+from harness.certify.compare import DOUBLE_DOUBLE
 from harness.certify.encoding import encode
 from harness.certify.interpreter import derivatives
 from harness.certify.numbers import SMALLEST_SCALE

@@ -14,9 +14,8 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.certify.compare import compare, farthest_block
-from harness.certify.quantities import Question
-from harness.certify.quantities._step_mistakes import _product, describe
-from harness.certify.quantities.steps import StepTruth
+from harness.certify.quantities import TruthBasis
+from harness.certify.quantities.steps import StepTruth, _product, describe
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, load_engine, step_rules
@@ -69,7 +68,7 @@ class Setting:
 
     def __init__(self, file: ModelFile, rules: Callable[[StepRule], StepRule] = lambda rule: rule) -> None:
         self.mechanism: Mechanism = mechanism_of(robot_of(file, 9.81))
-        self.truth = StepTruth(Question(self.mechanism, file, file, False, step_rules=tuple(map(rules, step_rules(MUJOCO, file)))))
+        self.truth = StepTruth(TruthBasis(self.mechanism, file, file, False, step_rules=tuple(map(rules, step_rules(MUJOCO, file)))))
         self.model = MUJOCO.load(file, self.mechanism.joints, 9.81)
 
     def judged(self, states: States | None = None) -> tuple[set[str], float, str]:
@@ -94,7 +93,7 @@ def test_integrators_follow_their_rules_with_and_without_damping(name: str, damp
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_integrators_follow_their_rules_on_every_tree(modelled_name: str) -> None:
     mechanism, file = load_mechanism(BUILT_IN, modelled_name), model_of(modelled_name)
-    truth = StepTruth(Question(mechanism, file, file, False, step_rules=step_rules(MUJOCO, file)))
+    truth = StepTruth(TruthBasis(mechanism, file, file, False, step_rules=step_rules(MUJOCO, file)))
     model, states = MUJOCO.load(file, mechanism.joints, mechanism.gravity), sample(mechanism, STATES, SEED)
     found = compare(truth.evaluate(states), truth.answers(model, states))
     known = load_expectations(BUILT_IN, "steps").entries.get((modelled_name, "mujoco/mjcf"))
@@ -271,7 +270,7 @@ def test_numbers_that_do_not_move_as_the_energies_say_are_no_truth() -> None:
     declared = model_of("arm_2r")
     wrong = parse_model(declared.path, declared.text.replace('mass="3"', 'mass="3.0000001"'), "mjcf")
     mechanism = load_mechanism(BUILT_IN, "arm_2r")
-    truth = StepTruth(Question(mechanism, wrong, wrong, False, step_rules=step_rules(MUJOCO, wrong)))
+    truth = StepTruth(TruthBasis(mechanism, wrong, wrong, False, step_rules=step_rules(MUJOCO, wrong)))
     with pytest.raises(InvalidModel, match=r"arm_2r.xml.*data roundoffs from those of the energies, expected up to 64"):
         truth.evaluate(generic_sample(mechanism, 5, SEED))
 
@@ -280,10 +279,10 @@ def test_what_has_no_declared_map_is_not_offered() -> None:
     loop, floating = load_mechanism(BUILT_IN, "four_bar"), load_mechanism(BUILT_IN, "free_body")
     rules = step_rules(MUJOCO, model_of("four_bar"))
     cases = {
-        "compared by harness compare --steps": Question(floating, None, None, False),
-        "documents no integrator": Question(floating, model_of("free_body"), model_of("free_body"), False),
-        "under constraints": Question(loop, model_of("four_bar"), model_of("four_bar"), False, step_rules=rules),
-        "in the body's frame": Question(floating, model_of("free_body"), model_of("free_body"), True, step_rules=rules),
+        "compared by harness compare --steps": TruthBasis(floating, None, None, False),
+        "documents no integrator": TruthBasis(floating, model_of("free_body"), model_of("free_body"), False),
+        "under constraints": TruthBasis(loop, model_of("four_bar"), model_of("four_bar"), False, step_rules=rules),
+        "in the body's frame": TruthBasis(floating, model_of("free_body"), model_of("free_body"), True, step_rules=rules),
     }
     for reason, question in cases.items():
         with pytest.raises(NotOffered, match=reason):

@@ -18,7 +18,7 @@ from support import Stage
 from harness.cli import main
 from harness.errors import InvalidRequest
 from harness.hard import search
-from harness.hard.search import DEFAULT_BUDGET, Search, SearchSettings
+from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
 from harness.library import MODEL_SUFFIXES, Library
 from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import FoundState, keep, path_of
@@ -44,7 +44,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSett
     """Replace the search by its outcome; the settings it was called with."""
     asked: list[SearchSettings] = []
 
-    class Answered(Search):
+    class Answered(StateSearch):
         def __init__(self, settings: SearchSettings) -> None:
             super().__init__(settings)
             asked.append(settings)
@@ -53,7 +53,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSett
             self._result = SearchResult(place=Path("hard_states/simple_pendulum.json"), **outcome)
             yield from ()
 
-    monkeypatch.setattr(search, "Search", Answered)
+    monkeypatch.setattr(search, "StateSearch", Answered)
     monkeypatch.setattr("harness.workers.Workers", Stage(Outcome))
     return asked
 
@@ -110,10 +110,10 @@ def test_bad_usage(arguments: list[str], words: str, invoke: Callable[..., Resul
 
 
 def test_what_cannot_be_searched_is_bad_usage(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*arguments: Any) -> Search:
+    def refuse(*arguments: Any) -> StateSearch:
         raise InvalidRequest("pinocchio/urdf cannot be searched")
 
-    monkeypatch.setattr(search, "Search", refuse)
+    monkeypatch.setattr(search, "StateSearch", refuse)
     result = invoke("simple_pendulum")
     assert result.exit_code == 2 and "harness: pinocchio/urdf cannot be searched" in result.output
 

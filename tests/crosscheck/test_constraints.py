@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from catalogue import BUILT_IN
 
-from harness.certify.gaps import beside_gaps, gaps_of, remark_on
+from harness.certify.quantities.accelerations import beside_gaps, gaps_of, remark_on
 from harness.certify.sampling import generic_sample
 from harness.crosscheck import superfluous as superfluous_parts
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of, truth_of

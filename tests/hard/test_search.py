@@ -27,7 +27,7 @@ from harness.errors import InvalidRequest
 from harness.files.model_file import read_model
 from harness.hard import evolution, lost_digits
 from harness.hard.evolution import StateSpace, evolve
-from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, Search, SearchSettings, hunt, hunts
+from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, SearchSettings, StateSearch, hunt, hunts
 from harness.library import Library
 from harness.results.hard_states import load_found, path_of
 from harness.results.search import as_lines
@@ -107,7 +107,7 @@ def test_a_search_finds_where_a_quantity_is_wrong(tmp_path: Path) -> None:
     """The planted fault is felt above a speed, by the bias alone."""
     library = Library.at(make_library(tmp_path / "library", ["double_pendulum"], {"slipping": SLIPPING_ENGINE}))
     settings = SearchSettings(library=library, name="double_pendulum", subjects=["slipping/mjcf"], budget=400, quantity="bias")
-    result = completed(Search(settings), InThisProcess())
+    result = completed(StateSearch(settings), InThisProcess())
     worst = result.cases[0]
     assert not worst.as_expected and worst.found.verdict == "disagrees" and worst.found.quantity == "bias"
     assert worst.found.state["v"][0] > 4 and worst.found.term.startswith("bias force on joint")
@@ -119,7 +119,7 @@ def test_a_search_for_what_nobody_offers_is_refused() -> None:
     for name, quantity, reason in (("four_bar", "inverse_dynamics", "not determined"), ("arm_2r", "bia", "did you mean 'bias'")):
         with pytest.raises(InvalidRequest, match=reason):
             completed(
-                Search(SearchSettings(library=Library.built_in(), name=name, budget=8, quantity=quantity, keep=False)), InThisProcess()
+                StateSearch(SearchSettings(library=Library.built_in(), name=name, budget=8, quantity=quantity, keep=False)), InThisProcess()
             )
 
 
@@ -356,12 +356,13 @@ def workers() -> Iterator[Workers]:
 
 
 def searched(library: Library, workers: Workers, subject: str, budget: int = 1600, **settings: Any) -> Any:
-    return completed(Search(SearchSettings(library=library, name="bar_pendulum", subjects=[subject], budget=budget, **settings)), workers)
+    chosen = SearchSettings(library=library, name="bar_pendulum", subjects=[subject], budget=budget, **settings)
+    return completed(StateSearch(chosen), workers)
 
 
 def test_a_search_finds_explains_and_stores(library: Library, workers: Workers) -> None:
     settings = SearchSettings(library=library, name="bar_pendulum", subjects=["wrong/mjcf"], budget=1600, replay_options=["--library", "x"])
-    study = Search(settings)
+    study = StateSearch(settings)
     steps = list(run_study(study, workers))
     result = study.result()
     worst = result.cases[0]
@@ -423,7 +424,7 @@ def test_what_is_expected_does_not_fail(library: Library, workers: Workers) -> N
 
 def test_an_unknown_name_is_refused(library: Library, workers: Workers) -> None:
     with pytest.raises(InvalidRequest, match="did you mean"):
-        Search(SearchSettings(library=library, name="bar_pendulun"))
+        StateSearch(SearchSettings(library=library, name="bar_pendulun"))
     with pytest.raises(InvalidRequest):
         searched(library, workers, "nothing/mjcf")
 

@@ -6,11 +6,9 @@ afterwards covers all states and nothing else.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +16,9 @@ from harness.arrays import Array
 from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.crosscheck.scene import Scene
 from harness.equations.states import States
-from harness.errors import InvalidRequest
-from harness.library import MECHANISMS, nearest
+from harness.library import MECHANISMS
+from harness.registry import Registry, select
 
-_Kind = TypeVar("_Kind", "Method", "DerivativeMethod")
 Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
 
@@ -99,21 +96,18 @@ class DerivativeMethod:
     engine: str = ""
 
 
+_DERIVATIVE_METHODS = Registry(__name__, DerivativeMethod, "method")
+_METHODS = Registry(__name__, Method, "method")
+
+
 def find_derivative_methods() -> list[DerivativeMethod]:
     """Every one that a module of this package holds, sorted by name."""
-    return sorted(_declared(DerivativeMethod), key=lambda method: method.name)
-
-
-def _declared(kind: type[_Kind]) -> list[_Kind]:
-    """What the modules of this package hold of one class, each name once."""
-    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    found = {value.name: value for module in modules for value in vars(module).values() if isinstance(value, kind)}
-    return list(found.values())
+    return list(_DERIVATIVE_METHODS.sorted().values())
 
 
 def find_methods(of: str = MECHANISMS) -> list[Method]:
     """Every method of one of ``KINDS`` that a module of this package holds, sorted by name."""
-    return sorted((method for method in _declared(Method) if of in method.of), key=lambda method: method.name)
+    return [method for method in _METHODS.sorted().values() if of in method.of]
 
 
 def select_methods(names: Sequence[str], of: str = MECHANISMS) -> list[Method]:
@@ -122,8 +116,4 @@ def select_methods(names: Sequence[str], of: str = MECHANISMS) -> list[Method]:
     Raises:
         InvalidRequest: a name no method has; the message gives the nearest one.
     """
-    known = {method.name: method for method in find_methods(of)}
-    for name in names:
-        if name not in known:
-            raise InvalidRequest(f"no method is called {name!r}; {nearest(name, known)}")
-    return [known[name] for name in dict.fromkeys(names)] or list(known.values())
+    return select(names, {method.name: method for method in find_methods(of)}, "method")

@@ -126,33 +126,35 @@ def _inverse(scene: Scene, states: States, third: Array, step: float) -> Compute
     return batch.one_by_one("qacc", derivatives)
 
 
-def _method(name: str, format: str, prepare: Any, *, inverse: bool, in_body: bool = False, differences: bool = False) -> DerivativeMethod:
-    return DerivativeMethod(name, format, inverse, prepare, "Python", in_body, STEPS if differences else ())
+def _of(subject: str, name: str, is_inverse: bool, loop: str = "Python", **more: Any) -> DerivativeMethod:
+    """Derivatives that an engine gives itself."""
+    own = Subject(*subject.split("/"))
+    return DerivativeMethod(name, own.format, is_inverse, partial(_of_engine, own, is_inverse), loop, **more)
 
 
-def _automatic(name: str, engine: str, inverse: bool, loop: str) -> DerivativeMethod:
-    """Of an engine that not everybody installs, which reads MJCF."""
-    return DerivativeMethod(name, "mjcf", inverse, partial(_of_engine, Subject(engine, "mjcf"), inverse), loop, engine=engine)
-
-
-COMPILED = DerivativeMethod("heyoka derivatives of qdd", EQUATIONS, False, partial(_compiled, False), "machine code")
-COMPILED_INVERSE = DerivativeMethod("heyoka derivatives of tau", EQUATIONS, True, partial(_compiled, True), "machine code")
-ABA = _method(
-    "pinocchio computeABADerivatives", "urdf", partial(_of_engine, Subject("pinocchio", "urdf"), False), inverse=False, in_body=True
+_DIFFERENCES: dict[str, Any] = {"loop": "Python", "steps": STEPS}
+METHODS = (
+    DerivativeMethod("heyoka derivatives of qdd", EQUATIONS, False, partial(_compiled, False), "machine code"),
+    DerivativeMethod("heyoka derivatives of tau", EQUATIONS, True, partial(_compiled, True), "machine code"),
+    _of("pinocchio/urdf", "pinocchio computeABADerivatives", False, linear_velocity_in_body=True),
+    _of("pinocchio/urdf", "pinocchio computeRNEADerivatives", True, linear_velocity_in_body=True),
+    *(
+        DerivativeMethod(
+            f"central differences of pinocchio {name}",
+            "urdf",
+            is_inverse,
+            partial(_differences_of_pinocchio, is_inverse),
+            linear_velocity_in_body=True,
+            **_DIFFERENCES,
+        )
+        for name, is_inverse in (("aba", False), ("rnea", True))
+    ),
+    DerivativeMethod("mujoco mjd_transitionFD", "mjcf", False, partial(_transition, False), **_DIFFERENCES),
+    DerivativeMethod("mujoco mjd_transitionFD, centred", "mjcf", False, partial(_transition, True), **_DIFFERENCES),
+    DerivativeMethod("mujoco mjd_inverseFD", "mjcf", True, _inverse, **_DIFFERENCES),
+    # Of engines that not everybody installs, which read MJCF.
+    _of("drake/mjcf", "drake AutoDiff of accelerations", False, engine="drake"),
+    _of("drake/mjcf", "drake AutoDiff of CalcInverseDynamics", True, engine="drake"),
+    _of("mjx/mjcf", "mjx jacfwd of forward", False, "XLA", engine="mjx"),
+    _of("mjx/mjcf", "mjx jacfwd of inverse", True, "XLA", engine="mjx"),
 )
-RNEA = _method(
-    "pinocchio computeRNEADerivatives", "urdf", partial(_of_engine, Subject("pinocchio", "urdf"), True), inverse=True, in_body=True
-)
-DIFFERENCES_OF_ABA = _method(
-    "central differences of pinocchio aba", "urdf", partial(_differences_of_pinocchio, False), inverse=False, in_body=True, differences=True
-)
-DIFFERENCES_OF_RNEA = _method(
-    "central differences of pinocchio rnea", "urdf", partial(_differences_of_pinocchio, True), inverse=True, in_body=True, differences=True
-)
-TRANSITION = _method("mujoco mjd_transitionFD", "mjcf", partial(_transition, False), inverse=False, differences=True)
-CENTRED_TRANSITION = _method("mujoco mjd_transitionFD, centred", "mjcf", partial(_transition, True), inverse=False, differences=True)
-INVERSE = _method("mujoco mjd_inverseFD", "mjcf", _inverse, inverse=True, differences=True)
-AUTODIFF = _automatic("drake AutoDiff of accelerations", "drake", inverse=False, loop="Python")
-AUTODIFF_INVERSE = _automatic("drake AutoDiff of CalcInverseDynamics", "drake", inverse=True, loop="Python")
-JACFWD = _automatic("mjx jacfwd of forward", "mjx", inverse=False, loop="XLA")
-JACFWD_INVERSE = _automatic("mjx jacfwd of inverse", "mjx", inverse=True, loop="XLA")

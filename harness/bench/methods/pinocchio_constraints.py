@@ -18,8 +18,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
-from harness.certify.quantities.accelerations import AccelerationTruth
-from harness.certify.softness import softened
+from harness.certify.quantities.accelerations import AccelerationTruth, softened
 from harness.crosscheck.scene import Scene
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import ACCURATE, LoopConstraints, Solver

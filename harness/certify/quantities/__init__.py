@@ -1,6 +1,6 @@
 """Quantities that engines compute, each a ``Quantity`` declared in a module of this package.
 
-A quantity has a ``Truth``: certified values in blocks (``harness.certify.certified``), by which ``harness.certify.compare`` judges answers.
+A quantity has a ``Truth``: certified values in blocks (``Certified``), by which answers are judged.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import Comparison, compare, farthest_block
+from harness.certify.compare import Certified, Comparison, compare, farthest_block
 from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.engines import Model
 from harness.equations.mechanism import Mechanism
@@ -33,8 +32,8 @@ ALL = "all"
 
 
 @dataclass(frozen=True)
-class Question:
-    """What a quantity is asked of.
+class TruthBasis:
+    """Mechanism, files and engine that the truth of a quantity is founded on.
 
     Attributes:
         mechanism: whose joints q, v and tau follow.
@@ -146,7 +145,7 @@ class Quantity:
     """
 
     name: str
-    truth: Callable[[Question], Truth]
+    truth: Callable[[TruthBasis], Truth]
     is_of_file: bool = True
     has_laws: bool = False
     has_step_rules: bool = False

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.compare import compare, farthest_block
+from harness.certify.compare import Certified, compare, farthest_block
 from harness.equations.states import States
 from harness.verdict import Verdict
 

@@ -12,20 +12,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.quantities import Question, Truth
+from harness.certify.compare import Certified, compare
+from harness.certify.quantities import Truth, TruthBasis
 from harness.certify.quantity import QuantityKernel
-from harness.certify.reference import ReferenceKernel
+from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.terms import GRAVITY, MASS, VELOCITY, certify_terms, term_errors
 from harness.engines import Model
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
 from harness.errors import InvalidModel
+from harness.files.model_file import ModelFile
 from harness.robots.constraints import untied
 from harness.robots.mechanism import mechanism_of
 from harness.robots.quantity import Block, ComputedQuantity, TreeMotion, computed, tree_motion
 from harness.storage import Kept
-from harness.verdict import AGREEMENT
+from harness.verdict import AGREEMENT, Verdict
 
 # States at which a file is held against the energies.
 HELD_AT = 4
@@ -34,7 +35,7 @@ LARGEST_ACCELERATION = 100.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedMotion:
     """What an engine is asked at n states: q (n, nq), v and qdd (n, nv), of these ``joints``; ``zero``, (1, nq), is the position zero."""
 
     joints: tuple[str, ...]
@@ -52,17 +53,17 @@ class FileTruth(Truth):
 
     def __init__(
         self,
-        question: Question,
+        basis: TruthBasis,
         blocks_of: Callable[[TreeMotion], Iterable[Block]],
-        answer: Callable[[Model, Asked], Array],
+        answer: Callable[[Model, AskedMotion], Array],
     ) -> None:
-        mechanism = question.mechanism
-        self._question, self._answer = question, answer
+        mechanism = basis.mechanism
+        self._basis, self._answer = basis, answer
         self._joints = tuple(dict.fromkeys(mechanism.joints))
-        robot = question.robot_of(question.declared)
+        robot = basis.robot_of(basis.declared)
         self._robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
-        read = question.robot_of(question.read)
-        own = tree_motion(self._robot.tree, self._joints, question.linear_velocity_in_body, read.tree, question.has_other_points)
+        read = basis.robot_of(basis.read)
+        own = tree_motion(self._robot.tree, self._joints, basis.linear_velocity_in_body, read.tree, basis.has_other_points)
         self._written: ComputedQuantity = computed(own, blocks_of)
         self.blocks: Sequence[str] = self._written.blocks
         places = np.arange(len(self.blocks) * self._written.width).reshape(-1, self._written.width)
@@ -72,16 +73,16 @@ class FileTruth(Truth):
     def key(self) -> Hashable:
         """See ``Truth``; the program has the numbers of a second file where that has other points."""
         numbers = tuple(map(float, self._written.parameters))
-        return self._question.mechanism.key, self._text, self._written.program.key, numbers, self._question.linear_velocity_in_body
+        return self._basis.mechanism.key, self._text, self._written.program.key, numbers, self._basis.linear_velocity_in_body
 
     @property
     def _text(self) -> str:
-        return "" if self._question.declared is None else self._question.declared.text
+        return "" if self._basis.declared is None else self._basis.declared.text
 
     def evaluate(self, states: States) -> Certified:
         """Raises InvalidModel where the numbers of the file are not those of the energies."""
-        mechanism, in_body = self._question.mechanism, self._question.linear_velocity_in_body
-        if self._question.declared is not None:
+        mechanism, in_body = self._basis.mechanism, self._basis.linear_velocity_in_body
+        if self._basis.declared is not None:
             _HELD.get((mechanism.key, self._text, in_body), lambda: self._hold_against_energies(states[:HELD_AT]))
         n, numbers = len(states), [float(value) for value in self._written.parameters]
         given = [states.q, states.v, self._accelerations(states), states.time[:, None], np.broadcast_to(numbers, (n, len(numbers)))]
@@ -89,16 +90,16 @@ class FileTruth(Truth):
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
-        asked = Asked(self._joints, states.q, states.v, self._accelerations(states), zero_position(self._question.mechanism))
+        asked = AskedMotion(self._joints, states.q, states.v, self._accelerations(states), zero_position(self._basis.mechanism))
         return self._answer(model, asked).reshape(len(states), len(self.blocks), -1)
 
     def _accelerations(self, states: States) -> Array:
         """Those that applied forces would give each coordinate alone, about."""
-        largest = np.array([max(map(abs, bounds)) for bounds in self._question.mechanism.force_ranges])
+        largest = np.array([max(map(abs, bounds)) for bounds in self._basis.mechanism.force_ranges])
         return np.where(largest > 0, LARGEST_ACCELERATION * states.tau / np.where(largest > 0, largest, 1.0), 0.0)
 
     def _hold_against_energies(self, states: States) -> None:
-        mechanisms, in_body = (self._question.mechanism, mechanism_of(self._robot)), self._question.linear_velocity_in_body
+        mechanisms, in_body = (self._basis.mechanism, mechanism_of(self._robot)), self._basis.linear_velocity_in_body
         energies, file = (certify_terms(ReferenceKernel(one, in_body), states) for one in mechanisms)
         for name in (MASS, VELOCITY, GRAVITY):
             # By what either grants: where algebra leaves nothing of a term, the energies tell of no roundoff. Low parts do not matter.
@@ -122,3 +123,16 @@ def zero_position(mechanism: Mechanism) -> Array:
             found[0, first + positions - 4] = 1.0
         first += positions
     return found
+
+
+def hold_against_energies(declared: ModelFile, energies: ReferenceKernel, states: States, reference: Reference) -> None:
+    """Refuse a file whose accelerations, ``reference``, with constraints held rigid, are not those of the energies at ``states``.
+
+    Raises:
+        InvalidModel: they are not.
+    """
+    comparison = compare(energies.evaluate(states), np.asarray(reference.high))
+    if (comparison.verdicts == Verdict.DISAGREES.value).any():
+        worst = f"{comparison.known('backward_error').max():.3g} data roundoffs from those of the energies"
+        problem = f"the accelerations of its numbers are {worst}, expected up to {AGREEMENT:g}; check accelerations first"
+        raise InvalidModel(declared.path, None, problem)

@@ -1,12 +1,16 @@
 """Accelerations: one block, whose length is the kinetic-energy norm.
 
 They are those of the equations of a mechanism. *Rigid* truth holds constraints exactly. Where an engine declares that it solves another
-problem, in which constraints give by numbers of the model file, the *declared* truth is that of ``harness.certify.softness``.
+problem, in which constraints give by numbers of the model file, its answers are held against that *declared* problem, and how far they
+are from rigid is a property of the model.
+
+Beside them stand gaps: what a model's constraints leave open where its system closes them. Where a loop is held on the ground stands in
+no Jacobian. So an engine that holds constraints rigid has the right accelerations of a loop that closes elsewhere, until it moves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,17 +19,90 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.far_links import FarLinks
-from harness.certify.gaps import beside_gaps, gaps_of, remark_on, with_gaps
+from harness.certify.manifold import rows_left
 from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.certify.quantities import Quantity, Question, Truth
+from harness.certify.quantities import Quantity, Truth, TruthBasis
 from harness.certify.reference import Reference, ReferenceKernel
-from harness.engines import Model, accelerations, factorises_mass_matrix
+from harness.engines import ConstraintLaw, Model, accelerations, factorises_mass_matrix
+from harness.equations.constraint_forces import Softness, softened_program
+from harness.equations.constraints import Constraints
 from harness.equations.mechanism import Mechanism
 from harness.equations.states import States
+from harness.errors import InvalidModel
+from harness.files.model_file import ModelFile
 from harness.results.records import ACCELERATIONS as NAME
+from harness.robots.inverse_weights import inverse_weights
 from harness.robots.mechanism import RobotMechanism
 from harness.storage import Kept
-from harness.verdict import Verdict
+from harness.verdict import AGREEMENT, Verdict
+
+# Weight of a row that data leave no room at all, as where all joints stand at zero: what is open there counts, and zero times it is zero.
+_LARGEST = 2.0**900
+# The rows of each constraint, (n, rows), by name; none where a model has no constraints, or its engine does not say them.
+Gaps = Mapping[str, Array]
+
+
+def gaps_of(model: Model, states: States) -> Gaps:
+    """What the constraints of a model leave at ``states``, in the order of their names."""
+    of_model = getattr(model, "gaps", None)
+    found = {} if of_model is None else of_model(states.q)
+    return {name: found[name] for name in sorted(found)}
+
+
+def with_gaps(answers: Array, gaps: Gaps) -> Array:
+    """Accelerations, (n, nv), and behind them the rows of all constraints."""
+    return np.hstack([answers, *gaps.values()])
+
+
+def answers_with_gaps(model: Model, states: States) -> Array:
+    """``with_gaps`` of what a model answers at ``states``."""
+    return with_gaps(accelerations(model, states), gaps_of(model, states))
+
+
+def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
+    """The reference of answers with gaps: all rows are zero, and one data roundoff of a constraint counts as one of the accelerations."""
+    if not gaps:
+        return reference
+    n, nv = reference.high.shape
+    units = _units(mechanism, states, gaps)
+    with np.errstate(divide="ignore"):
+        counts = {name: np.minimum(reference.data_roundoff / unit, _LARGEST) for name, unit in units.items()}
+    weights = np.hstack([np.repeat(counts[name][:, None], rows.shape[1], axis=1) for name, rows in gaps.items()])
+    factor = np.zeros((n, nv + weights.shape[1], nv + weights.shape[1]))
+    factor[:, :nv, :nv] = reference.norm_factor
+    own = np.arange(nv, factor.shape[1])
+    factor[:, own, own] = weights
+    none = np.zeros_like(weights)
+    high, low = (np.hstack([part, none]) for part in (reference.high, reference.low))
+    return replace(reference, high=high, low=low, norm_factor=factor)
+
+
+def compare_with_gaps(
+    reference: Reference, mechanism: Mechanism, states: States, answers: Array, gaps: Gaps, factorises: bool
+) -> Comparison:
+    """``harness.certify.compare.compare`` of accelerations, (n, nv), and of what the model's constraints leave open beside them."""
+    return compare(beside_gaps(reference, mechanism, states, gaps), with_gaps(answers, gaps), factorises)
+
+
+def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
+    """A sentence on the constraint that is open by more than data explain, where it is widest; "" where none is."""
+    units = _units(mechanism, states, gaps) if gaps else {}
+    sizes = {name: np.linalg.norm(rows, axis=1) for name, rows in gaps.items()}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        largest = {name: float(np.nan_to_num(size / units[name], nan=0.0).max(initial=0.0)) for name, size in sizes.items()}
+    name = max(largest, key=lambda name: largest[name], default="")
+    if not name or not largest[name] > AGREEMENT:
+        return ""
+    return f"Constraint {name!r} is open by {sizes[name].max():.3g} where the system closes it ({largest[name]:.3g} data roundoffs)"
+
+
+def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]:
+    """The data roundoff of each constraint, (n,), of the length of its rows."""
+    constraints = mechanism.constraints
+    assert constraints is not None
+    _, by_data = rows_left(mechanism, states)
+    owners = np.array(constraints.rows[: constraints.holonomic])
+    return {name: np.linalg.norm(by_data[:, : constraints.holonomic][:, owners == name], axis=1) for name in gaps}
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,13 +185,13 @@ def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> Ref
     return AccelerationTruth(mechanism, linear_velocity_in_body and bool(mechanism.charts_in_body)).kernel
 
 
-def _truth(question: Question) -> AccelerationTruth:
-    about = question.linear_velocity_in_body, question.unit_roundoff, question.factorises
-    mechanism, far_links = question.mechanism, None
-    if question.is_about_tree and isinstance(mechanism, RobotMechanism):
+def _truth(basis: TruthBasis) -> AccelerationTruth:
+    about = basis.linear_velocity_in_body, basis.unit_roundoff, basis.factorises
+    mechanism, far_links = basis.mechanism, None
+    if basis.is_about_tree and isinstance(mechanism, RobotMechanism):
         far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
     rigid = AccelerationTruth(mechanism, *about, far_links=far_links)
-    return rigid if question.softened is None else AccelerationTruth(question.softened(question.mechanism), *about, rigid)
+    return rigid if basis.softened is None else AccelerationTruth(basis.softened(basis.mechanism), *about, rigid)
 
 
 _KERNELS: Kept[ReferenceKernel] = Kept(64)
@@ -122,3 +199,48 @@ _FAR_LINKS: Kept[FarLinks] = Kept(64)
 ACCELERATIONS = Quantity(
     NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, is_searched=True, is_asked_again=True
 )
+
+
+def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], model: ModelFile) -> list[Softness]:
+    """The law of each row of a mechanism's constraints near which it stays, by the laws that an engine declares of a model file.
+
+    Raises:
+        InvalidModel: the rows of a constraint weigh differently in the file, and the mechanism has not as many; or they have no weight.
+    """
+    try:
+        weights = inverse_weights(model, (part for law in laws.values() for row in law.weights or () for part in row))
+    except ValueError as error:
+        problem = f"its constraints have no weight: {error}; correct the masses, inertias or places"
+        raise InvalidModel(model.path, model.root_line, problem) from error
+    rows = []
+    for name in constraints.names:
+        law, count = laws[name], constraints.rows.count(name)
+        inverse_masses: list[float | None] = [None] * count
+        if law.weights is not None:
+            own = [sum(weights[part] for part in row) for row in law.weights]
+            if len(own) != count and len(set(own)) > 1:
+                line = next(one.line for one in model.constraints if one.name == name)
+                raise InvalidModel(model.path, line, f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
+            inverse_masses = list(own if len(own) == count else [own[0]] * count)
+        impedance = law.impedance.at(0.0)
+        # R = (1 - d) / d A is no less than the engine's least number.
+        least = law.least_regularisation * impedance / (1 - impedance)
+        rows += [
+            Softness(impedance, law.stiffness, law.damping, mass if mass is None else max(mass, least), law.has_curvature)
+            for mass in inverse_masses
+        ]
+    return rows
+
+
+def softened(mechanism: Mechanism, rows: Sequence[Softness]) -> Mechanism:
+    """The mechanism whose constraints give by ``rows``, one law for each row, whose numbers are its last parameters."""
+
+    def write() -> Mechanism:
+        assert mechanism.constraints is not None
+        program, numbers = softened_program(mechanism.constraints, rows)
+        return replace(mechanism, program=program, parameters=(*mechanism.parameters, *((name, value, "") for name, value in numbers)))
+
+    return _SOFTENED.get((mechanism.key, tuple(rows)), write)
+
+
+_SOFTENED: Kept[Mechanism] = Kept(64)

@@ -20,8 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.quantities import Quantity, Question, Truth
+from harness.certify.compare import Certified
+from harness.certify.quantities import Quantity, Truth, TruthBasis
 from harness.certify.quantities._derivative_mistakes import describe
 from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
@@ -160,8 +160,8 @@ def by_columns(matrices: Array) -> Array:
 
 
 def _quantity(dynamics: Dynamics) -> Quantity:
-    def truth(question: Question) -> DerivativeTruth:
-        return DerivativeTruth(dynamics, question.mechanism, question.linear_velocity_in_body)
+    def truth(basis: TruthBasis) -> DerivativeTruth:
+        return DerivativeTruth(dynamics, basis.mechanism, basis.linear_velocity_in_body)
 
     # To write and to compile a program takes seconds, whatever the number of states.
     return Quantity(dynamics.method, truth, is_quick=False, group="derivatives")

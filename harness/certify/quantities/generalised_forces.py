@@ -11,52 +11,54 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantities import Quantity, Question, Truth
-from harness.certify.quantities._file_truth import Asked, FileTruth
+from harness.certify.quantities import Quantity, Truth, TruthBasis
+from harness.certify.quantities._file_truth import AskedMotion, FileTruth
 from harness.engines import Model, NotOffered, answer_of
 from harness.robots import force_quantities
 from harness.robots.quantity import Block, TreeMotion
 
 
-def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Quantity:
-    return Quantity(name, lambda question: FileTruth(question, blocks_of, answer))
+def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, AskedMotion], Array]) -> Quantity:
+    return Quantity(name, lambda basis: FileTruth(basis, blocks_of, answer))
 
 
-def _mass_matrix(model: Model, asked: Asked) -> Array:
+def _mass_matrix(model: Model, asked: AskedMotion) -> Array:
     if not hasattr(model, "mass_matrix") and hasattr(model, "terms"):
         still = np.zeros_like(asked.v)
         return np.asarray(model.terms(asked.q, still, still).mass)
     return answer_of(model, "mass_matrix", (asked.q,), (*asked.v.shape, asked.v.shape[1]))
 
 
-def _gravity(model: Model, asked: Asked) -> Array:
+def _gravity(model: Model, asked: AskedMotion) -> Array:
     if not hasattr(model, "gravity") and hasattr(model, "terms"):
         still = np.zeros_like(asked.v)
         return np.asarray(model.terms(asked.q, still, still).gravity)
     return answer_of(model, "gravity", (asked.q,), asked.v.shape)
 
 
-def _bias(model: Model, asked: Asked) -> Array:
+def _bias(model: Model, asked: AskedMotion) -> Array:
     return answer_of(model, "bias", (asked.q, asked.v), asked.v.shape)
 
 
-def _inverse_dynamics(model: Model, asked: Asked) -> Array:
+def _inverse_dynamics(model: Model, asked: AskedMotion) -> Array:
     return answer_of(model, "inverse_dynamics", (asked.q, asked.v, asked.qdd), asked.v.shape)
 
 
-def _power(model: Model, asked: Asked) -> Array:
+def _power(model: Model, asked: AskedMotion) -> Array:
     """Of the applied forces that the engine's inverse dynamics ask for, beside what springs and dampers do."""
     return np.asarray(np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked)))[:, None]
 
 
-def _of_trees(question: Question, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Truth:
-    if question.mechanism.constraints is not None:
+def _of_trees(
+    basis: TruthBasis, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, AskedMotion], Array]
+) -> Truth:
+    if basis.mechanism.constraints is not None:
         raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
-    return FileTruth(question, blocks_of, answer)
+    return FileTruth(basis, blocks_of, answer)
 
 
 MASS_MATRIX = _quantity("mass_matrix", force_quantities.mass_matrix, _mass_matrix)
 BIAS = _quantity("bias", force_quantities.bias, _bias)
 GRAVITY = _quantity("gravity", force_quantities.gravity, _gravity)
-INVERSE_DYNAMICS = Quantity("inverse_dynamics", lambda question: _of_trees(question, force_quantities.inverse_dynamics, _inverse_dynamics))
-POWER = Quantity("power", lambda question: _of_trees(question, force_quantities.power_of_forces, _power))
+INVERSE_DYNAMICS = Quantity("inverse_dynamics", lambda basis: _of_trees(basis, force_quantities.inverse_dynamics, _inverse_dynamics))
+POWER = Quantity("power", lambda basis: _of_trees(basis, force_quantities.power_of_forces, _power))

@@ -8,17 +8,17 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.quantities import Quantity
-from harness.certify.quantities._file_truth import Asked, FileTruth
+from harness.certify.quantities._file_truth import AskedMotion, FileTruth
 from harness.engines import Model, answer_of
 from harness.robots import motion_quantities
 from harness.robots.quantity import Block, TreeMotion
 
 
-def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, Asked], Array]) -> Quantity:
-    return Quantity(name, lambda question: FileTruth(question, blocks_of, answer))
+def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, AskedMotion], Array]) -> Quantity:
+    return Quantity(name, lambda basis: FileTruth(basis, blocks_of, answer))
 
 
-def _energies(model: Model, asked: Asked) -> Array:
+def _energies(model: Model, asked: AskedMotion) -> Array:
     """The potential energy beyond that at zero."""
     found = np.array(answer_of(model, "energies", (asked.q, asked.v), (len(asked.q), 2)))
     at_zero = answer_of(model, "energies", (asked.zero, np.zeros((1, asked.v.shape[1]))), (1, 2))
@@ -26,11 +26,11 @@ def _energies(model: Model, asked: Asked) -> Array:
     return found
 
 
-def _momenta(model: Model, asked: Asked) -> Array:
+def _momenta(model: Model, asked: AskedMotion) -> Array:
     return answer_of(model, "momenta", (asked.q, asked.v), (len(asked.q), 9))
 
 
-def _positions(model: Model, asked: Asked) -> Array:
+def _positions(model: Model, asked: AskedMotion) -> Array:
     """Anchors, and the columns of how the bodies are turned from where they stand at zero."""
     count = len(asked.joints)
     found, (at_zero,) = (answer_of(model, "positions", (q,), (len(q), count, 12)) for q in (asked.q, asked.zero))
@@ -38,11 +38,11 @@ def _positions(model: Model, asked: Asked) -> Array:
     return np.concatenate([found[:, :, :3], turned.reshape(-1, count, 9)], axis=2)
 
 
-def _velocities(model: Model, asked: Asked) -> Array:
+def _velocities(model: Model, asked: AskedMotion) -> Array:
     return answer_of(model, "velocities", (asked.q, asked.v), (len(asked.q), len(asked.joints), 6))
 
 
-def _jacobians(model: Model, asked: Asked) -> Array:
+def _jacobians(model: Model, asked: AskedMotion) -> Array:
     """By joint and velocity, linear before angular."""
     found = answer_of(model, "jacobians", (asked.q,), (len(asked.q), len(asked.joints), 6, asked.v.shape[1]))
     return np.ascontiguousarray(found.transpose(0, 1, 3, 2))

@@ -8,20 +8,22 @@ the file holds constraints, what these bear stands beside the accelerations, by 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified
-from harness.certify.multipliers import MultiplierKernel
-from harness.certify.quantities import Quantity, Question, Truth
-from harness.certify.quantities._declared_file import hold_against_energies
+from harness.certify.compare import Certified, Flags
+from harness.certify.quantities import Quantity, Truth, TruthBasis
+from harness.certify.quantities._file_truth import hold_against_energies
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.engines import Model, NotOffered, answer_of
+from harness.equations.constraint_forces import MULTIPLIERS
+from harness.equations.evaluation import jacobians
 from harness.equations.mechanism import Mechanism
+from harness.equations.program import without_unused
 from harness.equations.states import States
 from harness.files.tree import Given
 from harness.robots.constraints import untied
@@ -39,17 +41,17 @@ _STATES, _SEED = 4, 0
 class ReactionTruth(Truth):
     """The certified reactions of one mechanism, at the joints of one file."""
 
-    def __init__(self, question: Question) -> None:
-        mechanism, declared = question.mechanism, question.declared
-        if declared is None or question.read is None:
+    def __init__(self, basis: TruthBasis) -> None:
+        mechanism, declared = basis.mechanism, basis.declared
+        if declared is None or basis.read is None:
             raise NotOffered("reactions are those of a mechanism's file, which is held against energies; a robot's file has none")
-        self._question, self._declared = question, declared
+        self._basis, self._declared = basis, declared
         self._joints = tuple(dict.fromkeys(mechanism.joints))
-        robot = question.robot_of(declared)
+        robot = basis.robot_of(declared)
         robot = replace(robot, joints=self._joints, tree=untied(robot.tree, self._joints))
-        in_body = question.linear_velocity_in_body
+        in_body = basis.linear_velocity_in_body
         # Another point is a number of another file, with roundings of its own.
-        points_of = untied(question.robot_of(question.read).tree, self._joints) if question.has_other_points else None
+        points_of = untied(basis.robot_of(basis.read).tree, self._joints) if basis.has_other_points else None
         own, rigid, self._numbers, bearing = self._motion(robot)
         self.reactions = reactions_program(robot.tree, self._joints, in_body, points_of, declared.constraints, bearing)
         if not self.reactions.joints:
@@ -66,12 +68,12 @@ class ReactionTruth(Truth):
     def _motion(self, robot: Robot) -> tuple[Mechanism, Mechanism, Sequence[Given], Sequence[int]]:
         """The declared file's mechanism: by its engine's law, and rigid. The numbers of the file that are the first parameters of both,
         and the rows of constraints that bear something."""
-        mechanism, softened = self._question.mechanism, self._question.softened
+        mechanism, softened = self._basis.mechanism, self._basis.softened
         if mechanism.constraints is None:
-            in_body = self._question.linear_velocity_in_body
+            in_body = self._basis.linear_velocity_in_body
             tree = mechanism_of(robot)
             return tree, tree, recursion_program(robot.tree, self._joints, in_body).parameters, ()
-        tied = _tied(robot, self._question)
+        tied = _tied(robot, self._basis)
         if softened is not None:
             return softened(tied.mechanism), tied.mechanism, tied.parameters, tied.bearing
         if not tied.is_determined:
@@ -83,7 +85,7 @@ class ReactionTruth(Truth):
         """See ``Truth``; the program has the numbers of a second file where that has other points."""
         numbers = tuple(map(float, self.reactions.parameters))
         law = self._reference.mechanism.key
-        return self._declared.text, self.reactions.program.key, numbers, self._question.linear_velocity_in_body, law
+        return self._declared.text, self.reactions.program.key, numbers, self._basis.linear_velocity_in_body, law
 
     def evaluate(self, states: States) -> Certified:
         """Forces of all joints that transmit something, then moments, (n, 2 joints, 3) [N, N m].
@@ -118,7 +120,7 @@ class ReactionTruth(Truth):
         felt, further = self._as_inputs(states, slopes)
         # What half an ulp of twice the kinetic energy as a torque on each rotating coordinate does.
         twice_the_energy = (np.einsum("nij,nj->ni", reference.norm_factor, states.v) ** 2).sum(axis=1)
-        rotating = states.q.shape[1] + nv + np.flatnonzero(self._question.mechanism.rotating)
+        rotating = states.q.shape[1] + nv + np.flatnonzero(self._basis.mechanism.rotating)
         return Between(
             high=np.concatenate([reference.high, bearing.high], axis=1),
             low=np.concatenate([reference.low, bearing.low], axis=1),
@@ -150,9 +152,9 @@ class ReactionTruth(Truth):
         return np.concatenate([felt, slopes[:, :, further]], axis=2), values
 
 
-def _tied(robot: Robot, question: Question) -> Tied:
+def _tied(robot: Robot, basis: TruthBasis) -> Tied:
     """The declared file's mechanism under its constraints; written once per process, whoever reads which file."""
-    mechanism, declared = question.mechanism, question.declared
+    mechanism, declared = basis.mechanism, basis.declared
     assert mechanism.constraints is not None and declared is not None
     constraints, rows = mechanism.constraints, declared.constraints
 
@@ -167,3 +169,40 @@ def _tied(robot: Robot, question: Question) -> Tied:
 
 _TIED: Kept[Tied] = Kept(64)
 REACTIONS = Quantity("reactions", ReactionTruth, has_laws=True)
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """What m rows bear at n states [N or N m].
+
+    Attributes:
+        high, low, radius: (n, m). slopes: (n, m, inputs of the mechanism's program), in float64. certified: (n,).
+    """
+
+    high: Array
+    low: Array
+    radius: Array
+    slopes: Array
+    certified: Flags
+
+
+class MultiplierKernel:
+    """The multipliers of a mechanism with ``rows`` rows, none of them for a tree; write once, evaluate many batches."""
+
+    def __init__(self, mechanism: Mechanism, rows: int) -> None:
+        self._mechanism, self._rows = mechanism, rows
+        if rows:
+            program = mechanism.program
+            self._program = without_unused(replace(program, outputs={MULTIPLIERS: program.outputs[MULTIPLIERS]}))
+            self._kernel = QuantityKernel(self._program, [[row] for row in range(rows)])
+
+    def evaluate(self, states: States) -> Multipliers:
+        """What the rows bear at ``states``."""
+        inputs = np.ascontiguousarray(self._mechanism.inputs(states).T)
+        n, count = inputs.shape
+        none = np.zeros((n, 0))
+        if not self._rows:
+            return Multipliers(none, none, none, np.zeros((n, 0, count)), np.ones(n, dtype=np.bool_))
+        found = self._kernel.evaluate(inputs)
+        slopes = jacobians(self._program, np.ascontiguousarray(inputs.T))[MULTIPLIERS].transpose(2, 0, 1)
+        return Multipliers(found.high[:, :, 0], found.low[:, :, 0], found.radius, slopes, found.certified)

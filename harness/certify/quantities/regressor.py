@@ -11,24 +11,24 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantities import Quantity, Question, Truth
-from harness.certify.quantities._file_truth import Asked, FileTruth
+from harness.certify.quantities import Quantity, Truth, TruthBasis
+from harness.certify.quantities._file_truth import AskedMotion, FileTruth
 from harness.engines import Model, NotOffered, answer_of
 from harness.robots.regressor import PARAMETERS, carrying_joints, regressor
 
 
-def _truth(question: Question) -> Truth:
-    mechanism, read = question.mechanism, question.read
+def _truth(basis: TruthBasis) -> Truth:
+    mechanism, read = basis.mechanism, basis.read
     if mechanism.constraints is not None:
         raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
-    carrying = carrying_joints(question.robot_of(read).tree, tuple(dict.fromkeys(mechanism.joints)))
+    carrying = carrying_joints(basis.robot_of(read).tree, tuple(dict.fromkeys(mechanism.joints)))
 
-    def answers(model: Model, asked: Asked) -> Array:
+    def answers(model: Model, asked: AskedMotion) -> Array:
         shape = (len(asked.q), asked.v.shape[1], len(asked.joints), len(PARAMETERS))
         found = answer_of(model, "regressor", (asked.q, asked.v, asked.qdd), shape)
         return np.ascontiguousarray(found[:, :, [asked.joints.index(name) for name in carrying]].transpose(0, 2, 3, 1))
 
-    return FileTruth(replace(question, declared=read), regressor, answers)
+    return FileTruth(replace(basis, declared=read), regressor, answers)
 
 
 # To write and to compile its programs takes seconds.

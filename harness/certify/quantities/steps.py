@@ -7,47 +7,51 @@ Lengths are kinetic-energy norms with M at the start: of differences of velociti
 positions, which for a rotation is twice the vector part of the difference as a quaternion in the body's frame. How far a quaternion is
 off length 1 counts for nothing, as no reader of one feels it.
 
+A wrong step is explained by the mistake that undone makes it right: by another rule, which the answers then follow, or by a convention
+undone, after which they follow their own.
+
 Source: that of ``harness.files.rules.step_rule``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.certified import Certified, Flags
-from harness.certify.quantities import Quantity, Question, Truth
-from harness.certify.quantities._declared_file import hold_against_energies
-from harness.certify.quantities._step_mistakes import describe
+from harness.certify.compare import Certified, Flags, farthest_block
+from harness.certify.numbers import UNIT_ROUNDOFF
+from harness.certify.quantities import Quantity, Truth, TruthBasis
+from harness.certify.quantities._file_truth import hold_against_energies
 from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.engines import Model, NotOffered, answer_of
 from harness.equations.evaluation import values
 from harness.equations.states import States
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules.step_rule import Part, StepRule
 from harness.robots.mechanism import mechanism_of
 from harness.robots.step_forces import step_forces
 from harness.robots.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
+from harness.verdict import AGREEMENT
 
 
 class StepTruth(Truth):
     """The certified steps of one mechanism by the rules of one engine."""
 
-    def __init__(self, question: Question) -> None:
-        mechanism, declared = question.mechanism, question.declared
+    def __init__(self, basis: TruthBasis) -> None:
+        mechanism, declared = basis.mechanism, basis.declared
         if declared is None:
             raise NotOffered("motions of a robot's file are compared by harness compare --steps")
-        if not question.step_rules:
+        if not basis.step_rules:
             raise NotOffered("the engine documents no integrator")
         if mechanism.constraints is not None:
             raise NotOffered("steps under constraints have no declared map here")
-        if question.linear_velocity_in_body and mechanism.charts_in_body:
+        if basis.linear_velocity_in_body and mechanism.charts_in_body:
             raise NotOffered("the linear velocity of a free joint is in the body's frame, in which no rule is written")
-        self.question, self.rules, self._declared = question, question.step_rules, declared
-        robot = replace(question.robot_of(declared), joints=tuple(dict.fromkeys(mechanism.joints)))
+        self.basis, self.rules, self._declared = basis, basis.step_rules, declared
+        robot = replace(basis.robot_of(declared), joints=tuple(dict.fromkeys(mechanism.joints)))
         self._forces = step_forces(robot.tree, robot.joints)
         self._steps = steps_program(self._forces, mechanism.attitudes, self.rules)
         self._energies, self._reference = ReferenceKernel(mechanism), ReferenceKernel(mechanism_of(robot))
@@ -97,7 +101,7 @@ class StepTruth(Truth):
 
     def by(self, rule: StepRule, states: States) -> Array:
         """The state after a step by another rule, in float64, (n, 2, nv + nq), as of ``evaluate``."""
-        steps = steps_program(self._forces, self.question.mechanism.attitudes, (rule,))
+        steps = steps_program(self._forces, self.basis.mechanism.attitudes, (rule,))
         after = values(steps.program, np.ascontiguousarray(_inputs(steps, (rule,), states).T))
         nv, found = states.v.shape[1], np.zeros((len(states), 2, states.v.shape[1] + states.q.shape[1]))
         found[:, 0, :nv], found[:, 1, nv:] = after[velocities(rule)].T, after[positions(rule)].T
@@ -105,7 +109,7 @@ class StepTruth(Truth):
 
     def _tangents(self, q: Array) -> Array:
         """(n, nv, nq), from differences of positions at q, (n, nq), to the velocities that make them in a second."""
-        mechanism = self.question.mechanism
+        mechanism = self.basis.mechanism
         found = np.zeros((len(q), mechanism.nv, mechanism.nq))
         row = column = 0
         while row < mechanism.nv:
@@ -124,13 +128,13 @@ class StepTruth(Truth):
         turns = [np.zeros(len(states))]
         for rule in self.rules:
             for rates in (states.v, after[velocities(rule)].T):
-                turns += [rule.length * np.linalg.norm(rates[:, place : place + 3], axis=1) for place in self.question.mechanism.attitudes]
+                turns += [rule.length * np.linalg.norm(rates[:, place : place + 3], axis=1) for place in self.basis.mechanism.attitudes]
         return np.asarray(np.max(turns, axis=0) <= LARGEST_TURN)
 
     def _share_of_the_motion(self, states: States, reference: Reference) -> Array:
         """(n, 2 rules), what twice the kinetic energy as a torque on each rotating coordinate does in a step."""
         factor = reference.norm_factor
-        rotating = np.array(self.question.mechanism.rotating)
+        rotating = np.array(self.basis.mechanism.rotating)
         twice_the_energy = (np.einsum("nij,nj->ni", factor, states.v) ** 2).sum(axis=1)
         sound = np.where(reference.certified[:, None, None], factor, np.eye(states.v.shape[1]))
         # |M^-1 e|_M of a unit torque e is the length of a row of the inverse of the factor.
@@ -148,3 +152,70 @@ def _inputs(steps: Steps, rules: Sequence[StepRule], states: States) -> Array:
 
 
 STEPS = Quantity("steps", StepTruth, has_step_rules=True)
+
+
+# What was done to a quaternion (n, 4), with what undoes it, by the quaternion before the step.
+Undone = Callable[[Array, Array], Array]
+
+
+def describe(truth: StepTruth, states: States, certified: Certified, answers: Array) -> str:
+    """The block of a wrong answer that is farthest off, and the mistake that explains both blocks of its rule, where one does."""
+    block = farthest_block(certified, answers)
+    number = block // 2
+    rule, own = truth.rules[number], slice(2 * number, 2 * number + 2)
+    allowed = AGREEMENT * UNIT_ROUNDOFF * (certified.sensitivity + certified.share)[:, own]
+
+    def explains(expected: Array, found: Array) -> bool:
+        lengths = np.linalg.norm((found - expected) @ certified.norm_factor.transpose(0, 2, 1), axis=2)
+        return bool((lengths <= allowed)[certified.certified].all())
+
+    sentence = f"Farthest off are the {truth.blocks[block]}"
+    of_others = ((one.name, certified.high[:, 2 * other : 2 * other + 2]) for other, one in enumerate(truth.rules) if other != number)
+    if names := [name for name, expected in of_others if explains(expected, answers[:, own])]:
+        return f"{sentence}; the step is that by {' and '.join(names)}"
+    for mistake, changed in _other_rules(rule):
+        if explains(truth.by(changed, states), answers[:, own]):
+            return f"{sentence}; {mistake}"
+    for mistake, undo in CONVENTIONS.items():
+        if explains(certified.high[:, own], _with_rotations(truth, states, answers[:, own], undo)):
+            return f"{sentence}; {mistake}"
+    return sentence
+
+
+def _other_rules(rule: StepRule) -> Iterator[tuple[str, StepRule]]:
+    """Rules that differ in one thing, each with the mistake that makes it."""
+    if rule.stages:
+        return
+    yield "positions follow with the velocities before the step", replace(rule, with_old_velocities=not rule.with_old_velocities)
+    for part in Part:
+        how = "explicitly, which are implicit" if part in rule.implicit else "implicitly, which are explicit"
+        yield f"it takes {part} {how}", replace(rule, implicit=rule.implicit ^ {part})
+    yield "dampers act across branches as the rule does not say", replace(rule, along_branches=not rule.along_branches)
+
+
+def _with_rotations(truth: StepTruth, states: States, answers: Array, undo: Undone) -> Array:
+    """Answers, (n, 2, nv + nq), with each of their quaternions undone."""
+    mechanism, found = truth.basis.mechanism, answers.copy()
+    for number, place in enumerate(mechanism.attitudes):
+        first = place + number
+        before = states.q[:, first : first + 4]
+        found[:, 1, mechanism.nv + first : mechanism.nv + first + 4] = undo(answers[:, 1, mechanism.nv + first :][:, :4], before)
+    return found
+
+
+def _product(a: Array, b: Array) -> Array:
+    scalar = a[:, :1] * b[:, :1] - (a[:, 1:] * b[:, 1:]).sum(axis=1, keepdims=True)
+    return np.concatenate([scalar, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])], axis=1)
+
+
+def _about_own_axes(after: Array, before: Array) -> Array:
+    """The turn that the world's axes were taken for, about the body's."""
+    inverse = before * [1.0, -1.0, -1.0, -1.0] / (before**2).sum(axis=1, keepdims=True)
+    return _product(before, _product(after, inverse))
+
+
+CONVENTIONS: dict[str, Undone] = {
+    "quaternions have their scalar last": lambda after, before: after[:, [3, 0, 1, 2]],
+    "quaternions are those of the inverse rotations": lambda after, before: after * [1.0, -1.0, -1.0, -1.0],
+    "rotations turn about the world's axes": _about_own_axes,
+}

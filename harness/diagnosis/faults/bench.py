@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from harness.certify.compare import compare
-from harness.certify.gaps import answers_with_gaps, beside_gaps, gaps_of
+from harness.certify.quantities.accelerations import answers_with_gaps, beside_gaps, gaps_of
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.assignment import Assignment, reference_kernel_of

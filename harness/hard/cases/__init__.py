@@ -12,9 +12,7 @@ problem hard; each case has its own.
 from __future__ import annotations
 
 import functools
-import importlib
 import math
-import pkgutil
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -34,6 +32,7 @@ from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.attributes import Attributes, with_attributes
 from harness.files.text.scan import Element, Number, find_elements, with_values
 from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.registry import Registry
 
 POINTS = 30
 # States at each point; the worst of them counts.
@@ -182,6 +181,9 @@ def library_of(case: HardCase) -> Library:
     return own if case.system_at(case.values[0]) in own.system_names() else Library.built_in()
 
 
+_CASES = Registry(__name__, HardCase, "hard case")
+
+
 @functools.cache
 def hard_cases() -> Mapping[str, HardCase]:
     """Every case by name, in the order of the modules and of their text.
@@ -189,12 +191,7 @@ def hard_cases() -> Mapping[str, HardCase]:
     Raises:
         ValueError: two cases have one name.
     """
-    found: dict[str, HardCase] = {}
-    for module in sorted(entry.name for entry in pkgutil.iter_modules(__path__)):
-        for case in vars(importlib.import_module(f"{__name__}.{module}")).values():
-            if isinstance(case, HardCase) and found.setdefault(case.name, case) is not case:
-                raise ValueError(f"two hard cases are called {case.name!r}")
-    return found
+    return _CASES.all()
 
 
 def decades(low: float, high: float, count: int = POINTS) -> tuple[float, ...]:

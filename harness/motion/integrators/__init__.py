@@ -9,8 +9,6 @@ for energy over long times.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,10 +17,10 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.errors import InvalidRequest
-from harness.library import CONSTRAINED, MECHANISMS, ROBOTS, nearest
+from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
+from harness.registry import Registry, select
 
 # What an integrator integrates, and a method computes: mechanisms that are trees, those with constraints, and robots' files.
 KINDS = (MECHANISMS, CONSTRAINED, ROBOTS)
@@ -61,10 +59,12 @@ class Integrator:
     of: tuple[str, ...] = (MECHANISMS,)
 
 
+_INTEGRATORS = Registry(__name__, Integrator, "integrator")
+
+
 def integrators(of: str = MECHANISMS) -> list[Integrator]:
     """All integrators of one of ``KINDS``, by module and in the order of their declaration."""
-    modules = [importlib.import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
-    return [value for module in modules for value in vars(module).values() if isinstance(value, Integrator) and of in value.of]
+    return [one for one in _INTEGRATORS.all().values() if of in one.of]
 
 
 def kind_of(scene: Scene) -> str:
@@ -78,12 +78,7 @@ def select_integrators(names: Iterable[str], of: str = MECHANISMS) -> list[Integ
     Raises:
         InvalidRequest: a name none has; the message gives the nearest one.
     """
-    known = {integrator.name: integrator for integrator in integrators(of)}
-    chosen = list(dict.fromkeys(names))
-    for name in chosen:
-        if name not in known:
-            raise InvalidRequest(f"no integrator is called {name!r}; {nearest(name, known)}")
-    return [known[name] for name in chosen] or list(known.values())
+    return select(names, {one.name: one for one in integrators(of)}, "integrator")
 
 
 def keep(start: Start, step: float, steps: int, every: int, evaluations_per_step: int, go: Callable[[int], tuple[Array, Array]]) -> Path:

@@ -53,7 +53,7 @@ def _runge_kutta(accelerations: Any, position_rates: Any, q: Any, v: Any, now: A
     return q + step * ((q1 + q4) + 2.0 * (q2 + q3)) / 6.0, v + step * ((v1 + v4) + 2.0 * (v2 + v3)) / 6.0
 
 
-class Steps:
+class CompiledSteps:
     """A one-step method on a mechanism: as many whole steps in a compiled function as are worth their compilation."""
 
     def __init__(self, scene: Scene, scheme: Scheme, stages: int) -> None:
@@ -192,14 +192,14 @@ EULER_CROMER = Integrator(
     name="equations Euler-Cromer",
     format="equations",
     order=1,
-    prepare=lambda scene: Steps(scene, _euler_cromer, 1).advance,
+    prepare=lambda scene: CompiledSteps(scene, _euler_cromer, 1).advance,
     of=KINDS,
 )
 RUNGE_KUTTA = Integrator(
     name="equations RK4",
     format="equations",
     order=4,
-    prepare=lambda scene: Steps(scene, _runge_kutta, 4).advance,
+    prepare=lambda scene: CompiledSteps(scene, _runge_kutta, 4).advance,
     long_run="secular",
     of=KINDS,
 )
