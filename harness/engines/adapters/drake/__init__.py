@@ -25,6 +25,7 @@ from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request
 from harness.engines.rotations import BALL, FREE
 from harness.engines.state_by_state import StateByState
+from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 
 # Of a discrete plant [s]; no file of a mechanism says it.
@@ -215,7 +216,9 @@ class DrakeEngine(Engine):
 
     def read(self, request: Request) -> DrakeModel:
         floating = floating_bodies(request)
-        refuse_joints(request, "Drake", [*floating, request.supplied_ball_joint])
+        # A plain one has ball joints that the harness has not asked about.
+        balls = [joint.name for joint in request.joints if joint.kind == JointKind.BALL and request.aid is not None]
+        refuse_joints(request, "Drake", [*floating, *balls])
         try:
             return DrakeModel(building(request), {body: joint for joint, body in floating.items()}, request)
         except RuntimeError as error:
