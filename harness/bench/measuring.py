@@ -79,7 +79,7 @@ def measure(function: Callable[[], object], minimum_count: int, minimum_seconds:
 
 
 def shared_fields(comparison: Comparison, certified: Flags, times: Sequence[float], count: int, remark: str) -> dict[str, Any]:
-    """What costs of accelerations and of other quantities have in common, by the names of their fields.
+    """Common fields of costs of accelerations and of other quantities, by their names.
 
     ``comparison`` and ``certified`` are of the states at which errors are measured, ``times`` [s] of calls for ``count`` states each.
     """

@@ -133,11 +133,11 @@ class BenchmarkSettings:
 
     @property
     def effort(self) -> Effort:
-        """Of each way of computing accelerations."""
+        """Effort for each way of computing accelerations."""
         return Effort((self.thoroughness.states,), self.thoroughness.states, self.seed, self.thoroughness.minimum_seconds)
 
     def effort_at(self, counts: Sequence[int], judged: int) -> Effort:
-        """Of each way of computing something else, a tenth of the time at each of several numbers of states."""
+        """Effort for each way of computing something else, a tenth of the time at each of several numbers of states."""
         return Effort(counts, judged, self.seed, self.thoroughness.minimum_seconds / 10)
 
     @property

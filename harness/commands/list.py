@@ -31,7 +31,7 @@ def _faults() -> Table:
 
 
 def _of_all(find: Callable[[str], Iterable[Any]]) -> list[Any]:
-    """What ``find`` has of every kind, each once."""
+    """Declarations of every kind that ``find`` has, each once."""
     from harness.motion.integrators import KINDS
 
     return list({one.name: one for of in KINDS for one in find(of)}.values())

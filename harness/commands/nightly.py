@@ -89,7 +89,7 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
 
 
 def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], asked: dict[str, Any]) -> NightChoice:
-    """What the night is about.
+    """Choice of the night.
 
     Raises:
         InvalidInput: the library, or a place to survey, cannot be used.

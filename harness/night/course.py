@@ -82,7 +82,7 @@ class Course:
         return [unit for unit in stage.units(self.choice) if unit not in done]
 
     def steps(self, stage: Stage) -> int:
-        """How many parts ``complete`` has yet to give."""
+        """Number of parts that ``complete`` has yet to give."""
         done = self.night.units_of(stage.name)
         return len(self.left(stage)) + (stage.closing is not None and _CLOSING not in done)
 
@@ -150,7 +150,7 @@ def found_by(history: History, night: Night, stage: Stage) -> Any:
 
 
 def cases_of(history: History, night: Night, stage: Stage) -> list[Case]:
-    """What a stage of a night has found as cases, by group and name."""
+    """Findings of a stage of a night as cases, by group and name."""
     return sorted(stage.cases(found_by(history, night, stage)), key=lambda case: case.key)
 
 
@@ -160,7 +160,7 @@ def settings_of(choice: NightChoice, stages: Sequence[Stage]) -> NightSettings:
 
 
 def changes_of(course: Course, stages: Sequence[Stage]) -> list[ChangedCell]:
-    """What changed this night, of all stages that have numbers."""
+    """Changes of this night in all stages that have numbers."""
     return [one for stage in stages for one in changes_of_the_last(nights_of(course, stage))]
 
 

@@ -1,4 +1,4 @@
-"""What a stage of a night declares, and what a night asks of it."""
+"""Declaration of a stage of a night, and what a night asks of it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from harness.workers import Workers
 
 @dataclass(frozen=True)
 class NightChoice:
-    """What a night is about.
+    """Choice of what a night does.
 
     Attributes:
         library: where systems, models and engines are. settings: what was asked. subjects: of the mechanisms, all for none.

@@ -19,7 +19,7 @@ _Made = TypeVar("_Made")
 
 
 def attempted(make: Callable[[], _Made], unit: str, kind: type[StudyResult]) -> _Made | UnitFound:
-    """What ``make`` gives; where it raises, nothing but the reason: a file that has to be mended, or a fault of the harness.
+    """Result of ``make``; where it raises, nothing but the reason: a file that has to be mended, or a fault of the harness.
 
     Raises:
         InvalidRequest, OSError, MemoryError: the cluster is gone, or the system refuses something; that ends the night, which can go on.

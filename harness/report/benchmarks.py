@@ -65,7 +65,7 @@ class BenchmarkSummary:
 
     @cached_property
     def trends(self) -> list[Trend]:
-        """Of the cost of every method, in units of the reference computation beside it."""
+        """Trends of the cost of every method, in units of the reference computation beside it."""
         return trends([readings_of_costs(found) for _, found in self.nights])
 
     def accelerations(self, system: str) -> list[AccelerationCost]:
@@ -114,12 +114,12 @@ class BenchmarkSummary:
 
 
 def acceleration_front(costs: Sequence[_Answered]) -> list[_Answered]:
-    """Those no other beats in both cost and worst backward error, cheapest first."""
+    """Measurements that no other beats in both cost and worst backward error, cheapest first."""
     return _front(costs, "seconds_per_state", "backward_error", math.inf)
 
 
 def motion_front(costs: Sequence[MotionCost], by: str) -> list[MotionCost]:
-    """Those no other beats in both ``by``, which is "seconds" or "evaluations", and error of the end state.
+    """Measurements that no other beats in both ``by``, which is "seconds" or "evaluations", and error of the end state.
 
     One that misses by as much as the whole motion is on no front.
     """

@@ -42,7 +42,7 @@ class Section:
 
 
 def sections(found: FilesComparison) -> Iterator[Section]:
-    """What there is to say, in the order in which a person asks."""
+    """Sections of a comparison, in the order in which a person asks."""
     yield from file_sections(found)
     for file in found.files:
         own = found.of(file.path)
@@ -212,7 +212,7 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
 
 
 def _equalities(found: FilesComparison, file: FileRecord) -> Iterator[str]:
-    """What each engine makes of the equalities of a file."""
+    """Lines on what each engine makes of the equalities of a file."""
     for one in (record for record in found.equalities if record.path == file.path):
         yield f"{one.subject}, plain, with the file's equalities: {_with_equalities(one)}"
         for kind, why_not in dict.fromkeys((part.kind, part.why_not) for part in one.parts):

@@ -44,13 +44,13 @@ class NightSummary:
 
     @cached_property
     def bad(self) -> list[Case]:
-        """What is not as expected, what is new first."""
+        """Cases that are not as expected, new ones first."""
         new = set() if self.since is None else {case.key for case in self.since.worse}
         return sorted((case for case in self.cases if not case.is_good), key=lambda case: (case.key not in new, case.key))
 
     @cached_property
     def since(self) -> Any:
-        """What is new since the night before; None where there is none."""
+        """Differences from the night before; None where there is none."""
         return None if self.before is None else new_since(self.before, self.cases)
 
     @property
@@ -99,7 +99,7 @@ _OUTCOMES = (FAILED, BROKEN, LEFT_OUT)
 
 
 def render_summary(summary: NightSummary) -> str:
-    """What is not as expected first, then what is new, what has changed in the trend, and the counts."""
+    """Cases that are not as expected, then those that are new, the changes in the trend, and the counts."""
     return "\n\n".join(_summary(summary)) + "\n"
 
 

@@ -173,7 +173,7 @@ def _robot_cell(name: str, subject: SubjectRecord, pages: Mapping[tuple[bool, st
 
 
 def _findings(summary: Summary | None, measured: BenchmarkSummary | None) -> Iterator[SiteFinding]:
-    """What engines get wrong: ways of asking that a benchmark found, then subjects of the cross-check, each kind of error once."""
+    """Faults of engines: ways of asking that a benchmark found, then subjects of the cross-check, each kind of error once."""
     groups: dict[tuple[str, str], list[SiteFinding]] = {}
     for found in measured.benchmark.findings if measured else ():
         engine, _, way = found.method.partition(" ")
@@ -192,7 +192,7 @@ def _findings(summary: Summary | None, measured: BenchmarkSummary | None) -> Ite
 
 
 def _known(engines: Collection[str]) -> Iterator[SiteFinding]:
-    """What is known of the engines of the site beside the mechanisms."""
+    """Known findings of the engines of the site, beside the mechanisms."""
     for one in known_findings():
         if one.engine in engines:
             yield SiteFinding(

@@ -16,7 +16,7 @@ _TIES, _SOFT = ("loops", "coupled joints", "coupled tendons", "mimic joints", "r
 
 
 def engine_counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[SiteCount]:
-    """Of each engine and version, over its formats."""
+    """Counts of each engine and version, over its formats."""
     versions = sorted({(column.engine, column.version) for column in columns})
     badges = slugs(f"{engine}-{version}".removesuffix("-") for engine, version in versions)
     for engine, version in versions:

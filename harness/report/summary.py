@@ -140,11 +140,11 @@ class Summary:
 
     @cached_property
     def trends(self) -> list[Trend]:
-        """Of every subject that was ever asked in these runs."""
+        """Trends of every subject that was ever asked in these runs."""
         return trends([readings_of_records(records) for _, records in self.nights])
 
     def changes_of_this_run(self) -> list[ChangedCell]:
-        """What this run shows of the trends: an engine has changed long before it is wrong."""
+        """Changes of the trends that this run shows: an engine has changed long before it is wrong."""
         return [change for trend in self.trends for change in trend.changes if change.place == len(self.nights) - 1]
 
     def trend(self) -> dict[str, list[tuple[datetime, float]]]:

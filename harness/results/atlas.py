@@ -118,7 +118,7 @@ class HardRow:
 
     @property
     def share_in_balls(self) -> float:
-        """Of the states of all points, how many needed ball arithmetic."""
+        """Share of the states of all points that needed ball arithmetic."""
         return sum(point.in_balls for point in self.points) / max(1, sum(point.states for point in self.points))
 
     @property

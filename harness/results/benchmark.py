@@ -128,7 +128,7 @@ class Yardstick:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineFinding:
-    """What an engine gets wrong in one way of being asked.
+    """Fault of an engine in one way of being asked.
 
     Attributes:
         system, method: names.

@@ -159,7 +159,7 @@ class _Segment:
         self.known += (reading.noise**2 - self.known) / self.count
 
     def judge(self, reading: NightValue, chart: Chart) -> str:
-        """How a reading shows a change; "" where it shows none."""
+        """Way in which a reading shows a change; "" where it shows none."""
         if self.count < (1 if reading.is_known else FEWEST_UNKNOWN):
             return ""
         score = self._score(reading)

@@ -1,4 +1,4 @@
-"""What a comparison of robots' files finds, as plain data; its tables are in ``harness.results.comparison_tables``."""
+"""Findings of a comparison of robots' files, as plain data; its tables are in ``harness.results.comparison_tables``."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class SubjectRecord:
 
     @property
     def cancels(self) -> bool:
-        """Whether readings that move qdd alone move nothing together: the answer agrees with the file."""
+        """True where readings that move qdd alone move nothing together: the answer agrees with the file."""
         return self.verdict == Verdict.AGREES and self.explained and any((reading.alone or 0.0) > FELT for reading in self.readings)
 
     @property
@@ -251,7 +251,7 @@ class PairRecord:
 
 @dataclass(kw_only=True)
 class FilesComparison(StudyResult):
-    """What is known of the files of a comparison or survey."""
+    """Records of the files of a comparison or survey."""
 
     STUDY: ClassVar[str] = "comparison"
 
@@ -291,7 +291,7 @@ def survey_profile(places: Sequence[str], floating_base: bool = False) -> str:
 
 
 def trends(earlier: Sequence[FilesComparison], now: FilesComparison) -> dict[tuple[str, str, str], list[float]]:
-    """Of each subject of now its ``error`` in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
+    """``error`` of each subject of now in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
     found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}
     for survey in (*earlier, now):
         for one in survey.subjects:
@@ -301,7 +301,7 @@ def trends(earlier: Sequence[FilesComparison], now: FilesComparison) -> dict[tup
 
 
 def changes(before: FilesComparison, now: FilesComparison) -> Iterator[str]:
-    """Of each subject whose outcome or dominating reading is another than before, and of each file that came or went, a sentence."""
+    """A sentence for each subject whose outcome or dominating reading is another than before, and for each file that came or went."""
     earlier = {(one.path, one.subject, one.kind): one for one in before.subjects}
     for one in now.subjects:
         was = earlier.get((one.path, one.subject, one.kind))

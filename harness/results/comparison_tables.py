@@ -19,7 +19,7 @@ subjects_table = TableOf(
 
 
 def short_names(found: FilesComparison) -> dict[str, str]:
-    """Of each file its path in the folder that all share, by path."""
+    """Path of each file in the folder that all share, by its whole path."""
     shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
     return {file.path: str(Path(file.path).relative_to(shared)) for file in found.files}
 

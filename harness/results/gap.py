@@ -1,4 +1,4 @@
-"""What the gap between two computed motions is made of, as plain data."""
+"""Shares of the gap between two computed motions, as plain data."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DYNAMICS, INTEGRATOR, STEP = "dynamics", "integrator", "step length"
 
 @dataclass(frozen=True, kw_only=True)
 class Mover:
-    """Who computed a motion: ``steps`` steps of ``length`` [s] on the file at ``path``; ``readings`` are what its reader makes of that."""
+    """Program of a motion: ``steps`` steps of ``length`` [s] on the file at ``path``; ``readings`` are what its reader makes of that."""
 
     path: str
     engine: str
@@ -72,7 +72,7 @@ class Gap:
 
     @property
     def remarks(self) -> list[str]:
-        """What the table leaves out, a sentence each."""
+        """Sentences on what the table leaves out."""
         parts = ((self.of_positions, self.moved, "positions"), (self.of_velocities, self.speed, "velocities"))
         sizes = [f"{error_text(size / whole if whole else None)} of the motion in {name}" for size, whole, name in parts]
         found = [f"gap: {' and '.join(sizes)}, by the kinetic-energy norm"]

@@ -184,7 +184,7 @@ def severity(case: FoundState | RankedCase) -> tuple[int, float]:
 
 
 def worst_of_each(cases: Iterable[_Case], key: Callable[[_Case], Hashable]) -> list[_Case]:
-    """Of all cases with one key the worst, and of equals the first; in the order in which the keys come."""
+    """The worst of all cases with one key, and of equals the first; in the order in which the keys come."""
     worst: dict[Hashable, _Case] = {}
     for case in cases:
         if key(case) not in worst or severity(case) > severity(worst[key(case)]):

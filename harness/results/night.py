@@ -19,7 +19,7 @@ _MOST_FILES = 5
 
 @dataclass(frozen=True, kw_only=True)
 class NightSettings:
-    """What a night was asked; two nights with the same settings and versions find the same, but for times.
+    """Settings of a night; two nights with the same settings and versions find the same, but for times.
 
     Attributes:
         stages: names of the stages, in their order. names: mechanisms; all for none. states: of the cross-check, per system.
@@ -42,7 +42,7 @@ class NightSettings:
     inputs: dict[str, str] = field(default_factory=dict)
 
     def differences(self, now: NightSettings) -> list[str]:
-        """What is otherwise in ``now``, a phrase each: the setting, what it was, and what it is."""
+        """A phrase for each thing that is otherwise in ``now``: the setting, what it was, and what it is."""
         found = []
         for name in (part.name for part in fields(self) if part.name not in ("versions", "inputs")):
             before, after = getattr(self, name), getattr(now, name)
@@ -120,12 +120,12 @@ class Night(StudyResult):
 
     @property
     def problems(self) -> list[str]:
-        """What the user has to mend, each once."""
+        """Problems that the user has to mend, each once."""
         return list(dict.fromkeys(problem for one in self.done for problem in one.problems))
 
     @property
     def faults(self) -> list[str]:
-        """What failed in the harness, each once."""
+        """Failures of the harness, each once."""
         return list(dict.fromkeys(fault for one in self.done for fault in one.faults))
 
 
@@ -157,7 +157,7 @@ class Case:
 
     @property
     def key(self) -> Key:
-        """What tells it from others, and finds it in another night."""
+        """Stage, group and name, which find the case in another night."""
         return self.stage, self.group, self.name
 
     @property
@@ -192,7 +192,7 @@ def case_of(record: Record, stage: str) -> Case:
 
 @dataclass(frozen=True, kw_only=True)
 class NewSince:
-    """What a night has that the one before had not.
+    """Differences of a night from the one before.
 
     Attributes:
         worse: cases that are not good now and were, or were not there. mended: those that are good again.

@@ -161,7 +161,7 @@ class Record:
 
     @property
     def beyond(self) -> list[str]:
-        """What is larger than the expectation explains, a phrase each."""
+        """A phrase for each number that is larger than the expectation explains."""
         bounds = (
             ("worst backward error", self.backward_error, self.expected_backward_error),
             ("median backward error", self.median_backward_error, self.expected_median_backward_error),
@@ -232,7 +232,7 @@ class Records(UserList[Record]):
 
     @property
     def origins(self) -> str:
-        """Where the states of a record come from, in a sentence over all records; "" where none says."""
+        """Origins of the states in a sentence over all records; "" where none says."""
         known = [record.origins for record in self if any(record.origins.values())]
         if not known:
             return ""
@@ -337,5 +337,5 @@ class Run:
 
     @property
     def load(self) -> str:
-        """What shared the machine with whatever was timed, as "worker processes 2, cpus 4, load 0.35 at the start"."""
+        """Load of the machine while something was timed, as "worker processes 2, cpus 4, load 0.35 at the start"."""
         return ", ".join(f"{name} {self.machine[name]}" for name in ("worker processes", "cpus", "load") if name in self.machine)

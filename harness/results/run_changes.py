@@ -70,7 +70,7 @@ class ComparedRun:
 
 
 def run_changes(before: Iterable[Record], now: Iterable[Record], in_one_run: bool = False) -> list[RunChange]:
-    """What is otherwise in the second run, by system and subject, the verdict first; ``in_one_run`` where both were timed in one."""
+    """Changes from the first run to the second, by system and subject, the verdict first; ``in_one_run`` where both were timed in one."""
     old, new = ({_key(record): record for record in records} for records in (before, now))
     found: list[RunChange] = []
     for key in sorted(old.keys() | new.keys()):

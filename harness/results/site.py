@@ -1,4 +1,4 @@
-"""What the pages of a report are made of, as one document of plain data: ``site.json``, with a JSON Schema.
+"""Data of the pages of a report, as one document: ``site.json``, with a JSON Schema.
 
 JSON has no infinities: a number that is not finite is the text "inf", "-inf" or "nan".
 """

@@ -73,7 +73,7 @@ class Trend:
 
 
 def readings_of_records(records: Iterable[Record]) -> dict[Cell, NightValue]:
-    """What one cross-check says of each cell; a quantile whose bounds are not known has none."""
+    """Values of one cross-check for each cell; a quantile whose bounds are not known has none."""
     found: dict[Cell, NightValue] = {}
     for record in records:
         subject = subject_of(record)
@@ -99,7 +99,7 @@ def subject_of(record: Record) -> str:
 
 
 def readings_of_costs(benchmark: Benchmark) -> dict[Cell, NightValue]:
-    """What one benchmark says of each cell: the fastest call over the fastest of the reference computation beside it."""
+    """Costs of one benchmark for each cell: the fastest call over the fastest of the reference computation beside it."""
     yardsticks = {one.system: one.seconds for one in benchmark.yardsticks}
     found = {}
     for cost in benchmark.accelerations:
@@ -110,7 +110,7 @@ def readings_of_costs(benchmark: Benchmark) -> dict[Cell, NightValue]:
 
 
 def comparable(states: int, runs: Iterable[tuple[Run, _Found]]) -> list[tuple[Run, _Found]]:
-    """Those of the runs whose numbers have one trend: the largest of more states is larger."""
+    """Runs whose numbers have one trend: the largest of more states is larger."""
     return [(run, found) for run, found in runs if run.states == states]
 
 

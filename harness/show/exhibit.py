@@ -210,7 +210,7 @@ def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
 
 
 def sizes_of_formulations(exhibit: Exhibit) -> str:
-    """How many equations and unknowns there are by Lagrange, and with every body kept free; "" without a model.
+    """Numbers of equations and unknowns by Lagrange, and with every body kept free; "" without a model.
 
     Of the rows of constraints, those count that do not follow from others.
     """

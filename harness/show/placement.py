@@ -1,4 +1,4 @@
-"""What a picture shows of a model: two configurations, as an engine's own kinematics places it in the world [m], and from where.
+"""Contents of a picture of a model: two configurations, as an engine's own kinematics places it in the world [m], and from where.
 
 A planar mechanism is seen along its hinges, a spatial one from a corner.
 """

@@ -27,7 +27,7 @@ STATES = 16
 
 
 def explain_changes(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> list[RunChange]:
-    """What two versions read and compute otherwise, of one system from one file; nothing where one of them cannot say.
+    """Differences of what two versions read and compute, of one system from one file; nothing where one of them cannot say.
 
     Raises:
         Exception: whatever an engine raises.
@@ -104,7 +104,7 @@ def settings_of(settings: Settings, versions: Iterable[str]) -> Settings:
 
 
 def changes_between(records: Sequence[Record], before: str, after: str) -> list[RunChange]:
-    """What changed from one version to another in the records of one run; ``before`` and ``after`` as of ``version_name``."""
+    """Changes from one version to another in the records of one run; ``before`` and ``after`` as of ``version_name``."""
     return run_changes(of_version(records, before), of_version(records, after), in_one_run=True)
 
 

@@ -63,7 +63,7 @@ class Workers:
 
     @property
     def seats(self) -> int:
-        """How many tasks can run at once by now; 1 outside of the context."""
+        """Number of tasks that can run at once by now; 1 outside of the context."""
         return 1 if self._pool is None else self._pool.seats
 
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:

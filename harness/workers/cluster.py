@@ -85,7 +85,7 @@ class Cluster:
 
     @property
     def seats(self) -> int:
-        """How many tasks can run at once by now."""
+        """Number of tasks that can run at once by now."""
         return len(self._seats())
 
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:

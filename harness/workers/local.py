@@ -46,7 +46,7 @@ class LocalPool:
 
     @property
     def seats(self) -> int:
-        """How many tasks can run at once."""
+        """Number of tasks that can run at once."""
         return self._count
 
     def close(self) -> None:
@@ -262,7 +262,7 @@ def _pipe(reader: contextlib.ExitStack, writer: contextlib.ExitStack) -> tuple[i
 
 
 def _seconds_without_processor(process: int) -> float:
-    """How long the main thread of a process could have run and others ran (proc(5), schedstat); 0 where that is not known."""
+    """Seconds in which the main thread of a process could have run and others ran (proc(5), schedstat); 0 where that is not known."""
     try:
         return int(Path(f"/proc/{process}/schedstat").read_bytes().split()[1]) * 1e-9
     except (OSError, IndexError):
@@ -270,7 +270,7 @@ def _seconds_without_processor(process: int) -> float:
 
 
 def _children(process: int) -> list[int]:
-    """What the main thread of a process has started and is alive; nothing where /proc does not tell it."""
+    """Children of the main thread of a process that are alive; nothing where /proc does not tell it."""
     try:
         return list(map(int, Path(f"/proc/{process}/task/{process}/children").read_bytes().split()))
     except (OSError, ValueError):
@@ -278,7 +278,7 @@ def _children(process: int) -> list[int]:
 
 
 def _descendants(process: subprocess.Popen[bytes]) -> set[int]:
-    """What a process that is alive has started, and what that has; nothing on a system without /proc."""
+    """Processes that a living one has started, and those that these have; nothing on a system without /proc."""
     parents: dict[int, int] = {}
     for status in Path("/proc").glob("[0-9]*/stat") if process.poll() is None else ():
         with contextlib.suppress(OSError):

@@ -28,7 +28,7 @@ _PR_SET_CHILD_SUBREAPER = 36
 
 
 def is_worker() -> bool:
-    """Whether this process runs the harness's tasks, or was started by one that does: it is no process of a user's."""
+    """True where this process runs the harness's tasks, or was started by one that does: it is no process of a user's."""
     return MARK in os.environ
 
 

@@ -82,7 +82,7 @@ class Bracket:
         return ["--library", self.library_path, *floating] if self.library_path else floating
 
     def choose_library(self, names: Sequence[str]) -> None:
-        """Where ``names`` are of robots' files, make these the library from here on.
+        """Make robots' files the library from here on, where ``names`` are theirs.
 
         Raises:
             InvalidInput: a file cannot be read, or is no robot.

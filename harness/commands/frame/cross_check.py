@@ -82,7 +82,7 @@ def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
 
 
 def _has_suspected_file(study: CrossCheck, system: str, wrong: Collection[tuple[str, str]]) -> bool:
-    """Whether a model file has readers and each is wrong: the file is at fault, which may be the truth of other quantities."""
+    """True where a model file has readers and each is wrong: the file is at fault, which may be the truth of other quantities."""
     by_format: dict[str, list[bool]] = {}
     for subject in study.subjects_of(system):
         by_format.setdefault(subject.format, []).append((system, str(subject)) in wrong)
@@ -100,7 +100,7 @@ def _append(before: CrossCheck, study: CrossCheck) -> None:
 
 
 def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> list[Cause]:
-    """Why those records of a quantity are wrong that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
+    """Causes of the records of a quantity that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
     from harness.comparison.wanted import wanted_diagnosis
 
     diagnoses = wanted_diagnosis(study, quantity, **limits)

@@ -1,4 +1,4 @@
-"""What the commands on robots' files share: the run, its sections on the terminal, and the JSON file."""
+"""Shared parts of the commands on robots' files: the run, its sections on the terminal, and the JSON file."""
 
 from __future__ import annotations
 

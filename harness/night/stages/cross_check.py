@@ -87,7 +87,7 @@ def _cases(found: CrossCheckResult) -> Iterator[Case]:
 
 
 def _readings(found: CrossCheckResult) -> dict[Cell, NightValue]:
-    """Of accelerations: a median over the few states of another quantity may be any of the values that its answers often have."""
+    """Numbers of accelerations: a median over the few states of another quantity may be any of the values that its answers often have."""
     return readings_of_records(record for record in found.records if not record.is_further)
 
 

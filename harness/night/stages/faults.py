@@ -52,7 +52,7 @@ def _place(fault: Fault) -> tuple[str, str, str]:
 
 
 def _wrong(fault: Fault) -> Iterator[str]:
-    """What breaks a bar of its own: it is not caught, caught late, or blamed on somebody sound."""
+    """Sentences on a fault that breaks a bar of its own: it is not caught, caught late, or blamed on somebody sound."""
     if not fault.live:
         return
     line, element, attribute = fault.where[0]
