@@ -33,18 +33,18 @@ from harness.version import __version__
 
 if TYPE_CHECKING:
     from harness.api import check, compare, diagnose, load
-    from harness.equations.constraint import Constraint
-    from harness.equations.euler_angles import Attitude, body_rates, rotation
-    from harness.equations.system import TIME, System
+    from harness.lagrange.constraint import Constraint
+    from harness.lagrange.euler_angles import Attitude, body_rates, rotation
+    from harness.lagrange.system import TIME, System
     from harness.library import Library
     from harness.results.records import Record, Records
     from harness.verdict import Verdict
 
 _HOMES = {
     "harness.api": ("check", "compare", "diagnose", "load"),
-    "harness.equations.constraint": ("Constraint",),
-    "harness.equations.euler_angles": ("Attitude", "body_rates", "rotation"),
-    "harness.equations.system": ("TIME", "System"),
+    "harness.lagrange.constraint": ("Constraint",),
+    "harness.lagrange.euler_angles": ("Attitude", "body_rates", "rotation"),
+    "harness.lagrange.system": ("TIME", "System"),
     "harness.library": ("Library",),
     "harness.results.records": ("Record", "Records"),
     "harness.verdict": ("Verdict",),

@@ -22,22 +22,22 @@ import sympy as sp
 from harness.bench import measuring
 from harness.bench.growth import arms
 from harness.bench.methods import select_methods
-from harness.certify.encoding import encode
 from harness.certify.manifold import closed
 from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.certify.reference import PRECISIONS, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, load_model
-from harness.equations.derivation import degrees_of_freedom, derive_mechanism, load_mechanism, load_system
-from harness.equations.lagrange import derive
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
-from harness.equations.system import TIME
 from harness.files.model_file import read_model
+from harness.lagrange.derivation import degrees_of_freedom, derive_mechanism, load_mechanism, load_system
+from harness.lagrange.equations import derive
+from harness.lagrange.system import TIME
 from harness.library import Library
-from harness.robots.mechanism import mechanism_of
-from harness.robots.robot import read_robot
+from harness.programs.loops.encoding import encode
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import read_robot
 
 LIBRARY = Library.built_in()
 # Of constraints the other programs know nothing; their bar is below.

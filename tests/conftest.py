@@ -16,15 +16,15 @@ from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
 from hypothesis import HealthCheck, settings
 from rooms import PACKAGE, REPOSITORY
 
-from harness.certify.machine_code import loop
-from harness.equations.machine_code import machine_code_directory
+from harness.programs.loops.machine_code import loop
+from harness.programs.machine_code import machine_code_directory
 
 if TYPE_CHECKING:
     # Imported where they are used, because the process that gives out the tests needs none of them.
     from exact import Exact
 
-    from harness.equations.mechanism import Mechanism
-    from harness.equations.system import System
+    from harness.lagrange.system import System
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 # Nothing is drawn; MuJoCo asks a Python process of its own for the window system otherwise, at each import.
 os.environ.setdefault("MUJOCO_GL", "disable")
@@ -111,7 +111,7 @@ def exact_of() -> Callable[[System], Exact]:
     """The exact evaluation of a system that has no file."""
     from exact import Exact
 
-    from harness.equations.lagrange import derive
+    from harness.lagrange.equations import derive
 
     return lambda system: Exact(system, derive(system))
 
@@ -147,7 +147,7 @@ def _exact(name: str) -> Exact:
 
 
 def _mechanism(name: str) -> Mechanism:
-    from harness.equations.derivation import load_mechanism
+    from harness.lagrange.derivation import load_mechanism
 
     return load_mechanism(BUILT_IN, name)
 

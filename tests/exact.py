@@ -10,14 +10,14 @@ from typing import Any
 import mpmath
 import sympy as sp
 
-from harness.equations.assembly import constraints_of, energy_program_of, program_of
-from harness.equations.constraint_forces import by_multipliers, constrained_program
-from harness.equations.derivation import load_system
-from harness.equations.lagrange import EquationsOfMotion, derive
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import DEFAULT_RATES
-from harness.equations.system import TIME, System
+from harness.lagrange.assembly import constraints_of, energy_program_of, program_of
+from harness.lagrange.derivation import load_system
+from harness.lagrange.equations import EquationsOfMotion, derive
+from harness.lagrange.system import TIME, System
 from harness.library import Library
+from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import DEFAULT_RATES
 
 DIGITS = 80
 

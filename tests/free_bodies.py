@@ -17,19 +17,19 @@ from typing import Any
 import flint
 import numpy as np
 
-from harness.equations.kernels import BallKernel
-from harness.equations.program import StraightLineProgram, without_unused
-from harness.equations.term import Term, Vector, cross, vector
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Given, Tree
-from harness.robots.constraints import jacobian_of, rows_in, rows_of, untied
-from harness.robots.joint_forces import forces_of_joints
-from harness.robots.nodes import kinematics
-from harness.robots.rigid import Spatial
-from harness.robots.spatial import skew
-from harness.robots.tied_mechanism import independent_rows
-from harness.robots.world_motion import Moving, in_world
+from harness.programs.kernels import BallKernel
+from harness.programs.program import StraightLineProgram, without_unused
+from harness.programs.terms import Term, Vector, cross, vector
+from harness.trees.bodies.rigid import Spatial
+from harness.trees.bodies.spatial import skew
+from harness.trees.constraints.rows import jacobian_of, rows_in, rows_of, untied
+from harness.trees.constraints.tied import independent_rows
+from harness.trees.joint_forces import forces_of_joints
+from harness.trees.nodes import kinematics
+from harness.trees.world_motion import Moving, in_world
 
 _BITS = 64
 

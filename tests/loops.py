@@ -8,8 +8,8 @@ from typing import Any
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.equations.constraint import Constraint
-from harness.equations.system import TIME, System
+from harness.lagrange.constraint import Constraint
+from harness.lagrange.system import TIME, System
 
 crank, coupler, follower = dynamicsymbols("crank coupler follower")
 x, y, yaw, spin = dynamicsymbols("x y yaw spin")

@@ -30,9 +30,9 @@ from click.testing import CliRunner
 from harness.cli import main
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.equations.lagrange import EquationsOfMotion
-from harness.equations.program import StraightLineProgram
+from harness.lagrange.equations import EquationsOfMotion
 from harness.library import MODEL_SUFFIXES
+from harness.programs.program import StraightLineProgram
 from harness.results.records import ACCELERATIONS, Record
 from harness.storage import cache_directory
 from harness.study import Study, run_study

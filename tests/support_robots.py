@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio
 
 from harness.arrays import Array
-from harness.equations.states import States
-from harness.robots.robot import Robot
+from harness.programs.states import States
+from harness.trees.robot import Robot
 
 
 def by_mujoco(model: mujoco.MjModel, states: States) -> Array:

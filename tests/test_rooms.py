@@ -65,12 +65,12 @@ def test_every_contract_is_kept() -> None:
     ("contract", "module", "imported", "named"),
     [
         ("A room imports only rooms below it", "results.records", "crosscheck.run", "harness.results.records -> harness.crosscheck.run"),
-        ("A room imports only rooms below it", "files.facts", "equations.system", "harness.files.facts -> harness.equations.system"),
+        ("A room imports only rooms below it", "files.facts", "lagrange.system", "harness.files.facts -> harness.lagrange.system"),
         (
             "An engine imports nothing of the equations",
             "engines.adapters.mjx",
-            "equations.states",
-            "harness.engines.adapters.mjx -> harness.equations.states",
+            "programs.states",
+            "harness.engines.adapters.mjx -> harness.programs.states",
         ),
         (
             "The report imports nothing that computes",
@@ -230,8 +230,8 @@ def test_texts_name_only_what_is_there() -> None:
 
 
 def test_a_stale_name_is_found() -> None:
-    text = f"harness.equations.{'charts'} of harness.equations.euler_angles, harness/{'hypotheses'}/axis.py beside harness/systems/NAME.py"
-    assert stale(text) == ["harness.equations.charts", "harness/hypotheses/axis.py"]
+    text = f"harness.lagrange.{'charts'} of harness.lagrange.euler_angles, harness/{'hypotheses'}/axis.py beside harness/systems/NAME.py"
+    assert stale(text) == ["harness.lagrange.charts", "harness/hypotheses/axis.py"]
 
 
 # What the cache depends on
@@ -248,7 +248,7 @@ superfluous(Assignment.of(Library.at(sys.argv[1]), "bar_pendulum", Subject("mujo
 
 
 def change_one_constant(room: Path) -> None:
-    for file in sorted(room.glob("*.py")):
+    for file in sorted(room.rglob("*.py")):
         text, count = re.subn(r"^(_?[A-Z_]+ = [1-9]\d*)$", r"\g<1>0", file.read_text(), count=1, flags=re.MULTILINE)
         if count:
             file.write_text(text)
@@ -269,5 +269,5 @@ def test_what_is_kept_depends_on_whole_rooms(copied: Path) -> None:
     assert entries_after_a_run() == (1, 1)
     change_one_constant(copied / "harness" / "files")
     assert entries_after_a_run() == (1, 2)
-    change_one_constant(copied / "harness" / "equations")
+    change_one_constant(copied / "harness" / "programs")
     assert entries_after_a_run() == (2, 3)

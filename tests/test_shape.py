@@ -297,7 +297,7 @@ from harness.certify.sampling import generic_sample
 from harness.crosscheck.stages import compare_all
 from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject
-from harness.equations.derivation import load_mechanism
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 
 library, package = Library.built_in(), str(Path(harness.__file__).parent)

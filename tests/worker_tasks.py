@@ -129,7 +129,7 @@ def fork(leave_group: bool, hang: bool, note: Any) -> int:
 
 def use_heyoka(note: object) -> tuple[bool, bool]:
     """Whether SymPy is imported after heyoka has computed, and whether it can be imported then."""
-    from harness.equations.machine_code import load_heyoka
+    from harness.programs.machine_code import load_heyoka
 
     heyoka = load_heyoka()
     x = heyoka.expression("x")

@@ -39,7 +39,7 @@ def load(name: str | Path, library: str | Path | None = None, *, floating_base: 
     Raises:
         harness.errors.InvalidInput: library, system file or robot's file cannot be used. harness.errors.InvalidRequest: no such mechanism.
     """
-    from harness.equations.derivation import load_mechanism
+    from harness.lagrange.derivation import load_mechanism
 
     found = _library_of([str(name)], library, floating_base)
     (name,) = found.select([str(name)])

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from harness.certify.equation_values import EquationValues
     from harness.certify.quantities.derivatives import DerivativeTruth
     from harness.certify.reference import Reference, ReferenceKernel
-    from harness.equations.lagrange import EquationsOfMotion
-    from harness.equations.mechanism import Mechanism
-    from harness.equations.states import States
+    from harness.lagrange.equations import EquationsOfMotion
+    from harness.programs.mechanisms.mechanism import Mechanism
+    from harness.programs.states import States
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ class LoadedSystem:
         if not self.mechanism.energy_programs:
             program = f"a program of {self.mechanism.operations:,} operations, by recursion over its bodies"
             raise InvalidRequest(f"{self.name} is a robot, whose equations are {program}; its accelerations can be had")
-        from harness.equations.derivation import load_system
-        from harness.equations.lagrange import derive
+        from harness.lagrange.derivation import load_system
+        from harness.lagrange.equations import derive
 
         system, _ = load_system(self.library.system_path(self.name))
         return derive(system)
@@ -135,7 +135,7 @@ class LoadedSystem:
         """The equations of motion, one per coordinate, as LaTeX."""
         import sympy as sp
 
-        from harness.equations.notation import rows
+        from harness.lagrange.notation import rows
 
         lines = [sp.latex(row).replace("=", "&=", 1) for row in rows(self.equations)]
         return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
@@ -164,7 +164,7 @@ class LoadedSystem:
             ValueError: the sizes are not those of the mechanism.
             harness.errors.InvalidRequest: constraints tie its coordinates.
         """
-        from harness.certify.numbers import UNIT_ROUNDOFF
+        from harness.programs.numbers import UNIT_ROUNDOFF
 
         states, nv = _states(self.mechanism, q, v, tau), self.mechanism.nv
         found = self._derivatives.evaluate(states)
@@ -251,7 +251,7 @@ class LoadedSystem:
 
 
 def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:
-    from harness.equations.states import States
+    from harness.programs.states import States
 
     states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau)
     found, expected = (states.q.shape, states.v.shape, states.tau.shape), (mechanism.nq, mechanism.nv, mechanism.nv)
@@ -262,7 +262,7 @@ def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:
 
 def _entries(found: Certified, shape: tuple[int, ...]) -> CertifiedValues:
     """Values each of whose entries is a block of its own."""
-    from harness.certify.numbers import UNIT_ROUNDOFF
+    from harness.programs.numbers import UNIT_ROUNDOFF
 
     bound = np.where(found.certified[:, None], (np.abs(found.low[:, :, 0]) + found.radius) * (1 + 1e-6), np.inf)
     value, bound, roundoff = (entries.reshape(len(bound), *shape) for entries in (found.high, bound, UNIT_ROUNDOFF * found.sensitivity))

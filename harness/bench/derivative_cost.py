@@ -22,7 +22,7 @@ from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeT
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.equations.states import States
+from harness.programs.states import States
 from harness.results.benchmark import DerivativeCost
 
 # States at which errors are measured.

@@ -17,18 +17,18 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.motion_cost import ROUNDINGS_PER_STEP
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
-from harness.equations.energies import EnergyKernel
-from harness.equations.program import StraightLineProgram
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
 from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import HORIZON, Start, drift
+from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram
 from harness.results.benchmark import Drift
 
 # Size of the steps, and the longest that one integrator may take [s].

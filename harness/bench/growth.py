@@ -22,8 +22,8 @@ from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.library import Library
 from harness.results.benchmark import Growth
-from harness.robots.mechanism import mechanism_of
-from harness.robots.robot import read_robot
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import read_robot
 
 FAMILY = "chain"
 # Where a state costs this many times what the cheapest costs, at most half is the call's own.

@@ -20,14 +20,14 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
-from harness.equations.energies import EnergyKernel
 from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path
 from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, drift, reference_motion
+from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.benchmark import MotionCost, MotionTruth, Order
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)

@@ -31,11 +31,11 @@ from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
-from harness.equations.energies import LagrangianKernel
-from harness.equations.mechanism import Mechanism
 from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
+from harness.programs.mechanisms.energies import LagrangianKernel
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.benchmark import Stationarity
 
 # Sizes of the variations, relative to the motion: above what integration errors leave of the first variation,

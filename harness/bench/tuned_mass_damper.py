@@ -21,14 +21,14 @@ from harness.arrays import Array
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS
-from harness.equations.energies import EnergyKernel
-from harness.equations.mechanism import Mechanism
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
 from harness.library import Library
 from harness.motion.integrators import Integrator, integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
+from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.benchmark import Figure
 
 SYSTEM, DAMPING = "cart_pendulum", "c"

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array, Rows
-from harness.certify.numbers import UNIT_ROUNDOFF
-from harness.equations.mechanism_kernel import Indices
+from harness.programs.mechanisms.kernel import Indices
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
-# Bits of the numbers of ``harness.certify.interpreter``, beyond which balls are evaluated.
+# Bits of the numbers of ``harness.programs.loops.interpreter``, beyond which balls are evaluated.
 DOUBLE_DOUBLE = 106
 # Radii relative to the sensitivity (data roundoff over UNIT_ROUNDOFF).
 SOUGHT_RADIUS = 2.0**-80

@@ -21,10 +21,10 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.factorisation import forward_substitute
-from harness.certify.numbers import SMALLEST_SCALE
 from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
-from harness.equations.states import States
+from harness.programs.numbers import SMALLEST_SCALE
+from harness.programs.states import States
 
 # Of the largest component of an error: what solving for it by least squares may leave.
 _NEGLIGIBLE = 1e-6

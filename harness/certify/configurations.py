@@ -1,10 +1,10 @@
 """The configurations of a mechanism with constraints by compiled loops: the way along a branch, and enclosures in double-double.
 
-``harness.certify.closing`` writes the loops. What they leave unproved, and rows that they have no code for, are for
+``harness.programs.loops.closing`` writes the loops. What they leave unproved, and rows that they have no code for, are for
 ``harness.certify.manifold`` and ``harness.certify.enclosure``.
 
 The Krawczyk operator proves that one configuration, and no other, is near the positions given. A third run of the rows over its image
-bounds the redundant rows and the Jacobian, which gives the rates; ``harness.certify.interpreter`` says how.
+bounds the redundant rows and the Jacobian, which gives the rates; ``harness.programs.loops.interpreter`` says how.
 
 Source: Rump, Verification methods: rigorous results using floating-point arithmetic, Acta Numerica 19 (2010), section 13.
 """
@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array, Rows
-from harness.certify.encoding import EncodedProgram, encode_program
-from harness.certify.interpreter import by_state, in_lanes
-from harness.certify.machine_code import loop
-from harness.certify.numbers import LANES
-from harness.equations.constraints import JACOBIAN, RESIDUAL
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Indices
-from harness.equations.states import States
+from harness.programs.loops.encoding import EncodedProgram, encode_program
+from harness.programs.loops.interpreter import by_state, in_lanes
+from harness.programs.loops.machine_code import loop
+from harness.programs.mechanisms.constraints import JACOBIAN, RESIDUAL
+from harness.programs.mechanisms.kernel import Indices
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import LANES
+from harness.programs.states import States
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from harness.equations.kernels import BallKernel
 from harness.files.rules.step_rule import StepRule
-from harness.robots.step_forces import StepForces
-from harness.robots.steps import LARGEST_TURN, steps_program
+from harness.programs.kernels import BallKernel
+from harness.trees.stepping.step_forces import StepForces
+from harness.trees.stepping.steps import LARGEST_TURN, steps_program
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
 # Relative to a number's size, and at least to 1.

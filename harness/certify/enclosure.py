@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from harness.equations.kernels import BallKernel
-from harness.equations.mechanism import Mechanism
+from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.storage import Kept
 
 # Bits of the balls, of which the first that give float64 numbers suffice: near a dead point rates of 1e-100 are nothing unusual.

@@ -12,9 +12,9 @@ import numpy as np
 from harness.certify.compare import Certified
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import ReferenceKernel
-from harness.equations.program import StraightLineProgram, without_unused
-from harness.equations.states import States
-from harness.equations.term import Builder, Term, Vector, symmetric, vector
+from harness.programs.program import StraightLineProgram, without_unused
+from harness.programs.states import States
+from harness.programs.terms import Builder, Term, Vector, symmetric, vector
 
 MASS_MATRIX, BIAS, INVERSE_DYNAMICS = "mass_matrix", "bias", "inverse_dynamics"
 

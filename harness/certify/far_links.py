@@ -12,11 +12,11 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Flags
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import ROUNDINGS, Reference, energy_norm
-from harness.equations.states import States
-from harness.robots.canonical import CanonicalNode, canonical
-from harness.robots.robot import Robot
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
+from harness.trees.canonical import CanonicalNode, canonical
+from harness.trees.robot import Robot
 
 FAR_LINKS = (
     "no error is beyond what half ulps of m r^2 do at light links far from the centre of mass of their tree, about which the engine forms "

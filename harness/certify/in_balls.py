@@ -10,11 +10,11 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.factorisation import cholesky_in_balls, condition_number, scaled_cholesky
-from harness.equations.evaluation import mass_matrix, solved
-from harness.equations.kernels import BallKernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle
-from harness.equations.states import States
+from harness.programs.evaluation import mass_matrix, solved
+from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.program import OUTPUTS, StraightLineProgram, right_hand_side, upper_triangle
+from harness.programs.states import States
 from harness.storage import Kept
 
 # Of kappa_s; beyond, rounding M costs its factor too many digits, and it is computed in balls.

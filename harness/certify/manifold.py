@@ -27,13 +27,13 @@ from harness.arrays import Array
 from harness.certify.compare import Flags
 from harness.certify.configurations import Configurations
 from harness.certify.enclosure import Encloser, Enclosure, nearest_float64
-from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
-from harness.equations.constraints import JACOBIAN, RATE, RESIDUAL
-from harness.equations.evaluation import values, values_and_spread
-from harness.equations.kernels import BallKernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import without_unused
-from harness.equations.states import States
+from harness.programs.evaluation import values, values_and_spread
+from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.constraints import JACOBIAN, RATE, RESIDUAL
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.programs.program import without_unused
+from harness.programs.states import States
 from harness.storage import Kept
 
 # Of the way from the assembly, which is at most half a turn of each angle; more are taken where the first do not arrive.

@@ -24,10 +24,10 @@ import numpy as np
 from harness.arrays import Array, Rows
 from harness.certify.compare import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
 from harness.certify.in_balls import parts_of
-from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
-from harness.equations.evaluation import jacobians, most_at_once, values
-from harness.equations.kernels import BallKernel
-from harness.equations.program import StraightLineProgram
+from harness.programs.evaluation import jacobians, most_at_once, values
+from harness.programs.kernels import BallKernel
+from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram
 
 _PRECISIONS = (128, 256, 512)
 # Numbers of the derivatives that are held at once.

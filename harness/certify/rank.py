@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.constraints import JACOBIAN, Constraints
-from harness.equations.evaluation import values
-from harness.equations.program import OUTPUTS, right_hand_side, without_unused
+from harness.programs.evaluation import values
+from harness.programs.mechanisms.constraints import JACOBIAN, Constraints
+from harness.programs.program import OUTPUTS, right_hand_side, without_unused
 
 
 def rank_condition(constraints: Constraints, inputs: Array, norm_factor: Array) -> Array:

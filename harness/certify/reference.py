@@ -1,6 +1,6 @@
 """The certified acceleration at the exact float64 inputs, and its data roundoff.
 
-Most states are certified in double-double with proven bounds, by ``harness.certify.interpreter``, which gives the data roundoff
+Most states are certified in double-double with proven bounds, by ``harness.programs.loops.interpreter``, which gives the data roundoff
 too. What its bounds do not decide, and programs that it has no code for, are evaluated in balls and solved rigorously; precision
 doubles until the radius is negligible beside the data roundoff, which then comes from ``harness.certify.reverse_mode``.
 
@@ -31,23 +31,23 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
-from harness.certify.encoding import Encoded, encode
 from harness.certify.factorisation import (
     condition_number,
     forward_substitute,
     norm_over_first_axis,
 )
 from harness.certify.in_balls import MOST_IN_FLOAT64, BallSolver
-from harness.certify.interpreter import Norms, derivatives, evaluate, measure
 from harness.certify.manifold import closes
-from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.certify.rank import free_size, rank_condition
 from harness.certify.reverse_mode import columns_in_balls
-from harness.equations.evaluation import jacobians
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts, Indices
-from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
-from harness.equations.states import States
+from harness.programs.evaluation import jacobians
+from harness.programs.loops.encoding import Encoded, encode
+from harness.programs.loops.interpreter import Norms, derivatives, evaluate, measure
+from harness.programs.mechanisms.kernel import Charts, Indices
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
+from harness.programs.states import States
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits that are tried one after the other beyond double-double
 # Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
@@ -171,7 +171,7 @@ class ChartKernel:
 
     @functools.cached_property
     def encoded(self) -> Encoded | None:
-        """The program for the loops of ``harness.certify.interpreter``; None where they cannot interpret it."""
+        """The program for the loops of ``harness.programs.loops.interpreter``; None where they cannot interpret it."""
         return encode(self.program)
 
     def evaluate(self, states: States, parameters: Array) -> Reference:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.evaluation import BALLS, mass_matrix, solved
-from harness.equations.program import OUTPUTS, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
+from harness.programs.evaluation import BALLS, mass_matrix, solved
+from harness.programs.program import OUTPUTS, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.storage import Kept
 
 # Radius of a sensitivity relative to itself that is good enough: it is read to three digits.

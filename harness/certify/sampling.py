@@ -16,8 +16,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.manifold import closed
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.storage import cache_directory, read_entry, write_entry
 from harness.version import version_of
 

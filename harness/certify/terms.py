@@ -41,13 +41,13 @@ from harness.arrays import Array
 from harness.certify.compare import CERTIFIED_RADIUS, SOUGHT_RADIUS
 from harness.certify.factorisation import forward_substitute, norm_over_first_axis
 from harness.certify.in_balls import factorise, parts_of
-from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.certify.reference import PRECISIONS, ChartKernel, ReferenceKernel
 from harness.engines import Terms
-from harness.equations.evaluation import jacobians
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import OUTPUTS, upper_triangle
-from harness.equations.states import States
+from harness.programs.evaluation import jacobians
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.programs.program import OUTPUTS, upper_triangle
+from harness.programs.states import States
 
 MASS, VELOCITY, GRAVITY, PASSIVE = OUTPUTS
 APPLIED = "applied"

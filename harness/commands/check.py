@@ -81,7 +81,7 @@ def _parse_state(text: str | None) -> Any:
     """
     if text is None:
         return None
-    from harness.equations.states import States
+    from harness.programs.states import States
 
     try:
         data = json.loads(text)

@@ -111,7 +111,7 @@ def _write(bracket: Bracket, listed: Mapping[str, Any]) -> None:
 
 def _list_library(bracket: Bracket) -> None:
     from harness.engines import engine_files
-    from harness.equations.derivation import degrees_of_freedom, kept_degrees_of_freedom
+    from harness.lagrange.derivation import degrees_of_freedom, kept_degrees_of_freedom
     from harness.library import installed_libraries
     from harness.study import Inquiries
     from harness.workers import Task

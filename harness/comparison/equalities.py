@@ -23,19 +23,19 @@ from harness.comparison.states import request_of, spread
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, EngineQuestion, Held
-from harness.equations.constraint_forces import Softness, softened_program
-from harness.equations.constraints import RESIDUAL
-from harness.equations.kernels import BallKernel
-from harness.equations.program import without_unused
-from harness.equations.states import States
 from harness.explain.changes.readings import element_at, find_readings
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.files.rules.constraint_law import ConstraintLaw
 from harness.files.tree import WORLD
+from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.constraint_forces import Softness, softened_program
+from harness.programs.mechanisms.constraints import RESIDUAL
+from harness.programs.program import without_unused
+from harness.programs.states import States
 from harness.results.comparison import EqualitiesRecord, EqualityPart
-from harness.robots.inverse_weights import inverse_weights_of
-from harness.robots.robot import Robot
-from harness.robots.tied_mechanism import TiedTree, tied_tree
+from harness.trees.constraints.tied import TiedTree, tied_tree
+from harness.trees.inverse_weights import inverse_weights_of
+from harness.trees.robot import Robot
 from harness.verdict import Verdict
 
 # Equalities whose effect is said; each takes the file's being loaded once more.

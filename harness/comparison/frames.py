@@ -19,9 +19,9 @@ from harness.comparison.quantities import JOINT_NUMBERS, Key, Quantity, quantiti
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers, reference_of
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
 from harness.results.comparison import FileDifference
-from harness.robots.canonical import CanonicalNode, canonical
-from harness.robots.robot import Robot
-from harness.robots.spatial import parameter_name
+from harness.trees.bodies.spatial import parameter_name
+from harness.trees.canonical import CanonicalNode, canonical
+from harness.trees.robot import Robot
 
 # Stands for a number that is zero in the first file, so that it is a parameter of the equations.
 _ALMOST_ZERO = 1e-300

@@ -21,11 +21,11 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.declared_motion import DeclaredMotion
-from harness.equations.evaluation import values
-from harness.equations.program import upper_triangle
 from harness.files.rules.step_rule import StepRule
+from harness.programs.evaluation import values
+from harness.programs.program import upper_triangle
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Share
-from harness.robots.step_forces import StepForces
+from harness.trees.stepping.step_forces import StepForces
 
 CAUSES = (DYNAMICS, INTEGRATOR, STEP)
 # Bits of what is worked out of ends: more than any end is known to.

@@ -22,7 +22,6 @@ from harness.comparison.states import request_of
 from harness.engines import NotOffered, installed_version, load_engine, runs_elsewhere
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
-from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.changes.readings import find_readings
 from harness.files.document.xml import read_any
@@ -30,11 +29,12 @@ from harness.files.joint_kinds import JointKind
 from harness.files.rules.step_rule import StepRule
 from harness.library import nearest
 from harness.motion.trajectories import Start
+from harness.programs.states import States
 from harness.results.gap import Gap, Gaps, Mover
-from harness.robots.mechanism import mechanism_of
-from harness.robots.robot import Robot, read_robot
-from harness.robots.step_forces import step_forces
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import Robot, read_robot
+from harness.trees.stepping.step_forces import step_forces
 from harness.workers import Outcome, Task
 
 _FORM = re.compile(r"(?P<engine>[^/@]+)/(?P<integrator>[^/@]+)(?:@(?P<length>[^/@]+))?")

@@ -27,7 +27,7 @@ from harness.explain.fit import left_by
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 from harness.verdict import AGREEMENT, Verdict
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from harness.explain.changes.readings import with_joints, with_tree
 from harness.files.tree import Joint, Tree
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change_by_numbers
 from harness.files.tree import Body, Given, Inertia, Joint, Place, Tree
 from harness.results.comparison import FileDifference
 from harness.results.table import number_text
-from harness.robots.robot import Robot
-from harness.robots.spatial import parameter_name
+from harness.trees.bodies.spatial import parameter_name
+from harness.trees.robot import Robot
 
 # What is said of a number by the field of a tree that holds it.
 _NAMES = {

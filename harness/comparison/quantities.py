@@ -15,8 +15,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.files.tree import Body, Place
-from harness.robots.canonical import CanonicalNode, Mass, canonical
-from harness.robots.robot import Robot
+from harness.trees.canonical import CanonicalNode, Mass, canonical
+from harness.trees.robot import Robot
 
 # Vectors in canonical axes carry the rounding of the rotations that brought them there.
 ROUNDING = 64 * 2.0**-53

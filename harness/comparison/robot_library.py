@@ -17,13 +17,13 @@ from harness.comparison.asking import FilesLibrary, engine_of, robot_subjects
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.states import request_of
 from harness.comparison.truth import joints_without_inertia
-from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
 from harness.library import FILE_SUFFIXES, ROBOTS, Library, nearest
-from harness.robots.mechanism import mechanism_of
-from harness.robots.robot import read_robot
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import read_robot
 
 
 @dataclass(frozen=True)

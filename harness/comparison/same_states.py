@@ -16,10 +16,10 @@ from harness.arrays import Array
 from harness.engines.coordinates import multiplied, of_linear, quaternion_of, rotations
 from harness.engines.request import AskedJoint
 from harness.engines.tree_request import asked_joints
-from harness.equations.states import States
 from harness.files.joint_kinds import JointKind
-from harness.robots.canonical import CanonicalNode, canonical
-from harness.robots.robot import Robot
+from harness.programs.states import States
+from harness.trees.canonical import CanonicalNode, canonical
+from harness.trees.robot import Robot
 
 _ALIKE = 2.0**-48
 # Of any precision.

@@ -20,7 +20,7 @@ from harness.comparison.truth import Meant, change, columns_of, read_as
 from harness.explain.changes.readings import freed, with_joints, with_tree
 from harness.files.tree import Joint
 from harness.results.comparison import FileDifference, PairRecord
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 from harness.verdict import Verdict
 
 

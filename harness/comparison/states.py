@@ -10,8 +10,8 @@ import numpy as np
 from harness.engines import request
 from harness.engines.request import Aid, AskedJoint, Request
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
-from harness.equations.states import States
-from harness.robots.robot import Robot
+from harness.programs.states import States
+from harness.trees.robot import Robot
 
 
 def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:

@@ -27,8 +27,8 @@ from harness.results.comparison import (
     PairRecord,
     SubjectRecord,
 )
-from harness.robots.robot import Robot, read_robot
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.trees.robot import Robot, read_robot
 from harness.verdict import Verdict
 
 STATES = 64

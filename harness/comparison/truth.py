@@ -16,12 +16,12 @@ from harness.comparison.same_states import SameStates
 from harness.comparison.states import spread
 from harness.engines.request import AskedJoint
 from harness.engines.tree_request import asked_joints
-from harness.equations.states import States
 from harness.files.tree import Joint, Tree
-from harness.robots.bounds import bounded
-from harness.robots.mechanism import mechanism_of
-from harness.robots.robot import Robot
+from harness.programs.states import States
 from harness.storage import Kept
+from harness.trees.bodies.bounds import bounded
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import Robot
 
 # States at which the effect of one change is computed.
 STATES_OF_EFFECTS = 16

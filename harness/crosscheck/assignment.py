@@ -27,12 +27,12 @@ from harness.engines import (
     unit_roundoff,
 )
 from harness.engines.audit import audit, require_constraints
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.results.records import ACCELERATIONS, quantity_words
 from harness.storage import Kept
 

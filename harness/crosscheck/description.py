@@ -12,10 +12,10 @@ from statistics import median
 from harness.crosscheck.progress import Pair, System
 from harness.engines import EQUATIONS, engine_files
 from harness.environments.folders import split_name
-from harness.equations.mechanism import Mechanism
 from harness.files.model_file import ModelFile
 from harness.files.text.features import features_of
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.records import Run, SystemCard
 from harness.version import __version__, version_of
 

@@ -27,8 +27,8 @@ from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.verdict import SEVERITY, Verdict
 
 # States of a block. Hypothesis takes 1 to 4 ms for its draw; certifying a state in a block costs a tenth of certifying it alone.

@@ -12,7 +12,7 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.hypothesis_search import Found
-from harness.equations.states import States
+from harness.programs.states import States
 from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
 from harness.results.records import Record, Representative
 from harness.verdict import Verdict, gravest

@@ -11,10 +11,10 @@ from harness.crosscheck.expected import Expectations
 from harness.crosscheck.progress import Pair, Pairs, System
 from harness.crosscheck.settings import Settings, stored_states
 from harness.engines import Subject, engine_files, is_native
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 
 def orphans(library: Library) -> Iterator[InvalidModel]:

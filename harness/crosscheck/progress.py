@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.judgement import Evidence
 from harness.engines import Subject
-from harness.equations.mechanism import Mechanism
 from harness.files.model_file import ModelFile
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.records import ACCELERATIONS, quantity_words
 
 

@@ -25,9 +25,9 @@ from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.static_audit import find_differences, judge_differences, load_expected_differences
 from harness.engines import Subject, asked_of, engine_files, select_subjects
-from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
+from harness.programs.states import States
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import ACCELERATIONS, is_default
 from harness.study import Inquiries, Inquiry, Part, ask, is_out_of_memory

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.engines import Subject, Unsupported, load_model
-from harness.equations.mechanism import Mechanism
 from harness.files.model_file import ModelFile
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Scene:
             harness.errors.InvalidSystem: the system file cannot be derived.
             harness.errors.InvalidModel: a model file is no well-formed, physical model.
         """
-        from harness.equations.derivation import load_mechanism
         from harness.files.model_file import read_model
+        from harness.lagrange.derivation import load_mechanism
 
         paths = {form: path for form, path in library.validated_models(name).items() if library.has_model(name, form)}
         models = {model_format: read_model(path, model_format) for model_format, path in paths.items()}

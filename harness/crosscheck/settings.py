@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.results.hard_states import load_found, path_of
 from harness.results.records import ACCELERATIONS, quantity_options
 

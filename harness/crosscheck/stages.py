@@ -19,14 +19,14 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Certified, Comparison, compare
-from harness.certify.machine_code import loop
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Truth
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.tasks import Note
 from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, load_engine, unit_roundoff
-from harness.equations.states import States
 from harness.errors import InvalidInput
+from harness.programs.loops.machine_code import loop
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.study import sentence
 from harness.verdict import Verdict
 

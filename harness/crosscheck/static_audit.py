@@ -23,10 +23,10 @@ from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.held_quantities import OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS
 from harness.crosscheck.tasks import Note
 from harness.engines import HeldModel
-from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
 from harness.files.text.lines import JOINT
 from harness.library import Library, nearest
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.cross_check import HeldDifference
 from harness.study import sentence
 

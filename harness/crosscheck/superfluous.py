@@ -24,13 +24,13 @@ from harness.certify.quantities.accelerations import gaps_of
 from harness.certify.sampling import random_sample
 from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine, runs_elsewhere
 from harness.engines.audit import audit
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.files.lint.formats import STAGES
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import Attribute, Element, Number, Watch, find_elements, largest_change, scaled, with_values, without
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 

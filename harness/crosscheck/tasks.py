@@ -19,11 +19,11 @@ from harness.engines import (
     accelerations,
     load_model,
 )
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.files.model_file import ModelFile, read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.results.cross_check import SuperfluousPart
 from harness.verdict import Verdict
 

@@ -20,8 +20,8 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison
 from harness.certify.manifold import closed
 from harness.certify.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, special_values
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 # Orders of magnitude over which numbers near zero are drawn, and by which a neighbour may be moved.
 DECADES_DRAWN = 8.0

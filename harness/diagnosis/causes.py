@@ -18,17 +18,17 @@ from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.subject import Scope, SubjectDiagnosis, examine
 from harness.engines import EQUATIONS, HeldModel, Subject, engine_files, is_native, load_model, subjects
-from harness.equations.derivation import load_mechanism
-from harness.equations.states import States
 from harness.errors import InvalidInput
 from harness.explain.pattern import Inference, infer_from_records, subject_named
 from harness.explain.search import EVALUATIONS
 from harness.files.model_file import ModelFile, read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
+from harness.programs.states import States
 from harness.results.cross_check import Cause
 from harness.results.records import Record
-from harness.robots.mechanism import accelerations
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.trees.mechanism import accelerations
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers
 

@@ -19,7 +19,6 @@ from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.explanation import explain_difference
 from harness.crosscheck.tasks import Note
 from harness.engines import Subject, accelerations, load_engine
-from harness.equations.states import States
 from harness.errors import InvalidModel, shown_path
 from harness.explain.columns import diagnostic_states, watch
 from harness.explain.model_side import diagnose
@@ -28,6 +27,7 @@ from harness.explain.search import EVALUATIONS, Limits
 from harness.explain.terms import TermComparison, TermTruth, batches_at, compare_terms, wrong_blocks
 from harness.explain.textbook_side import TextbookSide, diagnose_textbook, textbook_evaluations
 from harness.library import Library, member_of
+from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.verdict import AGREEMENT
 

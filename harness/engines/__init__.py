@@ -52,8 +52,8 @@ from harness.files.rules.step_rule import StepRule as StepRule
 from harness.library import Library, nearest
 
 if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
-    from harness.equations.states import States
+    from harness.programs.mechanisms.mechanism import Mechanism
+    from harness.programs.states import States
 
 
 class Model(Protocol):

@@ -10,7 +10,7 @@ from harness.files.model_file import ModelFile
 from harness.library import nearest
 
 if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 # Coarser than what the comparison sees by far: the audit finds another mechanism, the comparison finds
 # another digit.

@@ -17,7 +17,7 @@ from harness.files.rules.step_rule import StepRule
 
 if TYPE_CHECKING:
     from harness.engines import Model
-    from harness.equations.mechanism import Mechanism
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 # Joints in a message.
 MOST_NAMED = 4

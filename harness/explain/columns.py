@@ -23,11 +23,11 @@ from harness.certify.quantities.accelerations import answers_with_gaps
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.engines import Engine, Model, Unsupported
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.explain.changes import NUMBER, Change
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import Place, Watch
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.verdict import AGREEMENT
 
 # Of the central differences, relative to a value's scale: their error is about u / DIFFERENCE, or DIFFERENCE^2.

@@ -22,8 +22,8 @@ from harness.certify.compare import Flags, compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
 from harness.engines import Model, Terms, accelerations
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 AT_REST, MOVING, LOADED = "at rest", "moving", "loaded"

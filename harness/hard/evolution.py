@@ -24,8 +24,8 @@ from harness.crosscheck.assignment import Assignment, judge_of
 from harness.crosscheck.hypothesis_search import note_of, objective
 from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.verdict import SEVERITY, Verdict
 
 SMALLEST_POPULATION = 4

@@ -20,14 +20,12 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Certified, Comparison, compare, farthest_block
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Truth, find_quantities
 from harness.certify.quantities.accelerations import AccelerationTruth, reference_kernel
 from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.crosscheck.tasks import Note
 from harness.engines import NotOffered, Subject, Unsupported, factorises_mass_matrix, linear_velocity_in_body, load_engine
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.one_number import Projection, explaining_directions
@@ -35,6 +33,8 @@ from harness.files.model_file import ModelFile
 from harness.hard.cases import HardCase, Theory, hard_cases
 from harness.hard.truths import TruePoint, file_at, plain_points, true_points
 from harness.library import Library
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import ACCELERATIONS, quantity_words
 from harness.verdict import Verdict, gravest

@@ -22,15 +22,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
-from harness.equations.mechanism import Mechanism
 from harness.hard.cases import decades, hard_cases
 from harness.library import Library
 from harness.motion.integrators import Advance, select_integrators
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Metric, Start
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.atlas import Parting, StableStep
 from harness.verdict import AGREEMENT, Verdict
 

@@ -10,8 +10,8 @@ from typing import Protocol, runtime_checkable
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
-from harness.equations.states import States
 from harness.files.text.scan import compact
+from harness.programs.states import States
 
 
 @runtime_checkable

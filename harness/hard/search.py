@@ -28,12 +28,12 @@ from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
-from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
 from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
+from harness.programs.states import States
 from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
 from harness.results.records import ACCELERATIONS, quantity_options
 from harness.results.search import FoundCase, SearchResult

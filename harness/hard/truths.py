@@ -20,12 +20,12 @@ from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.engines import EQUATIONS, Subject, constraint_laws, linear_velocity_in_body, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.files.model_file import ModelFile, read_model
 from harness.hard.cases import HardCase, hard_cases, library_of
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 
 @dataclass(frozen=True)

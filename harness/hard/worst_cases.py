@@ -11,10 +11,10 @@ from dataclasses import replace
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.tasks import Note
 from harness.engines import Subject, select_subjects
-from harness.equations.states import States
 from harness.hard.lost_digits import locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
+from harness.programs.states import States
 from harness.results.hard_states import RankedCase, worst_cases
 from harness.results.records import Record
 from harness.verdict import Verdict

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.kernels import MOST_INSTRUCTIONS_UNROLLED, heyoka_expressions, solve_symmetric
-from harness.equations.machine_code import load_heyoka
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import right_hand_side
+from harness.programs.kernels import MOST_INSTRUCTIONS_UNROLLED, heyoka_expressions, solve_symmetric
+from harness.programs.machine_code import load_heyoka
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.program import right_hand_side
 
 Expressions = Sequence[Any]
 

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.machine_code import load_heyoka
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
+from harness.programs.machine_code import load_heyoka
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.mechanism import Mechanism
 
 # Below it the chart is left, if another one is more regular.
 LEAST_REGULARITY = 0.3

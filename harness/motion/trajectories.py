@@ -24,11 +24,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.manifold import closed, closes, rows_left
 from harness.certify.sampling import ANGLES
-from harness.equations.machine_code import load_heyoka
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.motion.first_order import displacement
 from harness.motion.taylor import Path, Taylor
+from harness.programs.machine_code import load_heyoka
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 HORIZON = 20.0
 # Error beyond which the reference is no truth any more: the motion is chaotic.

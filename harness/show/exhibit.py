@@ -15,17 +15,17 @@ from harness.crosscheck.held import SOUND, differences, held_by, soundness
 from harness.crosscheck.tasks import derive, read
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
 from harness.engines.audit import audit
-from harness.equations.mechanism import Mechanism
 from harness.errors import InvalidInput
 from harness.files.model_file import ModelFile
 from harness.files.text.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs
 from harness.library import Library, member_of
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.table import Column, Table, number_text
-from harness.robots.constraints import rows_of, untied
-from harness.robots.nodes import kinematics
-from harness.robots.robot import tree_of
 from harness.show.placement import Pose, place
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.trees.constraints.rows import rows_of, untied
+from harness.trees.nodes import kinematics
+from harness.trees.robot import tree_of
 from harness.verdict import Verdict
 from harness.workers import Task
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 from harness.engines import EQUATIONS, Subject, is_native, load_model, subjects_beside
-from harness.equations.derivation import load_mechanism
 from harness.files.model_file import read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.results.cross_check import CrossCheckResult, Picture
 from harness.show.picture import draw

@@ -12,8 +12,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldModel, Model
-from harness.equations.mechanism import Mechanism
 from harness.files.joint_kinds import JointKind
+from harness.programs.mechanisms.mechanism import Mechanism
 
 ANGLE_SHOWN = 0.4
 SLIDE_SHOWN = 0.25

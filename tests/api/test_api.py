@@ -18,8 +18,8 @@ from support import InThisProcess
 
 import harness
 from harness.certify.sampling import generic_sample
-from harness.equations.derivation import load_system
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
+from harness.lagrange.derivation import load_system
 
 
 @pytest.fixture(autouse=True)

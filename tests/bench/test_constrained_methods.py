@@ -21,10 +21,10 @@ from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.equations.states import States
 from harness.files.text.attributes import with_attributes
 from harness.library import CONSTRAINED, MECHANISMS, Library
 from harness.motion.integrators import kind_of
+from harness.programs.states import States
 from harness.results.benchmark import AccelerationCost, EngineFinding
 from harness.study import run_study
 from harness.verdict import AGREEMENT

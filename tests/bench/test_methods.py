@@ -19,15 +19,15 @@ from harness.bench.measuring import Effort
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.certify.compare import compare
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.files.model_file import parse_model
 from harness.library import Library
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.results.benchmark import AccelerationCost
 from harness.verdict import AGREEMENT
 

@@ -16,16 +16,16 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness.arrays import Array
 from harness.bench.stationary_action import SIZES, residual, stationarity, stationarity_of, vary
 from harness.crosscheck.scene import Scene
-from harness.equations.derivation import load_mechanism
-from harness.equations.energies import LagrangianKernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.system import TIME, System
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, scaled
+from harness.lagrange.derivation import load_mechanism
+from harness.lagrange.system import TIME, System
 from harness.library import Library
 from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
+from harness.programs.mechanisms.energies import LagrangianKernel
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.benchmark import Stationarity
 
 HORIZON = 2.0

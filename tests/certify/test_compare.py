@@ -13,17 +13,17 @@ from catalogue import BUILT_IN
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.compare import LEAST_DIGITS, Comparison, compare
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import generic_sample
 from harness.engines import linear_velocity_in_body, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.equations.kernels import Float64Kernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
-from harness.equations.system import TIME, System
 from harness.files.model_file import read_model
+from harness.lagrange.derivation import load_mechanism
+from harness.lagrange.system import TIME, System
 from harness.library import Library
+from harness.programs.kernels import Float64Kernel
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.verdict import AGREEMENT, SEVERITY, Verdict, gravest
 
 

@@ -12,14 +12,14 @@ from catalogue import BUILT_IN
 from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.componentwise import componentwise_error, least_squares_bound, smallest_bound
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.engines import accelerations, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.files.model_file import read_model
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.verdict import AGREEMENT
 
 # What a linear program's tolerances leave.

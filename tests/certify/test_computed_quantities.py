@@ -11,18 +11,18 @@ from catalogue import BUILT_IN, MODELLED, PLAIN, TREES
 
 from harness.arrays import Array
 from harness.certify.compare import Certified, compare, farthest_block
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Quantity, TruthBasis, find_quantities, generalised_forces, motion
 from harness.certify.quantities._file_truth import FileTruth
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.assignment import Assignment, load_audited, truth_of
 from harness.engines import Model, NotOffered, Subject, Unsupported
-from harness.equations.derivation import load_mechanism
-from harness.equations.energies import EnergyKernel
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.files.model_file import parse_model, read_model
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.verdict import AGREEMENT
 
 SEED = 11

@@ -18,16 +18,16 @@ from loops import CRANK_ROCKER, a, coupler, d, follower, four_bar
 from harness.arrays import Array
 from harness.certify import manifold
 from harness.certify.configurations import Configurations, Enclosed
-from harness.certify.double_double import sine_and_cosine_in_float64
 from harness.certify.enclosure import Encloser
-from harness.certify.language import Writer
-from harness.certify.machine_code import compiled
 from harness.certify.manifold import Branch, closed, closes
 from harness.certify.sampling import sample
-from harness.equations.constraint import Constraint
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.lagrange.constraint import Constraint
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.loops.double_double import sine_and_cosine_in_float64
+from harness.programs.loops.language import Writer
+from harness.programs.loops.machine_code import compiled
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.storage import Kept
 
 TIED = [name for name in BUILT_IN.system_names() if is_tied(name)]

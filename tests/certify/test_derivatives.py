@@ -17,14 +17,14 @@ from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeT
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import EQUATIONS, InvalidAnswer, Model, NotOffered, Subject, Unsupported, load_model
-from harness.equations.derivation import load_mechanism
-from harness.equations.dynamics_derivatives import forward_dynamics_derivatives
-from harness.equations.kernels import BallKernel, solve_symmetric
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import right_hand_side, upper_triangle
-from harness.equations.states import States
 from harness.files.model_file import read_model
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.kernels import BallKernel, solve_symmetric
+from harness.programs.mechanisms.dynamics_derivatives import forward_dynamics_derivatives
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.program import right_hand_side, upper_triangle
+from harness.programs.states import States
 
 SEED, BITS = 7, 512
 # Of a rate in the differences, whose error is its square.

@@ -14,23 +14,23 @@ import sympy as sp
 from catalogue import BUILT_IN
 
 from harness.arrays import Array
-from harness.certify import encoding, machine_code
 from harness.certify.compare import DOUBLE_DOUBLE
-from harness.certify.encoding import Encoded, encode
-from harness.certify.interpreter import Filtered, derivatives, evaluate
-from harness.certify.numbers import SMALLEST_SCALE
 from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel, energy_norm
 from harness.certify.reverse_mode import columns_in_balls
 from harness.certify.sampling import sample
-from harness.equations.derivation import load_mechanism
-from harness.equations.expressions import assemble
-from harness.equations.kernels import BallKernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import StraightLineProgram, right_hand_side, upper_triangle
-from harness.equations.states import States
 from harness.hard.cases import POINTS, hard_cases, library_of
 from harness.hard.truths import states_at
+from harness.lagrange.derivation import load_mechanism
+from harness.lagrange.expressions import assemble
+from harness.programs.kernels import BallKernel
+from harness.programs.loops import encoding, machine_code
+from harness.programs.loops.encoding import Encoded, encode
+from harness.programs.loops.interpreter import Filtered, derivatives, evaluate
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE
+from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
+from harness.programs.states import States
 
 BITS = 1000
 
@@ -219,9 +219,9 @@ def test_every_operation_has_a_code_of_its_own() -> None:
 
 _LOAD = """
 import sys
-from harness.certify import machine_code
+from harness.programs.loops import machine_code
 machine_code.loop("evaluate"), machine_code.loop("derive"), machine_code.loop("measure")
-print("harness.certify.loops" in sys.modules)
+print("harness.programs.loops.loops" in sys.modules)
 """
 
 

@@ -16,11 +16,11 @@ from harness.certify.manifold import closed, closes, enclosed
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
 from harness.crosscheck.variation import Variation, states_of
-from harness.equations.constraint import Constraint
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.lagrange.constraint import Constraint
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 ABOVE, BELOW = {coupler: 0.82, follower: 1.77}, {coupler: -0.82, follower: -1.77}
 

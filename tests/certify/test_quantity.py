@@ -12,19 +12,19 @@ from free_bodies import BoundFreeBodies, free_bodies
 
 from harness.arrays import Array
 from harness.certify.compare import Certified, compare
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import TruthBasis, find_quantities
 from harness.certify.quantities.reactions import ReactionTruth
 from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.sampling import generic_sample, sample
 from harness.engines import InvalidAnswer, Model, NotOffered, answer_of, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.equations.kernels import BallKernel
-from harness.equations.program import StraightLineProgram
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.files.model_file import ModelFile, parse_model, read_model
-from harness.robots.robot import tree_of
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.kernels import BallKernel
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram
+from harness.programs.states import States
+from harness.trees.robot import tree_of
 from harness.verdict import AGREEMENT
 
 BITS = 256

@@ -12,9 +12,9 @@ from loops import four_bar, upright_disc
 from harness.certify.rank import free_size, rank_condition
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample
-from harness.equations.evaluation import values
-from harness.equations.program import right_hand_side, upper_triangle
-from harness.equations.system import System
+from harness.lagrange.system import System
+from harness.programs.evaluation import values
+from harness.programs.program import right_hand_side, upper_triangle
 
 
 @pytest.mark.parametrize("system", [four_bar(), upright_disc()], ids=["four bar", "upright disc"])

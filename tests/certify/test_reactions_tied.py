@@ -14,16 +14,16 @@ from support import make_library
 
 from harness.arrays import Array
 from harness.certify.compare import compare
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Truth
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import Model, NotOffered, Subject, Unsupported, load_engine
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.files.model_file import parse_model, read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
-from harness.robots.robot import tree_of
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.trees.robot import tree_of
 from harness.verdict import AGREEMENT
 
 BITS = 192

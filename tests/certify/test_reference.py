@@ -16,12 +16,12 @@ from catalogue import IN_CI
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.compare import CERTIFIED_RADIUS
-from harness.certify.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.certify.reference import PRECISIONS, Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import generic_sample
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
-from harness.equations.system import TIME, System
+from harness.lagrange.system import TIME, System
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.programs.states import States
 
 t = TIME
 m, rod, g, k, w, big = sp.symbols("m rod g k w big", positive=True)
@@ -87,7 +87,7 @@ def test_midpoints_are_within_their_radius_of_mpmath(plain_mechanism: Mechanism,
 
 @pytest.mark.parametrize("name", ["collar", "bar_pendulum", "spring_damper", "cart_pendulum", "arm_2r"])
 def test_seed_systems_are_certified_at_every_special_state(name: str) -> None:
-    from harness.equations.derivation import load_mechanism
+    from harness.lagrange.derivation import load_mechanism
     from harness.library import Library
 
     mechanism = load_mechanism(Library.built_in(), name)

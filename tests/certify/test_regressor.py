@@ -12,10 +12,10 @@ from harness.certify.quantities import Truth, TruthBasis, find_quantities
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, Subject, Unsupported, load_model
-from harness.equations.derivation import load_mechanism
-from harness.equations.states import States
 from harness.files.model_file import read_model
-from harness.robots.regressor import PARAMETERS
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.states import States
+from harness.trees.quantities.regressor import PARAMETERS
 
 SEED = 5
 

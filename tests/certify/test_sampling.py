@@ -19,10 +19,10 @@ from hypothesis.errors import NoSuchExample
 from harness.certify import sampling
 from harness.certify.reference import ReferenceKernel, energy_norm
 from harness.certify.sampling import HUGE_ANGLES, TINY, Kind, generic_sample, kinds, sample, sample_in_blocks, sine_and_cosine, strategy
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 FIELDS = ("q", "v", "tau", "time")
 
@@ -305,7 +305,7 @@ def test_points_that_are_kept_are_all_that_a_sample_takes(count: int, tmp_path: 
 @pytest.mark.costly
 def test_a_kept_sample_needs_no_scipy(tmp_path: Path) -> None:
     code = (
-        "import sys; from harness.certify.sampling import sample; from harness.equations.derivation import load_mechanism\n"
+        "import sys; from harness.certify.sampling import sample; from harness.lagrange.derivation import load_mechanism\n"
         "from harness.library import Library; sample(load_mechanism(Library.built_in(), 'cart_pendulum'), 100, 0)\n"
         "print(sorted({name.partition('.')[0] for name in sys.modules} & {'scipy', 'sympy'}))"
     )

@@ -14,21 +14,21 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from harness.arrays import Array
 from harness.certify.compare import DOUBLE_DOUBLE
-from harness.certify.encoding import encode
-from harness.certify.interpreter import derivatives
-from harness.certify.numbers import SMALLEST_SCALE
 from harness.certify.reference import PRECISIONS, ReferenceKernel
 from harness.certify.reverse_mode import columns_in_balls
 from harness.certify.sampling import sample
-from harness.equations.derivation import load_mechanism
-from harness.equations.expressions import assemble
-from harness.equations.kernels import BallKernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import StraightLineProgram, upper_triangle
-from harness.equations.states import States
-from harness.equations.system import TIME, System
 from harness.hard.cases import hard_cases
 from harness.hard.truths import truth_along
+from harness.lagrange.derivation import load_mechanism
+from harness.lagrange.expressions import assemble
+from harness.lagrange.system import TIME, System
+from harness.programs.kernels import BallKernel
+from harness.programs.loops.encoding import encode
+from harness.programs.loops.interpreter import derivatives
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE
+from harness.programs.program import StraightLineProgram, upper_triangle
+from harness.programs.states import States
 
 # To three digits, to which a backward error is read.
 NEAR = 2.0**-9

@@ -19,14 +19,14 @@ from harness.certify.quantities.steps import StepTruth, _product, describe
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, load_engine, step_rules
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.rules.step_rule import Part, StepRule
-from harness.robots.mechanism import mechanism_of
-from harness.robots.robot import robot_of
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import robot_of
 from harness.verdict import AGREEMENT
 
 SEED, STATES = 3, 16

@@ -15,25 +15,25 @@ from catalogue import BUILT_IN
 
 from harness.arrays import Array
 from harness.certify import terms as term_reference
-from harness.certify.encoding import encode
-from harness.certify.interpreter import derivatives
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, dual_norm, term_errors
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
-from harness.equations.derivation import load_mechanism, load_system
-from harness.equations.evaluation import jacobians
-from harness.equations.expressions import assemble
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import upper_triangle
-from harness.equations.states import States
-from harness.equations.system import System
 from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names
 from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.lagrange.derivation import load_mechanism, load_system
+from harness.lagrange.expressions import assemble
+from harness.lagrange.system import System
 from harness.library import MODEL_SUFFIXES
+from harness.programs.evaluation import jacobians
+from harness.programs.loops.encoding import encode
+from harness.programs.loops.interpreter import derivatives
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.program import upper_triangle
+from harness.programs.states import States
 from harness.verdict import AGREEMENT, Verdict
 
 SUBJECTS = subjects(BUILT_IN)

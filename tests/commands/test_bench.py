@@ -22,8 +22,8 @@ from harness.bench.parts import PARTS, BenchmarkSettings, load
 from harness.bench.study import BenchmarkStudy
 from harness.cli import main
 from harness.crosscheck.scene import Scene
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Figure, MotionCost, Order
 from harness.results.cross_check import CrossCheckResult

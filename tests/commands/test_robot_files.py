@@ -15,7 +15,7 @@ import harness as public
 from harness.arrays import Array
 from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
-from harness.robots.robot import read_robot
+from harness.trees.robot import read_robot
 
 HERE = Path(__file__).parent.parent
 TWO_LINKS, MIMIC = HERE / "comparison" / "files" / "arm.urdf", HERE / "comparison" / "files" / "mimic.urdf"

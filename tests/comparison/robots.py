@@ -10,7 +10,7 @@ from harness.comparison.meshes import compiled_meshes
 from harness.comparison.study import question_of
 from harness.comparison.truth import Meant, meant
 from harness.results.comparison import SubjectRecord
-from harness.robots.robot import read_robot
+from harness.trees.robot import read_robot
 
 FILES = Path(__file__).parent / "files"
 STATES = 16

@@ -17,7 +17,7 @@ from harness.explain.changes.readings import Reading, with_joints
 from harness.files.tree import Joint, Tree
 from harness.report.comparison import subject_lines
 from harness.results.comparison import SubjectRecord
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 from harness.verdict import AGREEMENT, Verdict
 
 

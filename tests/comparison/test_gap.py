@@ -22,9 +22,9 @@ from harness.comparison.gap_study import By, GapSettings, GapStudy
 from harness.errors import InvalidRequest
 from harness.files.rules.step_rule import Part, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
-from harness.robots.robot import read_robot
-from harness.robots.step_forces import step_forces
 from harness.study import run_study
+from harness.trees.robot import read_robot
+from harness.trees.stepping.step_forces import step_forces
 
 BESIDE = ("first engine beside its rule", "second engine beside its rule")
 ONE_PERCENT = 0.01

@@ -13,7 +13,7 @@ from harness.comparison.truth import read_as
 from harness.engines.request import EngineAnswers
 from harness.report.comparison import subject_lines, survey_overview
 from harness.results.comparison import FileRecord, FilesComparison
-from harness.robots.robot import read_robot
+from harness.trees.robot import read_robot
 from harness.verdict import AGREEMENT, Verdict
 
 # Two wheels on one axis: of the light one that carries the other, ABA keeps what is left of a difference.

@@ -17,8 +17,8 @@ from harness.comparison.truth import Meant, reference_of
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject
-from harness.equations.states import States
-from harness.robots.robot import read_robot
+from harness.programs.states import States
+from harness.trees.robot import read_robot
 
 # Seats that hang from arms of 4 m on a mast. Where one hangs still its acceleration is zero, and so is what its data round.
 CHAIROPLANE = """

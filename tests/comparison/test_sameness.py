@@ -10,7 +10,7 @@ from comparison.robots import FILES, edited, line_of, meant_by
 from harness.comparison.matching import match
 from harness.comparison.sameness import hold_against
 from harness.results.comparison import PairRecord
-from harness.robots.robot import read_robot
+from harness.trees.robot import read_robot
 
 URDF, MJCF = FILES / "arm.urdf", FILES / "arm.xml"
 

@@ -16,8 +16,8 @@ from harness.crosscheck.stages import Answers, compare_all
 from harness.crosscheck.superfluous import superfluous
 from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject
-from harness.equations.states import States
 from harness.errors import InvalidModel
+from harness.programs.states import States
 
 PINOCCHIO, MUJOCO = Subject("pinocchio", "urdf"), Subject("mujoco", "mjcf")
 

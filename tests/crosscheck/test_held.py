@@ -20,11 +20,11 @@ from harness.crosscheck.held_quantities import OF_BODIES
 from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_native, load_engine, subjects
 from harness.engines.adapters.mujoco.held import fused
 from harness.engines.audit import audit
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.explain.changes.mistakes import mended_mistakes
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text import lines as quantities
+from harness.lagrange.derivation import load_mechanism
 
 READERS = [subject for subject in subjects(BUILT_IN) if subject.format != EQUATIONS]
 # Every bar of a chain is like the first ones.

@@ -23,11 +23,11 @@ from harness.crosscheck.hypothesis_search import BLOCK, Found, explore, search
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.variation import Variation, quaternion_columns, row_ranges, rows_of, states_of
 from harness.engines import Subject, Unsupported, select_subjects
-from harness.equations.derivation import load_mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.files.model_file import read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.states import States
 from harness.verdict import Verdict
 
 BUILT_IN = Library.built_in()

@@ -19,8 +19,8 @@ from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
 from harness.crosscheck.tasks import find_superfluous
-from harness.equations.states import States
 from harness.library import Library
+from harness.programs.states import States
 from harness.results.records import Record
 from harness.study import Part, Rounds, run_study
 from harness.workers import Crash, Outcome, Task, Workers

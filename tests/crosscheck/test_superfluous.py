@@ -16,9 +16,9 @@ from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import superfluous
 from harness.engines import Model, Subject, accelerations, is_native, subjects
-from harness.equations.states import States
 from harness.files.model_file import parse_model
 from harness.library import Library
+from harness.programs.states import States
 from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory
 from harness.verdict import Verdict

@@ -22,11 +22,11 @@ from harness.crosscheck.settings import Settings
 from harness.engines import load_engine
 from harness.engines.adapters.mujoco import urdf as mujoco_urdf
 from harness.engines.adapters.pinocchio import mjcf as pinocchio_mjcf
-from harness.equations.derivation import load_mechanism
-from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.files.model_file import read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
+from harness.programs.states import States
 from harness.report.markdown import matrix, render_markdown
 from harness.report.summary import Summary
 from harness.results.records import Record

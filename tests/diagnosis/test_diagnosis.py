@@ -24,8 +24,6 @@ from harness.cli import main
 from harness.crosscheck.assignment import Assignment
 from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject, linear_velocity_in_body, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.equations.kernels import float64_kernel
 from harness.errors import InvalidModel
 from harness.explain.base_parameters import are_parallel, base_parameters
 from harness.explain.changes import NUMBER, Change
@@ -45,6 +43,8 @@ from harness.explain.search import Limits, Tried, best_first
 from harness.explain.textbook_side import TextbookSide, diagnose_textbook
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import Place, Watch, find_numbers, with_values
+from harness.lagrange.derivation import load_mechanism
+from harness.programs.kernels import float64_kernel
 from harness.verdict import AGREEMENT
 
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}

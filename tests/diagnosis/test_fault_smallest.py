@@ -36,11 +36,11 @@ from harness.diagnosis.faults.campaign import number_faults, smallest_changes
 from harness.diagnosis.faults.study import select_pairs
 from harness.diagnosis.faults.summary import SmallestChange
 from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import watch
 from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.results.records import Record
 from harness.verdict import gravest

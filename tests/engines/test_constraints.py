@@ -19,7 +19,7 @@ from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import LoopConstraints, Solver
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import Library
-from harness.robots.inverse_weights import inverse_weights
+from harness.trees.inverse_weights import inverse_weights
 
 LIBRARY = Library.built_in()
 SUBJECTS = [(engine, model_format) for engine in ("mujoco", "pinocchio") for model_format in ("mjcf", "urdf")]

@@ -22,25 +22,25 @@ import sympy as sp
 from catalogue import TREES
 
 from harness.certify.compare import compare
-from harness.certify.encoding import encode
-from harness.certify.interpreter import derivatives
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import ANGLES, generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, linear_velocity_in_body, load_engine
 from harness.engines.adapters.pinocchio.forces import ForceElements, joint_places
-from harness.equations.derivation import load_mechanism
-from harness.equations.euler_angles import sines_and_cosines
-from harness.equations.expressions import assemble
-from harness.equations.kernels import BallKernel, Float64Kernel, float64_kernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import StraightLineProgram, upper_triangle
-from harness.equations.states import States
-from harness.equations.system import TIME, System
 from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, read_model
+from harness.lagrange.derivation import load_mechanism
+from harness.lagrange.euler_angles import sines_and_cosines
+from harness.lagrange.expressions import assemble
+from harness.lagrange.system import TIME, System
 from harness.library import Library
+from harness.programs.kernels import BallKernel, Float64Kernel, float64_kernel
+from harness.programs.loops.encoding import encode
+from harness.programs.loops.interpreter import derivatives
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram, upper_triangle
+from harness.programs.states import States
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -17,7 +17,6 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.engines import linear_velocity_in_body, load_engine
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake, mended_mistakes
@@ -25,6 +24,7 @@ from harness.explain.columns import DIFFERENCE, Whitening, derivative, watch
 from harness.explain.fit import fit
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import Watch, find_elements, find_numbers
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES
 from harness.verdict import AGREEMENT
 

@@ -14,7 +14,7 @@ from harness.comparison.accounting import fold
 from harness.explain.changes.readings import Reading, find_readings
 from harness.explain.changes.readings.pybullet import diagonalized, half_extents
 from harness.files.tree import Inertia, Tree
-from harness.robots.robot import read_robot
+from harness.trees.robot import read_robot
 
 NUMBERS = st.floats(-1.0, 1.0, allow_subnormal=False)
 IMPOSSIBLE = FILES / "impossible.urdf"

@@ -21,10 +21,10 @@ from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Subject, Unsupported, is_native, load_engine, select_subjects
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.files.lint.formats import SUPPORTED
 from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, parse_model, read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 
 LIBRARY = Library.built_in()

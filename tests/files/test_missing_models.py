@@ -21,10 +21,10 @@ from harness.certify.sampling import generic_sample
 from harness.crosscheck.expected import AGREES, Expectations, load_expectations
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject, subjects
-from harness.equations.derivation import load_mechanism
-from harness.equations.states import States
 from harness.errors import InvalidInput
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.states import States
 from harness.results.records import Record
 
 BUILT_IN = Library.built_in()

@@ -9,7 +9,7 @@ import pytest
 from harness.errors import InvalidModel
 from harness.files.model_file import JointSpring, parse_model
 from harness.library import Library
-from harness.robots.robot import Robot, read_robot
+from harness.trees.robot import Robot, read_robot
 
 PLAIN = Library.built_in().model_path("bar_pendulum", "urdf").read_text()
 EFFORTLESS = PLAIN.replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" ', 1)

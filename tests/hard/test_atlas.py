@@ -19,15 +19,15 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.engines import EQUATIONS, Subject, load_engine, select_subjects, subjects
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import hard_cases
 from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
 from harness.hard.measurement import measure
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import ACCELERATIONS
 from harness.workers import Workers
@@ -35,8 +35,8 @@ from harness.workers import Workers
 ENGINE = """
 import os
 import numpy as np
-from harness.equations.kernels import Float64Kernel
-from harness.equations.states import States
+from harness.programs.kernels import Float64Kernel
+from harness.programs.states import States
 
 class Model:
     def __init__(self, mechanism):

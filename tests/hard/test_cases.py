@@ -13,14 +13,14 @@ from harness.certify.compare import compare
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.engines import Subject, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.files.model_file import read_model
 from harness.files.text.scan import find_elements
 from harness.hard.cases import POINTS, HardCase, decades, hard_cases, library_of, number_at
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.verdict import Verdict
 
 CASES = list(hard_cases().values())

@@ -13,8 +13,6 @@ from harness.certify.compare import Comparison, compare
 from harness.certify.manifold import closed, closes, distances
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import Subject, accelerations, load_engine
-from harness.equations.derivation import load_mechanism
-from harness.equations.states import States
 from harness.explain.pattern import subject_named
 from harness.files.text.attributes import with_attributes
 from harness.hard import truths
@@ -24,7 +22,9 @@ from harness.hard.cases.closed_loops import PROXIMAL_ONCE
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import measure
 from harness.hard.truths import model_file, states_at
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 
 CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), library_of(case))]

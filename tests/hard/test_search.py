@@ -20,15 +20,15 @@ from harness.certify.sampling import HUGE_ANGLES, generic_sample
 from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
 from harness.crosscheck.variation import KEPT, shrink
 from harness.engines import select_subjects
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.files.model_file import read_model
 from harness.hard import evolution, lost_digits
 from harness.hard.evolution import StateSpace, evolve
 from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, SearchSettings, StateSearch, hunt, hunts
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.results.hard_states import load_found, path_of
 from harness.results.search import as_lines
 from harness.study import run_study
@@ -245,7 +245,7 @@ class Planted:
     """The equations in float64 with a relative error in one term: the ``Model`` of no file."""
 
     def __init__(self, mechanism: Mechanism, term: str, error: float) -> None:
-        from harness.equations.kernels import Float64Kernel
+        from harness.programs.kernels import Float64Kernel
 
         self.mechanism, self.term, self.error = mechanism, term, error
         self.kernel = Float64Kernel(mechanism.program)

@@ -23,12 +23,12 @@ from harness.certify.sampling import generic_sample
 from harness.crosscheck import assignment, stages
 from harness.crosscheck.assignment import Assignment
 from harness.engines import Subject
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidModel
 from harness.files.document.xml import parse_document
 from harness.files.model_file import ROOT_TAGS, ModelFile, parse_model, read_model
 from harness.files.text.joint_table import joint_rows, point_springs
 from harness.files.text.scan import Element, Number, edited, find_elements, find_numbers, with_values
+from harness.lagrange.derivation import load_mechanism
 from harness.workers import Task, Workers
 
 ENGINES = ("mujoco", "pinocchio")

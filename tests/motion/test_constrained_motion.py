@@ -12,9 +12,7 @@ from harness.bench.motion_cost import motion_costs
 from harness.bench.parts import BenchmarkSettings, _integrators, _motion, vary_action
 from harness.certify.manifold import closes
 from harness.crosscheck.scene import Scene
-from harness.equations.derivation import load_mechanism
-from harness.equations.energies import EnergyKernel
-from harness.equations.states import States
+from harness.lagrange.derivation import load_mechanism
 from harness.library import CONSTRAINED, MECHANISMS, Library
 from harness.motion.integrators import integrators
 from harness.motion.integrators.equations import RUNGE_KUTTA
@@ -22,6 +20,8 @@ from harness.motion.integrators.mujoco import EULER, explain_softness
 from harness.motion.integrators.pinocchio import RUNGE_KUTTA as PINOCCHIO_RUNGE_KUTTA
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start, drift
+from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.states import States
 from harness.results.benchmark import MotionCost, MotionTruth, Order
 
 LIBRARY = Library.built_in()

@@ -12,17 +12,17 @@ import pytest
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
-from harness.equations.derivation import load_mechanism
-from harness.equations.energies import EnergyKernel
-from harness.equations.kernels import BallKernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import StraightLineProgram
-from harness.equations.states import States
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.motion.first_order import displacement, linear_velocities_turned
 from harness.motion.integrators.equations import EULER_CROMER
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import TRUSTED_ERROR, Metric, Start, TrueMotion, reference_motion
+from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.program import StraightLineProgram
+from harness.programs.states import States
 
 LIBRARY = Library.built_in()
 # Systems of the text that the harness began with; none of them is chaotic from its start. The bead on the cycloid passes where the

@@ -13,8 +13,8 @@ from support import cross_checked, make_library
 
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings, stored_states
-from harness.equations.derivation import load_mechanism
 from harness.errors import InvalidInput
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.results.hard_states import FoundState, as_text, keep, load_found, merged, path_of, worst_cases
 from harness.results.records import Record, Representative

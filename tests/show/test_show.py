@@ -14,9 +14,9 @@ from support import harness
 
 from harness.commands.new import write_example
 from harness.engines import load_engine
-from harness.equations.derivation import load_mechanism
 from harness.files.model_file import parse_model, read_model
 from harness.files.text.joint_table import joint_rows
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.show.picture import draw
 from harness.show.placement import CORNER, Pose, choose_view, place

@@ -16,10 +16,10 @@ from harness.certify.compare import compare
 from harness.certify.manifold import closes, enclosed
 from harness.certify.reference import ReferenceKernel
 from harness.certify.sampling import sample, sample_in_blocks
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.verdict import AGREEMENT
 
 LOOPS = (

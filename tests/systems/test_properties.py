@@ -19,20 +19,20 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
-from harness.equations.constraint_forces import MULTIPLIERS
-from harness.equations.constraints import JACOBIAN
-from harness.equations.derivation import load_system
-from harness.equations.euler_angles import body_rates, sines_and_cosines
-from harness.equations.expressions import assemble
-from harness.equations.kernels import Float64Kernel
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import StraightLineProgram, upper_triangle
-from harness.equations.states import States
-from harness.equations.system import TIME, System
+from harness.lagrange.derivation import load_system
+from harness.lagrange.euler_angles import body_rates, sines_and_cosines
+from harness.lagrange.expressions import assemble
+from harness.lagrange.system import TIME, System
 from harness.library import Library
+from harness.programs.kernels import Float64Kernel
+from harness.programs.mechanisms.constraint_forces import MULTIPLIERS
+from harness.programs.mechanisms.constraints import JACOBIAN
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram, upper_triangle
+from harness.programs.states import States
 
 COUNT = 6
 BITS = 320

@@ -17,9 +17,9 @@ import pytest
 import sympy as sp
 from support import is_zero
 
-from harness.equations.derivation import load_system
-from harness.equations.lagrange import EquationsOfMotion, derive
-from harness.equations.system import System
+from harness.lagrange.derivation import load_system
+from harness.lagrange.equations import EquationsOfMotion, derive
+from harness.lagrange.system import System
 from harness.library import Library
 
 G = 9.81

@@ -18,10 +18,10 @@ from support import is_zero, linearised
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.certify.reference import ReferenceKernel
-from harness.equations.derivation import load_mechanism, load_system
-from harness.equations.lagrange import EquationsOfMotion, derive
-from harness.equations.states import States
+from harness.lagrange.derivation import load_mechanism, load_system
+from harness.lagrange.equations import EquationsOfMotion, derive
 from harness.library import Library
+from harness.programs.states import States
 
 
 def load(name: str) -> tuple[EquationsOfMotion, SimpleNamespace, dict[sp.Symbol, float]]:

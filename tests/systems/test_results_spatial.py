@@ -9,8 +9,8 @@ import pytest
 import sympy as sp
 from support import is_zero
 
-from harness.equations.derivation import load_system
-from harness.equations.lagrange import derive
+from harness.lagrange.derivation import load_system
+from harness.lagrange.equations import derive
 from harness.library import Library
 
 

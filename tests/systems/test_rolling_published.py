@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from harness.certify.manifold import closed, closes
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
-from harness.equations.constraint_forces import by_reduction, constrained_program
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.constraint_forces import by_reduction, constrained_program
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 
 BUILT_IN = Library.built_in()
 SEED = 23

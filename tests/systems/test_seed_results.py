@@ -11,9 +11,9 @@ import pytest
 import sympy as sp
 from support import energy_function, is_zero, linearised
 
-from harness.equations.derivation import load_system
-from harness.equations.lagrange import EquationsOfMotion, derive
-from harness.equations.system import System
+from harness.lagrange.derivation import load_system
+from harness.lagrange.equations import EquationsOfMotion, derive
+from harness.lagrange.system import System
 from harness.library import Library
 
 # Zero at 80 digits of which differences leave 50, relative to the largest term.

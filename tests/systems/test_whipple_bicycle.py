@@ -16,10 +16,10 @@ import pytest
 
 from harness.certify.manifold import closed, closes
 from harness.certify.reference import ReferenceKernel
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 NAMES = ("x", "y", "yaw", "lean", "pitch", "rear", "steer", "front")
 REAR_RADIUS = 0.3

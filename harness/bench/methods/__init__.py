@@ -15,8 +15,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.crosscheck.scene import Scene
-from harness.equations.states import States
 from harness.library import MECHANISMS
+from harness.programs.states import States
 from harness.registry import Registry, select
 
 Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]

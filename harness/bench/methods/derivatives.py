@@ -23,7 +23,7 @@ from harness.crosscheck.scene import Scene
 from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine
 from harness.engines.adapters.mujoco import MujocoModel
 from harness.engines.adapters.pinocchio import PinocchioModel
-from harness.equations.states import States
+from harness.programs.states import States
 
 Compute = Callable[[], Array]
 # From where truncation hides everything to where rounding does.

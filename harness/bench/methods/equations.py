@@ -21,15 +21,15 @@ from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.reference import Reference
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.equations.constraint_forces import ACCELERATIONS, reduced_program
-from harness.equations.derivation import load_system
-from harness.equations.kernels import heyoka_expressions, solve_symmetric
-from harness.equations.machine_code import load_heyoka
-from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import StraightLineProgram, position_count, right_hand_side
-from harness.equations.states import States
+from harness.lagrange.derivation import load_system
 from harness.library import CONSTRAINED, MECHANISMS
 from harness.motion.integrators import KINDS
+from harness.programs.kernels import heyoka_expressions, solve_symmetric
+from harness.programs.machine_code import load_heyoka
+from harness.programs.mechanisms.constraint_forces import ACCELERATIONS, reduced_program
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.program import StraightLineProgram, position_count, right_hand_side
+from harness.programs.states import States
 
 # Python needs minutes to derive and to compile more.
 MOST_INSTRUCTIONS_PRINTED = 5000
@@ -44,9 +44,9 @@ def _lambdified(scene: Scene, modules: str) -> tuple[Callable[..., Any], str]:
     """A function of q, v, time and parameters that returns the entries of M by rows, then those of p - c - g; and a note."""
     import sympy as sp
 
-    from harness.equations.euler_angles import change_of_variables, equations_in_joints
-    from harness.equations.lagrange import derive
-    from harness.equations.system import TIME
+    from harness.lagrange.equations import derive
+    from harness.lagrange.euler_angles import change_of_variables, equations_in_joints
+    from harness.lagrange.system import TIME
 
     mechanism = scene.mechanism
     instructions = len(mechanism.program.instructions)

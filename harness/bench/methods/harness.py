@@ -16,8 +16,8 @@ from harness.certify.compare import compare
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, accelerations
-from harness.equations.states import States
 from harness.library import CONSTRAINED, MECHANISMS
+from harness.programs.states import States
 
 CHECKED = "the engine's accelerations with their conversions, compared with references at hand"
 

@@ -18,9 +18,9 @@ from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, Unsupported
 from harness.engines.adapters.mujoco import MujocoModel
-from harness.equations.states import States
 from harness.files.text.scan import compact
 from harness.library import CONSTRAINED, MECHANISMS
+from harness.programs.states import States
 
 
 def _forward(scene: Scene, states: States) -> Prepared:

@@ -18,9 +18,9 @@ from harness.bench.methods import Method, Prepared
 from harness.bench.methods.mujoco import batch
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.equations.states import States
 from harness.files.text.attributes import Attributes, with_attributes
 from harness.library import CONSTRAINED
+from harness.programs.states import States
 
 
 def _changed(attributes: Attributes, scene: Scene, states: States) -> Prepared:

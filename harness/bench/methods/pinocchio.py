@@ -18,7 +18,7 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.engines.adapters.pinocchio import PinocchioModel
-from harness.equations.states import States
+from harness.programs.states import States
 
 
 class _Batch:

@@ -22,10 +22,10 @@ from harness.certify.quantities.accelerations import AccelerationTruth, softened
 from harness.crosscheck.scene import Scene
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import ACCURATE, LoopConstraints, Solver
-from harness.equations.constraint_forces import Softness
-from harness.equations.states import States
 from harness.files.text.scan import compact
 from harness.library import CONSTRAINED
+from harness.programs.mechanisms.constraint_forces import Softness
+from harness.programs.states import States
 
 
 def _solved(solver: Solver, scene: Scene, states: States, is_declared: bool = False) -> Prepared:

@@ -11,9 +11,9 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.engines.loaded_file import AidedModel
-from harness.equations.mechanism_kernel import MechanismKernel
-from harness.equations.states import States
 from harness.library import ROBOTS
+from harness.programs.mechanisms.kernel import MechanismKernel
+from harness.programs.states import States
 
 COUPLED = "joints that mimic others are eliminated in Python, from the engine's own M and forces"
 

@@ -12,20 +12,20 @@ from dataclasses import dataclass
 
 from harness.arrays import Array
 from harness.certify.compare import Certified, Comparison, compare, farthest_block
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.engines import Model
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidRequest
 from harness.files.model_file import ModelFile
 from harness.files.rules.step_rule import StepRule
 from harness.library import nearest
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.registry import Registry
-from harness.robots.constraints import untied
-from harness.robots.mechanism import RobotMechanism
-from harness.robots.reactions import have_same_points
-from harness.robots.robot import Robot, robot_of
 from harness.storage import Kept
+from harness.trees.constraints.rows import untied
+from harness.trees.mechanism import RobotMechanism
+from harness.trees.quantities.reactions import have_same_points
+from harness.trees.robot import Robot, robot_of
 
 # Stands for every quantity.
 ALL = "all"

@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Certified, compare, farthest_block
-from harness.equations.states import States
+from harness.programs.states import States
 from harness.verdict import Verdict
 
 if TYPE_CHECKING:

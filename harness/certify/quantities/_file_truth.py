@@ -18,14 +18,14 @@ from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.terms import GRAVITY, MASS, VELOCITY, certify_terms, term_errors
 from harness.engines import Model
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.files.model_file import ModelFile
-from harness.robots.constraints import untied
-from harness.robots.mechanism import mechanism_of
-from harness.robots.quantity import Block, ComputedQuantity, TreeMotion, computed, tree_motion
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.storage import Kept
+from harness.trees.constraints.rows import untied
+from harness.trees.mechanism import mechanism_of
+from harness.trees.quantities.tree_motion import Block, ComputedQuantity, TreeMotion, computed, tree_motion
 from harness.verdict import AGREEMENT, Verdict
 
 # States at which a file is held against the energies.

@@ -20,20 +20,20 @@ from harness.arrays import Array
 from harness.certify.compare import Comparison, compare
 from harness.certify.far_links import FarLinks
 from harness.certify.manifold import rows_left
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Quantity, Truth, TruthBasis
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.engines import ConstraintLaw, Model, accelerations, factorises_mass_matrix
-from harness.equations.constraint_forces import Softness, softened_program
-from harness.equations.constraints import Constraints
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidModel
 from harness.files.model_file import ModelFile
+from harness.programs.mechanisms.constraint_forces import Softness, softened_program
+from harness.programs.mechanisms.constraints import Constraints
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
 from harness.results.records import ACCELERATIONS as NAME
-from harness.robots.inverse_weights import inverse_weights
-from harness.robots.mechanism import RobotMechanism
 from harness.storage import Kept
+from harness.trees.inverse_weights import inverse_weights
+from harness.trees.mechanism import RobotMechanism
 from harness.verdict import AGREEMENT, Verdict
 
 # Weight of a row that data leave no room at all, as where all joints stand at zero: what is open there counts, and zero times it is zero.

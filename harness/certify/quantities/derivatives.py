@@ -1,6 +1,7 @@
 """The derivatives of forward and inverse dynamics, by q, v and what is given besides.
 
-The truth comes from the energies: derivatives of the mechanism's own program, see ``harness.equations.dynamics_derivatives``, which says
+The truth comes from the energies: derivatives of the mechanism's own program, see
+``harness.programs.mechanisms.dynamics_derivatives``, which says
 along what positions move. No file and no engine takes part in it.
 
 A block is a column: what one coordinate, velocity or force does to all accelerations, or to all forces. Its length is the
@@ -26,17 +27,17 @@ from harness.certify.quantities._derivative_mistakes import describe
 from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.engines import Model, NotOffered, answer_of
-from harness.equations.dynamics_derivatives import (
+from harness.programs.evaluation import values
+from harness.programs.mechanisms.dynamics_derivatives import (
     forward_dynamics_derivatives,
     inverse_dynamics_derivatives,
     sizes_of_parts,
     terms_of_forces,
 )
-from harness.equations.evaluation import values
-from harness.equations.mechanism import Mechanism
-from harness.equations.mechanism_kernel import Charts
-from harness.equations.program import StraightLineProgram
-from harness.equations.states import States
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.program import StraightLineProgram
+from harness.programs.states import States
 
 
 @dataclass(frozen=True)

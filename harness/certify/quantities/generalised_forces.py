@@ -14,8 +14,8 @@ from harness.arrays import Array
 from harness.certify.quantities import Quantity, Truth, TruthBasis
 from harness.certify.quantities._file_truth import AskedMotion, FileTruth
 from harness.engines import Model, NotOffered, answer_of
-from harness.robots import force_quantities
-from harness.robots.quantity import Block, TreeMotion
+from harness.trees.quantities import forces
+from harness.trees.quantities.tree_motion import Block, TreeMotion
 
 
 def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, AskedMotion], Array]) -> Quantity:
@@ -57,8 +57,8 @@ def _of_trees(
     return FileTruth(basis, blocks_of, answer)
 
 
-MASS_MATRIX = _quantity("mass_matrix", force_quantities.mass_matrix, _mass_matrix)
-BIAS = _quantity("bias", force_quantities.bias, _bias)
-GRAVITY = _quantity("gravity", force_quantities.gravity, _gravity)
-INVERSE_DYNAMICS = Quantity("inverse_dynamics", lambda basis: _of_trees(basis, force_quantities.inverse_dynamics, _inverse_dynamics))
-POWER = Quantity("power", lambda basis: _of_trees(basis, force_quantities.power_of_forces, _power))
+MASS_MATRIX = _quantity("mass_matrix", forces.mass_matrix, _mass_matrix)
+BIAS = _quantity("bias", forces.bias, _bias)
+GRAVITY = _quantity("gravity", forces.gravity, _gravity)
+INVERSE_DYNAMICS = Quantity("inverse_dynamics", lambda basis: _of_trees(basis, forces.inverse_dynamics, _inverse_dynamics))
+POWER = Quantity("power", lambda basis: _of_trees(basis, forces.power_of_forces, _power))

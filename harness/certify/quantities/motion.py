@@ -10,8 +10,8 @@ from harness.arrays import Array
 from harness.certify.quantities import Quantity
 from harness.certify.quantities._file_truth import AskedMotion, FileTruth
 from harness.engines import Model, answer_of
-from harness.robots import motion_quantities
-from harness.robots.quantity import Block, TreeMotion
+from harness.trees.quantities import motion
+from harness.trees.quantities.tree_motion import Block, TreeMotion
 
 
 def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Callable[[Model, AskedMotion], Array]) -> Quantity:
@@ -48,8 +48,8 @@ def _jacobians(model: Model, asked: AskedMotion) -> Array:
     return np.ascontiguousarray(found.transpose(0, 1, 3, 2))
 
 
-ENERGY = _quantity("energy", motion_quantities.energy, _energies)
-MOMENTUM = _quantity("momentum", motion_quantities.momentum, _momenta)
-POSITION = _quantity("position", motion_quantities.positions, _positions)
-VELOCITY = _quantity("velocity", motion_quantities.velocities, _velocities)
-JACOBIAN = _quantity("jacobian", motion_quantities.jacobians, _jacobians)
+ENERGY = _quantity("energy", motion.energy, _energies)
+MOMENTUM = _quantity("momentum", motion.momentum, _momenta)
+POSITION = _quantity("position", motion.positions, _positions)
+VELOCITY = _quantity("velocity", motion.velocities, _velocities)
+JACOBIAN = _quantity("jacobian", motion.jacobians, _jacobians)

@@ -20,19 +20,19 @@ from harness.certify.quantity import Between, QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import sample
 from harness.engines import Model, NotOffered, answer_of
-from harness.equations.constraint_forces import MULTIPLIERS
-from harness.equations.evaluation import jacobians
-from harness.equations.mechanism import Mechanism
-from harness.equations.program import without_unused
-from harness.equations.states import States
 from harness.files.tree import Given
-from harness.robots.constraints import untied
-from harness.robots.mechanism import mechanism_of
-from harness.robots.reactions import reactions_program
-from harness.robots.recursion import recursion_program
-from harness.robots.robot import Robot
-from harness.robots.tied_mechanism import Tied, tied_mechanism
+from harness.programs.evaluation import jacobians
+from harness.programs.mechanisms.constraint_forces import MULTIPLIERS
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.program import without_unused
+from harness.programs.states import States
 from harness.storage import Kept
+from harness.trees.constraints.rows import untied
+from harness.trees.constraints.tied import Tied, tied_mechanism
+from harness.trees.mechanism import mechanism_of
+from harness.trees.quantities.reactions import reactions_program
+from harness.trees.recursion import recursion_program
+from harness.trees.robot import Robot
 
 # States at which the independent rows of constraints are found.
 _STATES, _SEED = 4, 0

@@ -14,7 +14,7 @@ from harness.arrays import Array
 from harness.certify.quantities import Quantity, Truth, TruthBasis
 from harness.certify.quantities._file_truth import AskedMotion, FileTruth
 from harness.engines import Model, NotOffered, answer_of
-from harness.robots.regressor import PARAMETERS, carrying_joints, regressor
+from harness.trees.quantities.regressor import PARAMETERS, carrying_joints, regressor
 
 
 def _truth(basis: TruthBasis) -> Truth:

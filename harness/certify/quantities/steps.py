@@ -22,18 +22,18 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.certify.compare import Certified, Flags, farthest_block
-from harness.certify.numbers import UNIT_ROUNDOFF
 from harness.certify.quantities import Quantity, Truth, TruthBasis
 from harness.certify.quantities._file_truth import hold_against_energies
 from harness.certify.quantity import QuantityKernel
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.engines import Model, NotOffered, answer_of
-from harness.equations.evaluation import values
-from harness.equations.states import States
 from harness.files.rules.step_rule import Part, StepRule
-from harness.robots.mechanism import mechanism_of
-from harness.robots.step_forces import step_forces
-from harness.robots.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
+from harness.programs.evaluation import values
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
+from harness.trees.mechanism import mechanism_of
+from harness.trees.stepping.step_forces import step_forces
+from harness.trees.stepping.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
 from harness.verdict import AGREEMENT
 
 

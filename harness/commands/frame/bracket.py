@@ -116,7 +116,7 @@ class Bracket:
 
     def pool_for(self, time_limit: float, on_this_machine: bool = False) -> Workers:
         """Worker processes whose context the caller enters, which raises as ``pool``; a task may take ``time_limit`` [s]."""
-        from harness.equations.machine_code import replace_damaged
+        from harness.programs.machine_code import replace_damaged
         from harness.workers import Workers
 
         scheduler = None if on_this_machine else self.scheduler

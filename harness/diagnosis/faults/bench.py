@@ -33,15 +33,15 @@ from harness.engines import (
     subjects_beside,
 )
 from harness.engines.audit import audit
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.explain.pattern import NOTHING, UNDECIDED, infer
 from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.verdict import Verdict, gravest
 
 # Stages whose refusal comes before any acceleration.

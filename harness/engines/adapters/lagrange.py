@@ -16,7 +16,7 @@ from harness.engines.request import Request
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
-    from harness.equations.mechanism import Mechanism
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 
 class LagrangeModel:

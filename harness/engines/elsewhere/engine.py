@@ -12,7 +12,7 @@ from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
     from harness.engines import Engine, Model
-    from harness.equations.mechanism import Mechanism
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 
 class EngineElsewhere:

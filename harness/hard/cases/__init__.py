@@ -25,13 +25,13 @@ from harness.arrays import Array
 from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.engines import Model
-from harness.equations.derivation import load_mechanism
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.attributes import Attributes, with_attributes
 from harness.files.text.scan import Element, Number, find_elements, with_values
+from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.registry import Registry
 
 POINTS = 30

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.hard.cases import STATES, HardCase, decades, shares, varied
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 1.7 (cancellation)"
 _DATA = _HIGHAM + ": a backward stable algorithm loses what the data lose, and no more"

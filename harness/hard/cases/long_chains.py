@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from harness.certify.sampling import generic_sample
-from harness.equations.mechanism import Mechanism
-from harness.equations.states import States
 from harness.hard.cases import STATES, HardCase, Theory, with_columns
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 
 SIZES = (2, 3, 4, 6, 8, 12, 16, 24, 40, 64)
 SEEDS = 3

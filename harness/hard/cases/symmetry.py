@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.arrays import Array
-from harness.equations.states import States
 from harness.hard.cases import STATES, HardCase, decades, shares, turned, varied, with_columns
+from harness.programs.states import States
 
 _INVARIANT = "Marsden, Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 8: the fixed points of a symmetry stay fixed points"
 

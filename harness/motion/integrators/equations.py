@@ -19,12 +19,12 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.equations.machine_code import load_heyoka
-from harness.equations.mechanism_kernel import Charts
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import KINDS, Advance, Integrator, keep
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import Start
+from harness.programs.machine_code import load_heyoka
+from harness.programs.mechanisms.kernel import Charts
 
 # A function of more instructions takes longer to compile than it saves.
 MOST_INSTRUCTIONS = 1100

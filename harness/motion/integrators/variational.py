@@ -23,11 +23,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.equations.machine_code import load_heyoka
 from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator, keep
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
+from harness.programs.machine_code import load_heyoka
 
 # Newton's method squares its relative correction: after one below this nothing is left but rounding.
 LAST_CORRECTION = 1e-8

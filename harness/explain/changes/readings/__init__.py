@@ -23,8 +23,8 @@ from harness.environments.folders import split_name
 from harness.files.document.xml import read_any
 from harness.files.tree import Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 from harness.registry import Registry
-from harness.robots.bounds import bounded
-from harness.robots.robot import Robot
+from harness.trees.bodies.bounds import bounded
+from harness.trees.robot import Robot
 
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 

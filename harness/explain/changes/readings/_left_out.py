@@ -14,7 +14,7 @@ from harness.explain.changes.readings import freed, law, with_bodies, with_inert
 from harness.explain.changes.readings._inertias import moving
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Inertia, Solid, Tree
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 _ONE = Fraction(1)
 

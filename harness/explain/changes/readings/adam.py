@@ -7,7 +7,7 @@ import numpy as np
 
 from harness.explain.changes.readings import _left_out, law
 from harness.files.tree import Given, Tree, vector
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 _FORMATS = ("urdf",)
 # The default of KinDynComputations, which is rounded to float32.

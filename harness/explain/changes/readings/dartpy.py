@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from harness.explain.changes.readings import _left_out, law, with_joints
 from harness.files.tree import Joint, Tree
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 _FORMATS = ("urdf",)
 _LOADER = "DART, dart/utils/urdf/DartLoader.cpp, which reads links, and of joints origin, axis, limits, dynamics and mimic"

@@ -9,7 +9,7 @@ import numpy as np
 from harness.explain.changes.readings import _left_out, element_at, law, with_inertias, with_joints
 from harness.explain.changes.readings._inertias import computed, matrix_of
 from harness.files.tree import Body, Given, Inertia, Tree, vector
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 # Of the sphere [kg/m^3], and its mass where the file's is none [kg].
 _DENSITY, _MASS = 1000.0, 1.0

@@ -2,7 +2,7 @@
 
 from harness.explain.changes.readings import _left_out, law, with_inertias
 from harness.files.tree import Tree
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 _FORMATS = ("urdf",)
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from harness.explain.changes.readings import element_at, law, with_joints
 from harness.files.tree import Tree
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 
 @law("flags of springs and dampers", "elements", supplied=True)

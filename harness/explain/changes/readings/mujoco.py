@@ -9,8 +9,8 @@ from lxml import etree
 from harness.explain.changes.readings import _left_out, element_at, law, mujoco_settings, with_bodies, with_inertias, with_joints
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
-from harness.robots.bounds import bounded
-from harness.robots.robot import Robot
+from harness.trees.bodies.bounds import bounded
+from harness.trees.robot import Robot
 
 _URDF = ("urdf",)
 _EXTENSIONS = "MuJoCo documentation, Modeling, URDF extensions, and XML reference"

@@ -6,7 +6,7 @@ from fractions import Fraction
 from harness.explain.changes.readings import _left_out, law, with_joints
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Given, Joint, Tree, vector
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 _BOTH, _URDF = ("urdf", "mjcf"), ("urdf",)
 _NO_FORCE = "and aba.hxx, which has no such force"

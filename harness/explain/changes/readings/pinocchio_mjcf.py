@@ -16,8 +16,8 @@ from harness.explain.changes.readings import (
 )
 from harness.files.mjcf.defaults import childclass_of, of_class, resolved, resolved_text
 from harness.files.tree import ORIGIN, WORLD, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, vector
-from harness.robots.bounds import bounded
-from harness.robots.robot import Robot
+from harness.trees.bodies.bounds import bounded
+from harness.trees.robot import Robot
 
 _MJCF = ("mjcf",)
 _GRAPH, _GEOMS = "Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp", "Pinocchio 4.1, parsers/mjcf/mjcf-graph-geom.cpp"

@@ -11,7 +11,7 @@ from harness.arrays import Array
 from harness.explain.changes.readings import _left_out, element_at, law, with_inertias
 from harness.explain.changes.readings._inertias import computed, matrix_of, moments_of, moving
 from harness.files.tree import Body, Inertia, Tree
-from harness.robots.robot import Robot
+from harness.trees.robot import Robot
 
 # gUrdfDefaultCollisionMargin [m].
 _MARGIN = 0.001

@@ -1,0 +1,7 @@
+"""Energies to programs: what a system file says, and its equations of motion by Lagrange. SymPy stays inside.
+
+Knows no model file and no engine. May use ``programs`` and what is below it.
+
+Start with ``system`` (what an author declares) and ``derivation`` (from file to mechanism, through the cache). ``equations`` derives,
+``assembly`` writes programs. ``constraint`` declares what ties coordinates.
+"""

@@ -1,0 +1,75 @@
+"""A constraint as a system file declares it: rows that stay zero, and the coordinates that they determine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from harness.lagrange.differentiation import Derivatives
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraint:
+    """What ties the joints of a tree to one another: a loop that is closed, or a wheel that rolls.
+
+    Attributes:
+        rows: expressions that stay zero. Each is of the coordinates (holonomic), as the components of the difference of two points
+            that meet, along the world's axes [m]; or linear in the rates (rolling), as the velocity of the point of contact [m/s].
+        determines: the coordinates, or of rolling rows those whose rates, that the rows give when the others are known: one for each
+            row that is not redundant.
+        redundant: the numbers of rows, from 0, that follow from the others, of this constraint or of earlier ones.
+
+    Raises:
+        ValueError: the declaration contradicts itself.
+
+    Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 1.3 and 2.4.
+    """
+
+    rows: Sequence[sp.Expr]
+    determines: Sequence[sp.Expr]
+    redundant: Sequence[int] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rows", tuple(sp.sympify(row) for row in self.rows))
+        object.__setattr__(self, "determines", tuple(self.determines))
+        object.__setattr__(self, "redundant", tuple(self.redundant))
+        if not self.rows:
+            raise ValueError("has no rows; expected at least one expression that stays zero")
+        for row in self.redundant:
+            if not 0 <= row < len(self.rows):
+                raise ValueError(f"row {row} is said to be redundant; its rows are 0 to {len(self.rows) - 1}")
+        for number, row in enumerate(self.rows):
+            if row == 0:
+                raise ValueError(f"row {number} is zero whatever the coordinates are; leave it out")
+        independent = len(self.rows) - len(set(self.redundant))
+        if len(self.determines) != independent:
+            count = f"{len(self.determines)} coordinates"
+            raise ValueError(f"determines {count}; expected one for each of its {independent} rows that are not redundant")
+
+    def is_rolling(self, rates: Iterable[sp.Expr]) -> bool:
+        """True where the rows are of the rates.
+
+        Raises:
+            ValueError: a row is neither of the coordinates alone nor linear in the rates without another term, or rows are of both kinds.
+        """
+        rates = tuple(rates)
+        kinds = set[bool]()
+        for number, row in enumerate(self.rows):
+            kinds.add(bool(row.has(*rates)))
+            if row.has(*rates) and not _is_linear(row, rates):
+                raise ValueError(f"row {number} is {row}; expected an expression of the coordinates, or one linear in the rates")
+        if len(kinds) > 1:
+            raise ValueError("has rows of coordinates and rows of rates; declare a constraint for each kind")
+        return kinds.pop()
+
+
+def _is_linear(row: sp.Expr, rates: Sequence[sp.Expr]) -> bool:
+    """Whether a row is a sum of multiples of rates, by factors without any."""
+    plain = {rate: sp.Dummy(f"rate{place}") for place, rate in enumerate(rates)}
+    written, symbols = row.xreplace(plain), set(plain.values())
+    # Simplifying takes minutes for a wheel on a leaning frame, and is needed only where a rate is left.
+    slopes = [sp.simplify(slope) if slope.free_symbols & symbols else slope for slope in Derivatives.by(symbols).of(written).values()]
+    at_rest = written.xreplace(dict.fromkeys(symbols, sp.S.Zero))
+    return not any(slope.free_symbols & symbols for slope in slopes) and (at_rest == 0 or sp.simplify(at_rest) == 0)

@@ -1,0 +1,283 @@
+"""What a mechanism is: energies, parameters, and the joints that carry its coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import sympy as sp
+from sympy.physics.mechanics import dynamicsymbols
+
+from harness.lagrange.constraint import Constraint
+from harness.lagrange.euler_angles import Attitude
+
+TIME: sp.Symbol = dynamicsymbols._t
+_EMPTY: Mapping[Any, Any] = MappingProxyType({})
+# The first that a value contradicts is named.
+_ASSUMPTIONS = ("positive", "negative", "nonnegative", "nonpositive", "nonzero", "zero", "integer", "rational", "even", "odd", "real")
+
+
+@dataclass(frozen=True, kw_only=True)
+class System:
+    """A textbook mechanism, as its book writes it.
+
+    Attributes:
+        coordinates: generalised coordinate (a ``dynamicsymbols`` function of time) to the name of the
+            joint that carries it in both models. The order fixes the order of q, v, tau and qdd.
+        kinetic: kinetic energy T [J]; any polynomial of degree at most 2 in the rates, possibly
+            depending on time explicitly.
+        potential: potential energy V [J] of gravity and springs; no rates.
+        measured_from: coordinate to the earlier one that its joint's position is measured from: the joint stands at their
+            difference. So a chain is written in absolute angles, while its joints turn each link against the one before.
+            Ranges and start are of the joints' positions, and so are q, v and tau wherever else a coordinate is named.
+        attitudes: for each ball or free joint, the Euler angles that describe its rotation; its coordinates
+            stand together, those of the position first, and name the one joint.
+        generalised_forces: non-conservative generalised force Q per coordinate [N or N m]; the applied
+            forces tau are added to every coordinate by the harness and do not appear here.
+        parameters: symbol to (value, unit). Values are the float64 numbers the model files hold.
+        total_mass: sum of all moving masses [kg], an expression of the parameters.
+        gravity: the parameter that is the acceleration of gravity, pointing to -z in the models; None
+            where the mechanism feels none.
+        ranges: coordinate, or its ``diff(t)``, to (lowest, highest) value of sampled states. A
+            coordinate without one is an angle and takes every value; rates default to +-10 per second.
+        angles: coordinates that are angles although they have a range and stand in no sine or cosine, as a wheel's on its axle.
+        start: coordinate, or its ``diff(t)``, to its value where computed motions start; what it leaves out is
+            0. Without one they start at a place of the harness's choice.
+        constraints: name, under which both models hold it, to what ties the joints. The coordinates, and the joints of both models,
+            are those of the tree that is left without the constraints.
+        assembly: coordinate to its position in one configuration in which all constraints hold, to about three digits; what it leaves
+            out is 0. States are on the branch that is reached from there when the coordinates that no constraint determines
+            move straight to their values.
+
+    A number in an energy is the number that stands there: a system file's are exact, and a ``sympy.Float``, which SymPy rounds
+    whenever it forms a product, is refused.
+
+    Raises:
+        ValueError: the declaration contradicts itself; the message says where.
+
+    Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 1.4 to 1.6.
+    """
+
+    coordinates: Mapping[sp.Expr, str]
+    kinetic: sp.Expr
+    potential: sp.Expr
+    parameters: Mapping[sp.Symbol, tuple[float, str]]
+    total_mass: sp.Expr
+    gravity: sp.Symbol | None = None
+    generalised_forces: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
+    ranges: Mapping[sp.Expr, tuple[float, float]] = field(default_factory=lambda: _EMPTY)
+    angles: tuple[sp.Expr, ...] = ()
+    start: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
+    attitudes: tuple[Attitude, ...] = ()
+    measured_from: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
+    constraints: Mapping[str, Constraint] = field(default_factory=lambda: _EMPTY)
+    assembly: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
+
+    def __post_init__(self) -> None:
+        for name in ("kinetic", "potential", "total_mass"):
+            object.__setattr__(self, name, sp.sympify(getattr(self, name)))
+        forces = {q: sp.sympify(force) for q, force in self.generalised_forces.items()}
+        object.__setattr__(self, "generalised_forces", forces)
+        self._check_coordinates()
+        self._check_parameters()
+        self._check_expressions()
+        self._check_ranges()
+        self._check_constraints()
+
+    @cached_property
+    def rates(self) -> tuple[sp.Expr, ...]:
+        """First time derivatives of the coordinates, in their order."""
+        return tuple(q.diff(TIME) for q in self.coordinates)
+
+    @property
+    def rotating(self) -> tuple[bool, ...]:
+        """For each coordinate, whether it is an angle: it has no range, or stands in a sine or cosine, or is among ``angles``."""
+        rows = [row for constraint in self.constraints.values() for row in constraint.rows]
+        turned = sp.Tuple(self.kinetic, self.potential, *self.generalised_forces.values(), *rows).atoms(sp.sin, sp.cos, sp.tan)
+        known = [q for q in self.coordinates if q not in self.ranges] + list(self.angles)
+        return tuple(q in known or any(function.has(q) for function in turned) for q in self.coordinates)
+
+    @property
+    def parents(self) -> tuple[int | None, ...]:
+        """For each coordinate, the place of the one it is measured from; None for the world. () where all are measured from the world."""
+        order = list(self.coordinates)
+        return tuple(order.index(self.measured_from[q]) if q in self.measured_from else None for q in order) if self.measured_from else ()
+
+    def in_joint_positions(self) -> System:
+        """The same system with energies and forces written in the positions of its joints, each called as its coordinate."""
+        positions: dict[sp.Expr, sp.Expr] = {}
+        for q in self.coordinates:
+            positions[q] = q + positions[self.measured_from[q]] if q in self.measured_from else q
+        written_as = positions | {q.diff(TIME): position.diff(TIME) for q, position in positions.items()}
+
+        def written(expression: sp.Expr) -> sp.Expr:
+            return expression.xreplace(written_as)
+
+        forces: dict[sp.Expr, sp.Expr] = {q: written(force) for q, force in self.generalised_forces.items()}
+        for q in reversed(self.coordinates):
+            if q in forces and q in self.measured_from:
+                forces[self.measured_from[q]] = forces.get(self.measured_from[q], sp.S.Zero) + forces[q]
+        return replace(
+            self,
+            kinetic=written(self.kinetic),
+            potential=written(self.potential),
+            generalised_forces=forces,
+            measured_from=_EMPTY,
+            constraints={
+                name: replace(constraint, rows=tuple(map(written, constraint.rows))) for name, constraint in self.constraints.items()
+            },
+        )
+
+    def _check_coordinates(self) -> None:
+        if not self.coordinates:
+            raise ValueError("coordinates is empty; expected at least one {coordinate: joint name}")
+        for q, joint in self.coordinates.items():
+            if not (isinstance(q, sp.core.function.AppliedUndef) and q.args == (TIME,)):
+                raise ValueError(f"coordinate {q} is not a dynamicsymbols() function of time")
+            if not (isinstance(joint, str) and joint):
+                raise ValueError(f"coordinate {q} has joint {joint!r}; expected a joint name")
+        self._check_attitudes()
+        carried = {q for attitude in self.attitudes for q in attitude.coordinates}
+        joints = [joint for q, joint in self.coordinates.items() if q not in carried] + [attitude.joint for attitude in self.attitudes]
+        for joint in joints:
+            if joints.count(joint) > 1:
+                raise ValueError(f"joint {joint!r} carries two coordinates; each needs its own")
+        for q in self.generalised_forces:
+            if q not in self.coordinates:
+                raise ValueError(f"generalised force on {q}, which is no coordinate; expected one of {list(self.coordinates)}")
+        order = list(self.coordinates)
+        for q, other in self.measured_from.items():
+            if q not in order or other not in order or order.index(other) >= order.index(q):
+                raise ValueError(f"{q} is measured from {other}; expected a coordinate and an earlier one")
+        if self.measured_from and self.attitudes:
+            raise ValueError("measured_from beside ball or free joints; write the energies in the positions of the joints")
+
+    def _check_attitudes(self) -> None:
+        order = list(self.coordinates)
+        for attitude in self.attitudes:
+            for q in attitude.coordinates:
+                if self.coordinates.get(q) != attitude.joint:
+                    raise ValueError(f"{q} is an angle or position of joint {attitude.joint!r}; expected coordinates to map it there")
+            first = order.index(attitude.coordinates[0])
+            if tuple(order[first : first + len(attitude.coordinates)]) != attitude.coordinates:
+                raise ValueError(f"the coordinates of joint {attitude.joint!r} do not stand together, positions first, in their order")
+
+    def _check_parameters(self) -> None:
+        for symbol, entry in self.parameters.items():
+            if not (isinstance(entry, tuple) and len(entry) == 2 and isinstance(entry[1], str)):
+                raise ValueError(f"parameter {symbol} is {entry!r}; expected (value, unit)")
+            if isinstance(entry[0], bool) or not isinstance(entry[0], int | float) or not math.isfinite(entry[0]):
+                raise ValueError(f"parameter {symbol} has value {entry[0]!r}; expected a finite number")
+            _check_assumptions(f"parameter {symbol}", symbol, [sp.Rational(entry[0])])
+        names = [symbol.name for symbol in self.parameters]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two parameters are named {name!r}; give each its own name")
+        if self.gravity is not None and self.gravity not in self.parameters:
+            raise ValueError(f"gravity is {self.gravity}, which is not among the parameters")
+
+    def _check_expressions(self) -> None:
+        expressions = {"kinetic": self.kinetic, "potential": self.potential, "total_mass": self.total_mass}
+        expressions |= {f"generalised force on {q}": force for q, force in self.generalised_forces.items()}
+        for name, constraint in self.constraints.items():
+            expressions |= {f"row {number} of constraint {name!r}": row for number, row in enumerate(constraint.rows)}
+        rates = set(self.rates)
+        allowed = set(self.parameters) | {TIME}
+        for name, expression in expressions.items():
+            for symbol in sorted(expression.free_symbols - allowed, key=str):
+                raise ValueError(f"{name} contains {symbol}, which has no value; add it to parameters")
+            atoms = expression.atoms(sp.Derivative, sp.core.function.AppliedUndef, sp.Float)
+            for derivative in {atom for atom in atoms if isinstance(atom, sp.Derivative)} - rates:
+                raise ValueError(f"{name} contains {derivative}; only first rates of the coordinates may appear")
+            for function in {atom for atom in atoms if isinstance(atom, sp.core.function.AppliedUndef)} - set(self.coordinates):
+                raise ValueError(f"{name} contains {function}, which is no coordinate")
+            for number in sorted(atom for atom in atoms if isinstance(atom, sp.Float)):
+                raise ValueError(f"{name} contains {number}, which SymPy rounds in every product; write sympy.Rational({str(number)!r})")
+        if self.potential.atoms(sp.Derivative):
+            raise ValueError("potential contains a rate; put the term into kinetic or generalised_forces")
+        if self.total_mass.atoms(sp.core.function.AppliedUndef):
+            raise ValueError("total_mass depends on a coordinate; expected an expression of the parameters")
+        used = sp.Tuple(*expressions.values()).free_symbols
+        for symbol in sorted(set(self.parameters) - used, key=str):
+            raise ValueError(f"parameter {symbol} enters neither energy nor force nor mass nor constraint; remove it or use it")
+
+    def _check_ranges(self) -> None:
+        known = [*self.coordinates, *self.rates]
+        for key, bounds in self.ranges.items():
+            if key not in known:
+                raise ValueError(f"range of {key}, which is neither a coordinate nor a rate")
+            if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(math.isfinite(b) for b in bounds) and bounds[0] < bounds[1]):
+                raise ValueError(f"range of {key} is {bounds!r}; expected (lowest, highest), both finite")
+        for q in self.angles:
+            if q not in self.coordinates or q not in self.ranges:
+                raise ValueError(f"angles has {q}; expected coordinates that have a range, as those without are angles")
+        for q in self.coordinates:
+            # Those without a range take every value.
+            lowest, highest = map(sp.Rational, self.ranges.get(q, (-1.0, 1.0)))
+            inside = [sp.S.Zero] if lowest < 0 < highest else []
+            _check_assumptions(f"the range of {q}", q, [lowest, (lowest + highest) / 2, *inside, highest])
+        for key, value in self.start.items():
+            if key not in known:
+                raise ValueError(f"start of {key}, which is neither a coordinate nor a rate")
+            if not math.isfinite(value):
+                raise ValueError(f"start of {key} is {value!r}; expected a finite number")
+        if self.start and self.attitudes:
+            raise ValueError("start is given in coordinates, and a ball or free joint has none; leave it out")
+
+    def _check_constraints(self) -> None:
+        if self.constraints and self.attitudes:
+            raise ValueError("constraints beside ball or free joints; write these as hinges and slides, one behind the other")
+        determined: set[sp.Expr] = set()
+        for name, constraint in self.constraints.items():
+            try:
+                constraint.is_rolling(self.rates)
+            except ValueError as error:
+                raise ValueError(f"constraint {name!r} {error}") from error
+            if any(map(_depends_on_time, constraint.rows)):
+                raise ValueError(f"constraint {name!r} depends on time explicitly; expected a function of coordinates and rates")
+            for q in constraint.determines:
+                if q not in self.coordinates:
+                    raise ValueError(
+                        f"constraint {name!r} determines {q}, which is no coordinate; expected one of {list(self.coordinates)}"
+                    )
+                if q in determined:
+                    raise ValueError(f"constraint {name!r} determines {q}, which is determined already; each coordinate is by one row")
+                determined.add(q)
+        if len(determined) == len(self.coordinates):
+            raise ValueError("constraints determine all coordinates, so that nothing moves")
+        for q, value in self.assembly.items():
+            if q not in self.coordinates or not math.isfinite(value):
+                raise ValueError(f"assembly has {q} at {value!r}; expected coordinates and finite numbers")
+        if self.assembly and not self.constraints:
+            raise ValueError("assembly is given, and there is no constraint; leave it out")
+
+
+def _depends_on_time(expression: sp.Expr) -> bool:
+    """Whether time stands in an expression otherwise than in its coordinates and rates."""
+    waiting, seen = [expression], set()
+    while waiting:
+        part = waiting.pop()
+        if part == TIME:
+            return True
+        if not isinstance(part, sp.core.function.AppliedUndef | sp.Derivative):
+            waiting += [argument for argument in part.args if argument not in seen]
+            seen.update(part.args)
+    return False
+
+
+def _check_assumptions(name: str, symbol: sp.Expr, values: Sequence[sp.Rational]) -> None:
+    """SymPy simplifies by what a symbol is declared to be: sqrt(c**2) is c where c is positive.
+
+    Raises:
+        ValueError: one of the values is not what ``symbol`` is declared to be.
+    """
+    for assumption in _ASSUMPTIONS:
+        declared = getattr(symbol, f"is_{assumption}")
+        for value in values:
+            if declared is not None and getattr(value, f"is_{assumption}") not in (declared, None):
+                what = assumption if declared else f"not {assumption}"
+                raise ValueError(f"{name} holds {float(value):.17g}, and {symbol} is declared {what}; change the value or the assumption")

@@ -1,0 +1,244 @@
+"""The closing of constraints, as loops are written: the way along a branch in float64, and the proof in double-double.
+
+A state stands in each lane. The program has the rows' residual and Jacobian for its outputs. ``harness.certify.manifold`` says which way
+is gone, and ``harness.certify.configurations`` what is proved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from harness.programs.loops.double_double import add, multiply, negative, number_at, store
+from harness.programs.loops.instructions import RUN, write_approximate_run, write_run
+from harness.programs.loops.language import Function, Writer
+from harness.programs.loops.solution import LinearEquations, Workspace, refine
+from harness.programs.loops.values import Array, Value, as_number, equals, larger, select
+from harness.programs.numbers import LANES, UNIT_ROUNDOFF
+
+_SIZES = {"n": "integer", "m": "integer", "inputs": "integer", "constants": "integer", "free": "integer"}
+_PROGRAM = {"instructions": "halves", "of_constants": "numbers", "values": "vectors"}
+_HELD = {"held": "integer", **dict.fromkeys(("positions", "residual", "by_positions"), "integers")}
+_FOLLOW = {
+    **_SIZES, **_PROGRAM, **_HELD, "steps": "integer", "corrections": "integer", "much": "number", "least_much": "number",
+    "others": "integers", "by_others": "integers", "begun": "numbers",
+    **dict.fromkeys(("given", "target", "work", "found", "change"), "vectors"),
+}  # fmt: skip
+_ENCLOSE = {
+    **_SIZES, **_PROGRAM, **_HELD, "redundant": "integer", "tied": "integer",
+    **dict.fromkeys(("residual_of_redundant", "by_rates", "by_others", "of_moved"), "integers"),
+    **dict.fromkeys(("given", "velocities", "ones", "matrix", "work", "rates", "found", "radius", "is_proved"), "vectors"),
+}  # fmt: skip
+# A configuration is sought within so many times the step that Newton's method would take, and so much more of it or of 1.
+_REACH, _LEAST_REACH = 4.0, 2.0**-90
+# Over the roundings of a sum of a few products.
+_UPWARDS = 1 + 1e-10
+
+
+class _Rows:
+    """The rows' program in the function that is being written, with room for its results, and a matrix."""
+
+    def __init__(self, code: Writer, width: int) -> None:
+        self.code, self.held, self.free = code, code.argument("held"), code.argument("free")
+        self.inputs = code.argument("inputs")
+        self.start = self.inputs + code.argument("constants")
+        self.positions, self.residual = code.array("positions"), code.array("residual")
+        self.by_positions = code.array("by_positions", self.held)
+        # ``width`` numbers stand at each place.
+        self.values, self.width = code.array("values", width), width
+        constants = code.array("of_constants", 3)
+        for k in code.range(code.argument("constants")):
+            for part in range(width):
+                self.values[self.inputs + k, part] = constants[k, part]
+
+    def blocks(self) -> Iterator[Value]:
+        """Every four states."""
+        yield from self.code.range((self.code.argument("n") + (LANES - 1)) // LANES)
+
+    def place(self, inputs: Array) -> None:
+        for i in self.code.range(self.inputs):
+            self.values[i, 0] = inputs[i]
+            for part in range(1, self.width):
+                self.values[i, part] = 0.0
+
+    def run(self) -> None:
+        name = "run" if self.width > 1 else "approximate_run"
+        self.code.perform(name, self.code.argument("m"), self.start, self.code.array("instructions"), self.values)
+
+
+def eliminate(code: Writer, m: Value, width: Value, matrix: Array) -> None:
+    """Make the first m columns of a matrix, (m, width), the unit matrix, by rows; what is not finite comes of one that is singular.
+
+    Source: Golub, Van Loan, Matrix Computations, 4th ed., section 3.4 (partial pivoting, by the exchange of rows lane by lane).
+    """
+    for k in code.range(m):
+        for i in code.range(k + 1, m):
+            is_larger = abs(matrix[i, k]) > abs(matrix[k, k])
+            with code.when(is_larger.any()):
+                for j in code.range(k, width):
+                    upper, lower = matrix[k, j], matrix[i, j]
+                    matrix[k, j], matrix[i, j] = select(is_larger, lower, upper), select(is_larger, upper, lower)
+        pivot = 1.0 / matrix[k, k]
+        for j in code.range(k, width):
+            matrix[k, j] = matrix[k, j] * pivot
+        for i in code.range(m):
+            factor = select(equals(i, k), code.lanes(0.0), matrix[i, k])
+            for j in code.range(k, width):
+                matrix[i, j] -= factor * matrix[k, j]
+
+
+def _follow(code: Writer) -> None:
+    """The way in ``steps`` from ``begun``, (nv,), where the rows hold, to where the other coordinates are ``target``, (n, free).
+
+    ``found``, (n, held), are the positions there, NaN where a step was corrected by more than ``much`` of its tangent and
+    ``least_much``, and ``change``, (n,), the last of ``corrections`` steps of Newton's method there. ``work`` is (held, held + 2).
+    """
+    rows, held, steps = _Rows(code, 1), code.argument("held"), code.argument("steps")
+    others, by_others, begun = code.array("others"), code.array("by_others", rows.free), code.array("begun")
+    given, target, found = code.array("given", rows.inputs), code.array("target", rows.free), code.array("found", held)
+    values, matrix, change = rows.values, code.array("work", held + 2), code.array("change")
+    zero = code.lanes(0.0)
+    # Of whole steps, that of the assembly itself.
+    share = 1.0 / select(equals(steps, 0), code.number(1.0), as_number(steps))
+
+    def correct(here: Array) -> tuple[Value, Value]:
+        """The largest change of a position, and of it along the tangent over one step, which stand behind the matrix."""
+        rows.run()
+        for i in code.range(held):
+            moved = code.variable(zero)
+            for j in code.range(held):
+                matrix[i, j] = values[rows.by_positions[i, j], 0]
+            for j in code.range(rows.free):
+                moved.value += values[by_others[i, j], 0] * ((here[j] - begun[others[j]]) * share)
+            matrix[i, held], matrix[i, held + 1] = values[rows.residual[i], 0], moved.value
+        eliminate(code, held, held + 2, matrix)
+        largest, along = code.variable(zero), code.variable(zero)
+        for i in code.range(held):
+            values[rows.positions[i], 0] -= matrix[i, held]
+            largest.value, along.value = larger(largest.value, abs(matrix[i, held])), larger(along.value, abs(matrix[i, held + 1]))
+        return largest.value, along.value
+
+    for block in rows.blocks():
+        rows.place(given.part(block))
+        here = target.part(block)
+        for i in code.range(held):
+            values[rows.positions[i], 0] = begun[rows.positions[i]]
+            matrix[i, held + 1] = 0.0
+        tangent, is_lost = code.variable(zero), code.variable(zero)
+        for number in code.range(steps + 1):
+            way = as_number(number) * share
+            for j in code.range(rows.free):
+                start = begun[others[j]]
+                values[others[j], 0] = select(equals(number, steps), here[j], start + way * (here[j] - start))
+            for i in code.range(held):
+                values[rows.positions[i], 0] -= matrix[i, held + 1]
+            size, along = correct(here)
+            # The assembly is known to a few digits: what its first step corrects says nothing.
+            much = select(
+                equals(number, 0), code.lanes(math.inf), larger(tangent.value * code.argument("much"), code.argument("least_much"))
+            )
+            is_lost.value += select(size <= much, zero, math.nan)
+            tangent.value = along
+        change[block] = zero
+        for _ in code.range(code.argument("corrections")):
+            size, _along = correct(here)
+            change[block] = size
+        for i in code.range(held):
+            found[block, i] = values[rows.positions[i], 0] + is_lost.value
+
+
+def _enclose(code: Writer) -> None:
+    """The positions and rates near ``given``, (n, inputs), with bounds, (n, held + tied, 3), in ``found``; 1 in ``is_proved``, (n,).
+
+    ``velocities``, (n, free), are the rates that no row determines; the positions are those before the rates in ``found``.
+    """
+    rows, held, tied = _Rows(code, 3), code.argument("held"), code.argument("tied")
+    by_rates, by_others = code.array("by_rates", tied), code.array("by_others", rows.free)
+    redundant, of_moved = code.array("residual_of_redundant"), code.array("of_moved")
+    given, velocities = code.array("given", rows.inputs), code.array("velocities", rows.free)
+    found, rates, radius = code.array("found", held + tied, 3), code.array("rates", 2), code.array("radius")
+    matrix, work, ones = code.array("matrix"), Workspace(code.array("work", tied + 3, tied + 3)), code.array("ones")
+    is_proved, values = code.array("is_proved"), rows.values
+    for block in rows.blocks():
+        rows.place(given.part(block))
+        here = found.part(block)
+        is_proved[block] = _enclosed_positions(rows, given.part(block), code, here)
+        for i in code.range(held):
+            store(values, rows.positions[i], number_at(here, i))
+        rows.run()
+        for i in code.range(code.argument("redundant")):
+            high, low, bound = number_at(values, redundant[i])
+            is_proved[block] = select(abs(high) + abs(low) <= bound, is_proved[block], 0.0)
+        _inverted(code, tied, matrix, values, by_rates)
+        inverse, approximate = Array(code, matrix.pointer, (2 * tied,)), work.approximate
+        for i in code.range(tied):
+            store(values, of_moved[i], (code.lanes(0.0), code.lanes(0.0), code.lanes(0.0)))
+            for j in code.range(tied):
+                approximate[i, j] = inverse[i, tied + j]
+            for j in code.range(rows.free):
+                moved = multiply(negative(number_at(values, by_others[i, j])), (velocities[block, j], 0.0, 0.0))
+                store(values, of_moved[i], add(number_at(values, of_moved[i]), moved))
+        refine(LinearEquations(code, tied, values, by_rates, of_moved, ones), work, rates, radius)
+        for i in code.range(tied):
+            store(here, held + i, (rates[i, 0], rates[i, 1], radius[i]))
+
+
+def _inverted(code: Writer, m: Value, room: Array, values: Array, places: Array) -> None:
+    """The matrix of the entries at ``places``, made the unit matrix, and behind it its approximate inverse, in ``room``, (m, 2 m)."""
+    matrix = Array(code, room.pointer, (2 * m,))
+    for i in code.range(m):
+        for j in code.range(m):
+            matrix[i, j] = values[places[i, j], 0]
+            matrix[i, m + j] = select(equals(i, j), 1.0, 0.0)
+    eliminate(code, m, 2 * m, matrix)
+
+
+def _enclosed_positions(rows: _Rows, inputs: Array, code: Writer, found: Array) -> Value:
+    """The image of a ball around the positions under the Krawczyk operator, in ``found``; 1 in the lanes where it lies within the ball.
+
+    With Y an approximate inverse of the Jacobian at x it is x - Y f(x) + (1 - Y F(X)) (X - x), F(X) being the Jacobian over the ball X.
+    """
+    held, values, zero = rows.held, rows.values, code.lanes(0.0)
+    rows.run()
+    _inverted(code, held, code.array("matrix"), values, rows.by_positions)
+    inverse = Array(code, code.array("matrix").pointer, (2 * held,))
+    largest, size = code.variable(zero), code.variable(code.lanes(1.0))
+    for i in code.range(held):
+        store(found, i, (zero, zero, zero))
+        for j in code.range(held):
+            product = multiply(number_at(values, rows.residual[j]), (inverse[i, held + j], 0.0, 0.0))
+            store(found, i, add(number_at(found, i), product))
+        largest.value = larger(largest.value, _most(found, i))
+        size.value = larger(size.value, abs(inputs[rows.positions[i]]))
+    reach = _REACH * largest.value + _LEAST_REACH * size.value
+    for i in code.range(held):
+        values[rows.positions[i], 2] = reach
+    rows.run()
+    is_proved = code.variable(code.lanes(1.0))
+    # Of the sums below, and of the entries' low parts and bounds, which count as roundings.
+    gamma = as_number(held + 12) * (UNIT_ROUNDOFF * 1.001)
+    for i in code.range(held):
+        row = code.variable(zero)
+        for j in code.range(held):
+            total, most = code.variable(code.lanes(select(equals(i, j), 1.0, 0.0))), code.variable(code.lanes(1.0))
+            for k in code.range(held):
+                high, _, bound = number_at(values, rows.by_positions[k, j])
+                total.value -= inverse[i, held + k] * high
+                most.value += abs(inverse[i, held + k]) * (abs(high) + bound / UNIT_ROUNDOFF)
+            row.value += abs(total.value) + gamma * most.value
+        radius = row.value * reach * _UPWARDS
+        is_inside = (_most(found, i) + radius) * _UPWARDS < reach
+        is_proved.value = select(is_inside, is_proved.value, 0.0)
+        high, low, bound = add((inputs[rows.positions[i]], zero, zero), negative(number_at(found, i)))
+        store(found, i, (high, low, (bound + radius) * _UPWARDS))
+    return is_proved.value
+
+
+def _most(numbers: Array, place: Value) -> Value:
+    high, low, bound = number_at(numbers, place)
+    return abs(high) + abs(low) + bound
+
+
+# As of ``harness.programs.loops.loops``.
+PARTS: dict[str, Function] = {"run": (write_run, RUN), "approximate_run": (write_approximate_run, RUN)}
+LOOPS: dict[str, Function] = {"follow": (_follow, _FOLLOW), "enclose": (_enclose, _ENCLOSE)}

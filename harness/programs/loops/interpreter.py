@@ -1,0 +1,144 @@
+"""Accelerations with a proven bound of their error, and their sensitivity, by one compiled loop over a program's instructions.
+
+For each state ``harness.programs.loops.loops`` does every instruction in double-double with its bound; M and the right-hand side; a
+Cholesky factor of M in float64, whose inverse X is an approximate inverse of M; the solution, refined with residuals in
+double-double; and adjoints.
+
+With a the solution found, r = f - M a and G = I - X M, the error d obeys d = X r + G d. So |d| <= max |X r| / (1 - alpha) for the
+largest row sum alpha of |G|, and row by row |d_i| <= |X r|_i + alpha_i |d|. All of it is taken in coordinates in which M has unit
+diagonal.
+
+One sweep backwards gives the derivatives of all nv equations f - M a at fixed a by all inputs. Another one, of absolute values
+summed over the equations, bounds their roundings: each way from an equation back to an input adds the product of its partial
+derivatives, and no way has more roundings than ``Encoded.roundings``.
+
+Sources: Rump, Verification methods: rigorous results using floating-point arithmetic, Acta Numerica 19 (2010), section 10;
+Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 3 (gamma_n) and 12 (refinement); Griewank, Walther,
+Evaluating Derivatives, 2nd ed., section 3.2 (reverse mode).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.arrays import Array, Rows
+from harness.programs.loops.encoding import Encoded
+from harness.programs.loops.machine_code import loop
+from harness.programs.numbers import LANES
+
+
+@dataclass(frozen=True)
+class Filtered(Rows):
+    """What the loop finds at n states.
+
+    Attributes:
+        high, low: (n, nv); the accelerations are high + low. radius: (n, nv) bounds of their errors; infinite or NaN for none.
+        scale: (n, nv), factor: (n, nv, nv); M = diag(scale) L L' diag(scale) in float64. NaN where M has no factor.
+        terms: (n, 3, nv) velocity, gravity and passive forces.
+        sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M. doubt: (n,) a bound of its error.
+    """
+
+    high: Array
+    low: Array
+    radius: Array
+    scale: Array
+    factor: Array
+    terms: Array
+    sensitivity: Array
+    doubt: Array
+
+    def __len__(self) -> int:
+        return len(self.high)
+
+
+@dataclass(frozen=True)
+class Norms(Rows):
+    """Norms of n states in the metric of M.
+
+    Attributes:
+        norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|. condition: (n,) of M scaled to unit diagonal.
+        radius: (n,) of the errors' bounds. motion, instability: (n,) see ``harness.certify.reference.Reference``.
+    """
+
+    norm_factor: Array
+    condition: Array
+    radius: Array
+    motion: Array
+    instability: Array
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+
+def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
+    """Everything at ``inputs``, (n, number of inputs), whose changes for the sensitivity are ``scales`` of the same shape."""
+    n, nv = len(inputs), program.force.size
+    blocks = -(-n // LANES)
+    solution, radius, scale, factor, terms, sensitivity, doubt = (
+        np.empty((blocks, *shape, LANES)) for shape in ((nv, 2), (nv,), (nv,), (nv, nv), (3, nv), (), ())
+    )
+    weights, work = np.zeros((nv + 2, _whole(nv))), np.zeros((7, nv + 3, nv + 3, LANES))
+    loop("evaluate")(
+        *_program(n, program), program.terms, program.gamma, in_lanes(inputs), solution, radius, scale, factor, terms, work,
+        in_lanes(scales), sensitivity, doubt, weights,
+    )  # fmt: skip
+    accelerations = by_state(solution, n)
+    rest = (by_state(found, n) for found in (radius, scale, factor, terms, sensitivity, doubt))
+    return Filtered(np.ascontiguousarray(accelerations[..., 0]), np.ascontiguousarray(accelerations[..., 1]), *rest)
+
+
+def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Array | None = None) -> tuple[Array, Array]:
+    """d(f - M a)/dz, (n, nv, number of inputs), at accelerations a, (n, nv), held fixed; and (n, number of inputs) how large it is.
+
+    With ``scale``, (n, nv), the vector of what the derivatives by one input, each over its scale, are wrong by is at most
+    ``Encoded.gamma`` times as long as that is large.
+    """
+    n, nv = len(inputs), program.force.size
+    found, scale = np.zeros((n, program.inputs, nv + 1)), np.ones((n, nv)) if scale is None else scale
+    loop("derive")(*_program(n, program), in_lanes(inputs), in_lanes(accelerations), in_lanes(scale), found)
+    return found[:, :, :-1].transpose(0, 2, 1), found[:, :, -1]
+
+
+def measure(
+    scale: Array, factor: Array, accelerations: Array, radii: Array, velocities: Array, terms: Array, rotating: Array, roundings: float
+) -> Norms:
+    """Norms for M = diag(scale) L L' diag(scale), (n, nv) and (n, nv, nv), and vectors (n, nv); ``terms`` (n, 4, nv) are separate forces.
+
+    ``rotating``, (nv,), is 1 for the coordinates that take part in ``Norms.motion``; ``roundings`` is a factor of the instability.
+    """
+    n, nv = scale.shape
+    norm_factor = np.empty((n, nv, nv))
+    condition, radius, motion, instability = (np.empty(n) for _ in range(4))
+    columns = np.zeros((nv + 1, _whole(nv)))
+    given = (np.ascontiguousarray(values) for values in (scale, factor, accelerations, radii, velocities, terms, rotating))
+    loop("measure")(
+        n, nv, roundings, *given, norm_factor, condition, radius, motion, instability, np.zeros((nv, nv)), np.zeros((2, nv)), columns
+    )  # fmt: skip
+    return Norms(norm_factor, condition, radius, motion, instability)
+
+
+def _program(n: int, program: Encoded) -> tuple[object, ...]:
+    """The arguments of a loop over n states that are of its program: sizes, the program, and room for the results at four states."""
+    nv, rows = program.force.size, int(program.rows.max()) + 1
+    room = np.zeros((program.places, 3, LANES)), np.zeros((rows, _whole(nv))), np.zeros(rows)
+    sizes = n, len(program.instructions), nv, program.inputs, len(program.constants)
+    return *sizes, program.instructions, program.constants, program.mass, program.force, program.rows, *room
+
+
+def in_lanes(rows: Array) -> Array:
+    """Rows of states, (n, k), as four states side by side, (blocks, k, lanes); the last state fills up the last block."""
+    if len(rows) % LANES:
+        rows = np.concatenate([rows, np.repeat(rows[-1:], LANES - len(rows) % LANES, axis=0)])
+    return np.ascontiguousarray(rows.reshape(-1, LANES, rows.shape[1]).transpose(0, 2, 1))
+
+
+def by_state(found: Array, n: int) -> Array:
+    """What the loop gives with a state in each lane, (blocks, ..., lanes), by states, (n, ...)."""
+    return np.ascontiguousarray(np.moveaxis(found, -1, 1).reshape(-1, *found.shape[1:-1])[:n])
+
+
+def _whole(count: int) -> int:
+    """Numbers of as many whole vectors of the processor as hold ``count``."""
+    return -(-count // LANES) * LANES

@@ -1,0 +1,211 @@
+"""The loops of ``harness.programs.loops.interpreter``, as they are written for LLVM; nothing is allocated in them.
+
+A program's results are numbers of ``harness.programs.loops.double_double``, (places, 3): first the inputs, then the constants, then what
+the instructions give. Values are computed at four states at once, each in its lane; adjoints at one state, of four equations at once.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Mapping
+
+from harness.programs.loops.double_double import number_at, store
+from harness.programs.loops.instructions import RUN, SWEEP, write_run, write_sweep
+from harness.programs.loops.language import Function, Writer
+from harness.programs.loops.solution import (
+    LinearEquations,
+    SumOfNorms,
+    Workspace,
+    condition_number,
+    factorise,
+    in_metric,
+    invert,
+    norm,
+    solve,
+)
+from harness.programs.loops.values import Array, Value, as_number, select
+from harness.programs.numbers import LANES
+
+_SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
+_PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers", "rows": "integers"}
+_ROOM = {"values": "vectors", "adjoints": "vectors", "sizes": "numbers"}
+
+
+class _Program:
+    """A program in the function that is being written, with room for its results at four states and their adjoints at one of them."""
+
+    def __init__(self, code: Writer) -> None:
+        self.code = code
+        self.m, self.nv, self.inputs = code.argument("m"), code.argument("nv"), code.argument("inputs")
+        # Of the first instruction's result.
+        self.start = self.inputs + code.argument("constants")
+        self.instructions, self.rows = code.array("instructions", 6), code.array("rows")
+        self.mass, self.force = code.array("mass", self.nv), code.array("force")
+        self.values = code.array("values", 3)
+        self.blocks = (self.nv + (LANES - 1)) // LANES
+        self.adjoints, self.sizes = code.array("adjoints", self.blocks), code.array("sizes")
+        constants = code.array("of_constants", 3)
+        for k in code.range(code.argument("constants")):
+            store(self.values, self.inputs + k, number_at(constants, k))
+
+    def states(self) -> Iterator[tuple[Value, Value]]:
+        """Every four states: their number, and how many there are."""
+        for block in self.code.range((self.code.argument("n") + (LANES - 1)) // LANES):
+            left = self.code.argument("n") - block * LANES
+            yield block, select(left < LANES, left, LANES)
+
+    def run(self, inputs: Array) -> None:
+        """Every instruction's result at four states, into ``values``."""
+        for i in self.code.range(self.inputs):
+            store(self.values, i, (inputs[i], 0.0, 0.0))
+        self.code.perform("run", self.m, self.start, self.instructions, self.values)
+
+    def sweep(self, lane: Value, accelerations: Array, scale: Array, take: Callable[[Value, Array, Value], None]) -> None:
+        """Give ``take`` each input, the derivatives of f - M a by it, and a sum of absolute values over ``scale`` for their roundings.
+
+        It is done for the state in one lane. ``adjoints``, (rows, nv rounded up to whole vectors), and ``sizes``, (rows,), are zero
+        before and after.
+        """
+        code, adjoints = self.code, self.adjoints.in_numbers(self.blocks * LANES)
+        for i in code.range(self.nv):
+            row = self.rows[self.force[i]]
+            adjoints[row, i] += 1.0
+            self.sizes[row] += 1.0 / scale[i, lane]
+            for j in code.range(self.nv):
+                row = self.rows[self.mass[i, j]]
+                adjoints[row, i] -= accelerations[j, lane]
+                self.sizes[row] += abs(accelerations[j, lane]) / scale[i, lane]
+        code.perform("sweep", self.m, self.start, self.instructions, self.values, self.blocks, lane, self.adjoints, self.sizes)
+        for i in code.range(self.inputs):
+            take(i, adjoints.part(i), self.sizes[i])
+        for i in code.range(self.start):
+            for block in code.range(self.blocks):
+                self.adjoints[i, block] = 0.0
+            self.sizes[i] = 0.0
+
+
+def _evaluate(code: Writer) -> None:
+    """Accelerations, sensitivities and what they are made of at n states."""
+    program, nv = _Program(code), code.argument("nv")
+    inputs, scales = code.array("given", program.inputs), code.array("scales", program.inputs, LANES)
+    solution, radius, scale = code.array("solution", nv, 2), code.array("radius", nv), code.array("scale", nv)
+    factor, terms, places = code.array("factor", nv, nv), code.array("terms", 3, nv), code.array("of_terms", nv)
+    weights, work = code.array("weights", program.blocks * LANES), Workspace(code.array("work", nv + 3, nv + 3))
+    sensitivity, doubt = code.array("sensitivity", LANES), code.array("doubt", LANES)
+    matrix, inverse = work.mass, work.inverse
+    for block, count in program.states():
+        program.run(inputs.part(block))
+        for i in code.range(nv):
+            for term in code.range(3):
+                terms[block, term, i] = program.values[places[term, i], 0]
+            for j in code.range(nv):
+                matrix[i, j] = program.values[program.mass[i, j], 0]
+        here, found = scale.part(block), solution.part(block)
+        factorise(code, nv, matrix, here, factor.part(block), inverse)
+        equations = LinearEquations(code, nv, program.values, program.mass, program.force, here)
+        solve(equations, inverse, work, found, radius.part(block))
+        for lane in code.range(count):
+            inverses, own_scale, accelerations = inverse.in_numbers(nv + 3, LANES), here.in_numbers(LANES), found.in_numbers(2 * LANES)
+            norms = SumOfNorms(code, nv, inverses, own_scale, lane, weights)
+            sensitivity[block, lane], sizes = _swept(program, norms, lane, accelerations, own_scale, scales.part(block))
+            doubt[block, lane] = sizes * code.argument("gamma") * norms.of_inverse
+
+
+def _swept(program: _Program, norms: SumOfNorms, lane: Value, accelerations: Array, scale: Array, scales: Array) -> tuple[Value, Value]:
+    """The sensitivity, and what is a measure of its roundings, of the state in a lane."""
+    sizes = program.code.variable(0.0)
+
+    def take(i: Value, derivatives: Array, size: Value) -> None:
+        norms.add(derivatives, scales[i, lane])
+        sizes.value += size * scales[i, lane]
+
+    program.sweep(lane, accelerations, scale, take)
+    return norms.total.value, sizes.value
+
+
+def _derive(code: Writer) -> None:
+    """The derivatives of a sweep at n states."""
+    program, nv = _Program(code), code.argument("nv")
+    inputs, accelerations, scale = code.array("given", program.inputs), code.array("accelerations", nv), code.array("scale", nv)
+    found = code.array("found", program.inputs, nv + 1)
+    for block, count in program.states():
+        program.run(inputs.part(block))
+        for lane in code.range(count):
+            here = accelerations.part(block).in_numbers(LANES), scale.part(block).in_numbers(LANES)
+            program.sweep(lane, *here, functools.partial(_keep, code, nv, found.part(block * LANES + lane)))
+
+
+def _keep(code: Writer, nv: Value, found: Array, i: Value, derivatives: Array, size: Value) -> None:
+    for row in code.range(nv):
+        found[i, row] = derivatives[row]
+    found[i, nv] = size
+
+
+def _measure(code: Writer) -> None:
+    """Norms at n states at which factors of M are known; see ``harness.programs.loops.interpreter.Norms``."""
+    nv = code.argument("nv")
+    names = ("scale", "accelerations", "radii", "velocities", "rotating", "condition", "radius", "motion", "instability")
+    arrays = {name: code.array(name, nv) for name in names[:4]} | {name: code.array(name) for name in names[4:]}
+    arrays |= {name: code.array(name, nv, nv) for name in ("factor", "norm_factor")} | {"terms": code.array("terms", 4, nv)}
+    for state in code.range(code.argument("n")):
+        _measure_one(code, nv, arrays, state)
+
+
+def _measure_one(code: Writer, nv: Value, arrays: Mapping[str, Array], state: Value) -> None:
+    factor, upper, scale = (arrays[name].part(state) for name in ("factor", "norm_factor", "scale"))
+    inverse, room = code.array("inverse", nv), code.array("room", nv)
+    vector = room.part(0)
+
+    def in_energy_norm(name: str, magnitude: Callable[[Value], Value] = lambda value: value) -> Value:
+        for i in code.range(nv):
+            total = code.variable(0.0)
+            for j in code.range(i, nv):
+                total.value += magnitude(upper[i, j]) * arrays[name][state, j]
+            vector[i] = total.value
+        return norm(code, vector, nv)
+
+    def of_torque(k: Value) -> Value:
+        for i in code.range(nv):
+            vector[i] = select(i < k, 0.0, inverse[i, k] / scale[k])
+        return norm(code, vector, nv)
+
+    def of_term(term: Value) -> Value:
+        return in_metric(code, nv, inverse, lambda j: arrays["terms"][state, term, j] / scale[j], room)
+
+    for i in code.range(nv):
+        for j in code.range(nv):
+            upper[i, j] = factor[j, i] * scale[j]
+    condition = condition_number(code, nv, factor, code.array("columns", (nv + (LANES - 1)) // LANES * LANES))
+    invert(code, nv, factor, inverse, code.number(0.0))
+    speed, of_torques, of_terms = in_energy_norm("velocities"), code.variable(0.0), code.variable(0.0)
+    for k in code.range(nv):
+        with code.when(arrays["rotating"][k] > 0.0):
+            of_torques.value += of_torque(k)
+    for term in code.range(4):
+        of_terms.value += of_term(term)
+    arrays["condition"][state] = condition
+    arrays["radius"][state] = in_energy_norm("radii", abs)
+    arrays["motion"][state] = speed * speed * of_torques.value
+    lost = code.argument("roundings") * as_number(nv) * condition
+    arrays["instability"][state] = lost * (in_energy_norm("accelerations") + of_terms.value)
+
+
+_VECTORS = dict.fromkeys(("given", "solution", "radius", "scale", "factor", "terms", "work"), "vectors")
+_MEASURED = (
+    "scale", "factor", "accelerations", "radii", "velocities", "terms", "rotating", "norm_factor", "condition", "radius", "motion",
+    "instability", "inverse", "room", "columns",
+)  # fmt: skip
+# What the loops call, and the loops.
+PARTS: dict[str, Function] = {"run": (write_run, RUN), "sweep": (write_sweep, SWEEP)}
+LOOPS: dict[str, Function] = {
+    "evaluate": (
+        _evaluate,
+        {**_SIZES, **_PROGRAM, **_ROOM, "of_terms": "integers", "gamma": "number", **_VECTORS}
+        | dict.fromkeys(("scales", "sensitivity", "doubt", "weights"), "numbers"),
+    ),
+    "derive": (
+        _derive,
+        {**_SIZES, **_PROGRAM, **_ROOM, **dict.fromkeys(("given", "accelerations", "scale"), "vectors"), "found": "numbers"},
+    ),
+    "measure": (_measure, {"n": "integer", "nv": "integer", "roundings": "number", **dict.fromkeys(_MEASURED, "numbers")}),
+}

@@ -1,0 +1,327 @@
+"""The solution of M a = f, as loops are written: the factor of M, the accelerations, their bounds, and norms in the metric of M.
+
+Results of instructions are ``values``, (m, 3), numbers of ``harness.programs.loops.double_double``; ``places`` are those of M's entries
+and ``force`` those of f. What is factorised and solved has a state in each lane; no lane's result depends on what the others hold.
+See ``harness.programs.loops.interpreter`` for the proofs.
+
+Sources: Golub, Van Loan, Matrix Computations, 4th ed., section 4.2 (Cholesky); Demmel, Veselic, Jacobi's method is more accurate
+than QR, SIAM J. Matrix Anal. Appl. 13 (1992), for the singular values of a factor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from harness.programs.loops.double_double import UNDERFLOW, add, multiply, negative, number_at, store
+from harness.programs.loops.language import Writer
+from harness.programs.loops.values import Array, Value, as_number, equals, larger, root_of, select, smaller, sum_of_lanes
+from harness.programs.numbers import LANES, UNIT_ROUNDOFF
+
+_REFINEMENTS = 4
+# A step of so little of the largest acceleration is below the last digits of double-double.
+_SETTLED = 2.0**-106
+# Jacobi's rotations stop where columns are as square as this; what is left changes a condition number relatively by as much.
+_SQUARE, _MOST_SWEEPS = 1e-10, 40
+
+
+def factorise(code: Writer, nv: Value, mass: Array, scale: Array, factor: Array, inverse: Array) -> None:
+    """Scale and factor as ``harness.certify.factorisation.scaled_cholesky``, and L^-1; NaN for the scale where M has none."""
+    zero = code.lanes(0.0)
+    is_regular = code.variable(zero)
+    for i in code.range(nv):
+        scale[i] = root_of(mass[i, i])
+    for j in code.range(nv):
+        known = code.variable(zero)
+        for k in code.range(j):
+            known.value += factor[j, k] * factor[j, k]
+            factor[k, j] = 0.0
+        factor[j, j] = root_of(mass[j, j] / scale[j] / scale[j] - known.value)
+        is_regular.value += select(factor[j, j] > 0.0, zero, math.nan)
+        for i in code.range(j + 1, nv):
+            known = code.variable(zero)
+            for k in code.range(j):
+                known.value += factor[i, k] * factor[j, k]
+            factor[i, j] = (mass[i, j] / scale[i] / scale[j] - known.value) / factor[j, j]
+    for i in code.range(nv):
+        scale[i] += is_regular.value
+    invert(code, nv, factor, inverse, zero)
+
+
+def invert(code: Writer, nv: Value, factor: Array, inverse: Array, zero: Value) -> None:
+    """L^-1 below and on the diagonal; ``zero`` has the lanes of both."""
+    for column in code.range(nv):
+        inverse[column, column] = 1.0 / factor[column, column]
+        for i in code.range(column + 1, nv):
+            known = code.variable(zero)
+            for k in code.range(column, i):
+                known.value += factor[i, k] * inverse[k, column]
+            inverse[i, column] = -known.value / factor[i, i]
+
+
+@dataclass(frozen=True)
+class LinearEquations:
+    """M a = f in the function that is being written: ``matrix`` (nv, nv) and ``right`` (nv,) are places among ``values``.
+
+    ``scale``, (nv,), makes the diagonal of the matrix about 1.
+    """
+
+    code: Writer
+    nv: Value
+    values: Array
+    matrix: Array
+    right: Array
+    scale: Array
+
+
+class Workspace:
+    """Seven matrices (nv + 3, nv + 3) by their names; what is needed at different times shares one."""
+
+    def __init__(self, matrices: Array) -> None:
+        self._matrices = matrices
+
+    @property
+    def approximate(self) -> Array:
+        """The approximate inverse of the scaled matrix, (nv, nv)."""
+        return self._matrices.part(3)
+
+    @property
+    def residual(self) -> Array:
+        """f - M a in double-double, (nv, 3)."""
+        return self._matrices.part(4)
+
+    @property
+    def steps(self) -> Array:
+        """The changes of the scaled solution, (nv,)."""
+        return self._matrices.part(0, 0)
+
+    @property
+    def entries(self) -> Array:
+        """The entries of the scaled matrix, (nv, nv)."""
+        return self._matrices.part(0)
+
+    @property
+    def sizes(self) -> Array:
+        """Their absolute values with their errors, (nv, nv)."""
+        return self._matrices.part(1)
+
+    @property
+    def rows(self) -> Array:
+        """Row sums of |I - X M|, (nv,)."""
+        return self._matrices.part(2, 0)
+
+    @property
+    def errors(self) -> Array:
+        """|X r| with its roundings, (nv,)."""
+        return self._matrices.part(2, 1)
+
+    @property
+    def mass(self) -> Array:
+        """M in float64, (nv, nv)."""
+        return self._matrices.part(5)
+
+    @property
+    def inverse(self) -> Array:
+        """L^-1 of ``factorise``, (nv, nv)."""
+        return self._matrices.part(6)
+
+
+def _bounds(equations: LinearEquations, work: Workspace, approximate: Array, residual: Array, radius: Array) -> None:
+    """Bounds of the errors of the solution, for an approximate inverse of M scaled; infinite where it is none."""
+    code, nv, scale = equations.code, equations.nv, equations.scale
+    entries, sizes, rows, errors = work.entries, work.sizes, work.rows, work.errors
+    zero = code.lanes(0.0)
+    # The last roundings are those of M's scaled entries.
+    gamma = as_number(nv + 12) * (UNIT_ROUNDOFF * 1.001)
+    rest = code.variable(zero)
+    for i in code.range(nv):
+        rest.value += abs(residual[i, 0]) + abs(residual[i, 1]) + residual[i, 2]
+        for j in code.range(nv):
+            high, _, bound = number_at(equations.values, equations.matrix[i, j])
+            entries[i, j] = high / scale[i] / scale[j]
+            # So much that the entry's own bound is within gamma times it.
+            sizes[i, j] = (abs(high) + bound / UNIT_ROUNDOFF) / scale[i] / scale[j]
+    # What quotients and products of a small residual lose below the smallest numbers; a residual that is zero loses nothing.
+    lost = select(rest.value > 0.0, UNDERFLOW, 0.0)
+    for i in code.range(nv):
+        row, error = code.variable(zero), code.variable(lost)
+        for j in code.range(nv):
+            diagonal = code.lanes(select(equals(i, j), 1.0, 0.0))
+            total, most = code.variable(diagonal), code.variable(diagonal)
+            for k in code.range(nv):
+                total.value -= approximate[i, k] * entries[k, j]
+                most.value += abs(approximate[i, k]) * sizes[k, j]
+            row.value += abs(total.value) + gamma * most.value
+        for k in code.range(nv):
+            size = (abs(residual[k, 0]) + abs(residual[k, 1]) + residual[k, 2]) / scale[k]
+            error.value += abs(approximate[i, k]) * (size + lost) + lost
+        rows[i], errors[i] = row.value, error.value
+    alpha, most = code.variable(zero), code.variable(zero)
+    for i in code.range(nv):
+        alpha.value, most.value = larger(alpha.value, rows[i]), larger(most.value, errors[i])
+    is_inverse = (alpha.value < 0.5) & (most.value < math.inf)
+    for i in code.range(nv):
+        found = select(is_inverse, errors[i] + rows[i] * most.value / (1.0 - alpha.value), math.inf)
+        radius[i] = found * (1 + 1e-10) / scale[i] + lost
+
+
+def solve(equations: LinearEquations, inverse: Array, work: Workspace, solution: Array, radius: Array) -> None:
+    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``."""
+    code, nv, approximate = equations.code, equations.nv, work.approximate
+    for i in code.range(nv):
+        for j in code.range(i + 1):
+            entry = code.variable(code.lanes(0.0))
+            for k in code.range(i, nv):
+                entry.value += inverse[k, i] * inverse[k, j]
+            approximate[i, j] = approximate[j, i] = entry.value
+    refine(equations, work, solution, radius)
+
+
+def refine(equations: LinearEquations, work: Workspace, solution: Array, radius: Array) -> None:
+    """As ``solve``, with the approximate inverse of ``work``, which need not be symmetric.
+
+    The refinement of a state ends when it changes nothing that the digits can hold.
+    """
+    code, nv, values, scale = equations.code, equations.nv, equations.values, equations.scale
+    approximate, residual, steps = work.approximate, work.residual, work.steps
+    zero = code.lanes(0.0)
+    for i in code.range(nv):
+        solution[i, 0] = solution[i, 1] = 0.0
+    is_moving = code.variable(code.lanes(1.0))
+    for refinement in code.range(_REFINEMENTS + 1):
+        with code.when((is_moving.value > 0.0).any()):
+            for i in code.range(nv):
+                store(residual, i, number_at(values, equations.right[i]))
+                for j in code.range(nv):
+                    product = multiply(negative(number_at(values, equations.matrix[i, j])), (solution[j, 0], solution[j, 1], 0.0))
+                    store(residual, i, add(number_at(residual, i), product))
+            largest, largest_step = code.variable(zero), code.variable(zero)
+            for i in code.range(nv):
+                step = code.variable(zero)
+                for j in code.range(nv):
+                    step.value += approximate[i, j] * (residual[j, 0] / scale[j])
+                steps[i] = step.value
+                largest.value = larger(largest.value, abs(solution[i, 0] * scale[i]))
+                largest_step.value = larger(largest_step.value, abs(step.value))
+            is_last = largest_step.value <= _SETTLED * largest.value
+            is_moving.value = select(is_last, 0.0, is_moving.value)
+            with code.when(refinement < _REFINEMENTS):
+                for i in code.range(nv):
+                    # The exact zero, in a lane that has come to rest, changes nothing.
+                    step_now = select(is_moving.value > 0.0, steps[i] / scale[i], 0.0)
+                    better = add((solution[i, 0], solution[i, 1], zero), (step_now, 0.0, 0.0))
+                    solution[i, 0], solution[i, 1] = better[0], better[1]
+    _bounds(equations, work, approximate, residual, radius)
+
+
+def norm(code: Writer, entries: Array, count: Value) -> Value:
+    """A Euclidean norm, without overflow or underflow in the squares."""
+    squares = code.variable(0.0)
+    for i in code.range(count):
+        squares.value += entries[i] * entries[i]
+    found = code.variable(root_of(squares.value))
+    with code.when(~((squares.value > 1e-280) & (squares.value < 1e280))):
+        largest = code.variable(0.0)
+        for i in code.range(count):
+            largest.value = larger(largest.value, abs(entries[i]))
+        squares.value = 0.0
+        for i in code.range(count):
+            part = entries[i] / select(equals(largest.value, 0.0), code.number(1.0), largest.value)
+            squares.value += part * part
+        found.value = largest.value * root_of(squares.value)
+    return found.value
+
+
+def in_metric(code: Writer, nv: Value, inverse: Array, entry: Callable[[Value], Value], work: Array) -> Value:
+    """|L^-1 x| for the entries of x, with two rows of ``work``."""
+    given, found = work.part(0), work.part(1)
+    for i in code.range(nv):
+        given[i] = entry(i)
+        total = code.variable(0.0)
+        for j in code.range(i + 1):
+            total.value += inverse[i, j] * given[j]
+        found[i] = total.value
+    return norm(code, found, nv)
+
+
+class SumOfNorms:
+    """sum over columns of |L^-1 D^-1 column|, for columns in whole vectors.
+
+    ``inverse`` and ``scale`` have a lane behind their other places.
+    ``weights``, (nv + 2, nv rounded up to whole vectors), is room for L^-1 D^-1 by columns, and for one product with it.
+    """
+
+    def __init__(self, code: Writer, nv: Value, inverse: Array, scale: Array, lane: Value, weights: Array) -> None:
+        self._code, self._nv, self._blocks = code, nv, (nv + (LANES - 1)) // LANES
+        self._weights, self._product = weights.in_vectors(self._blocks), weights.part(nv)
+        self.total, square = code.variable(0.0), code.variable(0.0)
+        for j in code.range(nv):
+            for i in code.range(self._blocks * LANES):
+                weights[j, i] = 0.0
+            for i in code.range(j, nv):
+                weights[j, i] = inverse[i, j, lane] / scale[j, lane]
+                square.value += inverse[i, j, lane] * inverse[i, j, lane]
+        self.of_inverse = root_of(square.value)
+
+    def add(self, column: Array, factor: Value) -> None:
+        """Add the norm of a column times a factor."""
+        code, products = self._code, self._product.in_vectors(self._blocks)
+        for block in code.range(self._blocks):
+            product = code.variable(self._weights[0, block] * column[0])
+            for j in code.range(1, self._nv):
+                product.value += self._weights[j, block] * column[j]
+            products[0, block] = product.value * factor
+        self.total.value += norm(code, self._product, self._nv)
+
+
+def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> Value:
+    """That of L L', as ``harness.certify.factorisation.condition_number``, by Jacobi's rotations of the columns of L.
+
+    ``columns``, (nv + 1, nv rounded up to whole vectors), is room for them and for their squares.
+    """
+    blocks = (nv + (LANES - 1)) // LANES
+    vectors = columns.in_vectors(blocks)
+    for i in code.range(nv):
+        for j in code.range(blocks * LANES):
+            columns[i, j] = 0.0
+        for j in code.range(i, nv):
+            columns[i, j] = factor[j, i]
+
+    def product(first: Value, second: Value) -> Value:
+        total = code.variable(vectors[first, 0] * vectors[second, 0])
+        for block in code.range(1, blocks):
+            total.value += vectors[first, block] * vectors[second, block]
+        return sum_of_lanes(total.value)
+
+    squares = columns.part(nv)
+    is_turning = code.variable(1.0)
+    for _ in code.range(_MOST_SWEEPS):
+        with code.when(is_turning.value > 0.0):
+            is_turning.value = 0.0
+            for p in code.range(nv):
+                squares[p] = product(p, p)
+            for p in code.range(nv):
+                for q in code.range(p + 1, nv):
+                    mixed = product(p, q)
+                    with code.when(mixed * mixed > _SQUARE * _SQUARE * squares[p] * squares[q]):
+                        is_turning.value = 1.0
+                        tangent = _rotate(code, vectors, blocks, p, q, (squares[q] - squares[p]) / (2.0 * mixed))
+                        squares[p] -= tangent * mixed
+                        squares[q] += tangent * mixed
+    smallest, largest = code.variable(math.inf), code.variable(0.0)
+    for p in code.range(nv):
+        smallest.value, largest.value = smaller(smallest.value, squares[p]), larger(largest.value, squares[p])
+    return select(smallest.value > 0.0, largest.value / smallest.value, math.inf)
+
+
+def _rotate(code: Writer, vectors: Array, blocks: Value, p: Value, q: Value, cotangent: Value) -> Value:
+    """Make two columns square to one another, by the cotangent of twice the angle; the tangent of the angle."""
+    size = 1.0 / (abs(cotangent) + root_of(1.0 + cotangent * cotangent))
+    tangent = select(cotangent < 0.0, -size, size)
+    cosine = 1.0 / root_of(1.0 + tangent * tangent)
+    sine = cosine * tangent
+    for block in code.range(blocks):
+        first, second = vectors[p, block], vectors[q, block]
+        vectors[p, block], vectors[q, block] = first * cosine - second * sine, first * sine + second * cosine
+    return tangent

@@ -1,0 +1,242 @@
+"""Values of a function that ``harness.programs.loops.language`` writes: an operator on them writes its instruction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from llvmlite import ir
+
+from harness.programs.numbers import LANES
+
+if TYPE_CHECKING:
+    from harness.programs.loops.language import Writer
+
+NUMBER, INTEGER = ir.DoubleType(), ir.IntType(64)
+VECTOR, INTEGERS = ir.VectorType(NUMBER, LANES), ir.VectorType(INTEGER, LANES)
+LANE = ir.IntType(32)
+HALF_INTEGER = ir.IntType(32)
+_ALIGNMENT = 8
+
+
+class Value:
+    """A number, four numbers, or an integer of the function that is being written; ``raw`` is LLVM's."""
+
+    def __init__(self, code: Writer, raw: Any) -> None:
+        self.code, self.raw = code, raw
+
+    def __add__(self, other: Operand) -> Value:
+        return _combined(self, other, "fadd", "add")
+
+    def __sub__(self, other: Operand) -> Value:
+        return _combined(self, other, "fsub", "sub")
+
+    def __mul__(self, other: Operand) -> Value:
+        return _combined(self, other, "fmul", "mul")
+
+    def __truediv__(self, other: Operand) -> Value:
+        return _combined(self, other, "fdiv", "")
+
+    def __floordiv__(self, other: Operand) -> Value:
+        """Of integers that are not negative."""
+        return _combined(self, other, "", "udiv")
+
+    def __mod__(self, other: int) -> Value:
+        """Of integers, by a power of two: the remainder that is not negative."""
+        first, last = self.code.alike(self, other - 1)
+        return Value(self.code, self.code.builder.and_(first, last))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __rsub__(self, other: Operand) -> Value:
+        return _combined(self, other, "fsub", "sub", is_reversed=True)
+
+    def __rtruediv__(self, other: Operand) -> Value:
+        return _combined(self, other, "fdiv", "", is_reversed=True)
+
+    def __neg__(self) -> Value:
+        builder = self.code.builder
+        return Value(self.code, builder.neg(self.raw) if self.raw.type == INTEGER else builder.fneg(self.raw))
+
+    def __abs__(self) -> Value:
+        return self.code.call("fabs", self)
+
+    def __lt__(self, other: Operand) -> Flag:
+        return _compared(self, "<", other)
+
+    def __le__(self, other: Operand) -> Flag:
+        return _compared(self, "<=", other)
+
+    def __gt__(self, other: Operand) -> Flag:
+        return _compared(self, ">", other)
+
+    def __ge__(self, other: Operand) -> Flag:
+        return _compared(self, ">=", other)
+
+
+class Flag:
+    """The result of a comparison, or four."""
+
+    def __init__(self, code: Writer, raw: Any) -> None:
+        self.code, self.raw = code, raw
+
+    def __and__(self, other: Flag) -> Flag:
+        return Flag(self.code, self.code.builder.and_(self.raw, other.raw))
+
+    def __or__(self, other: Flag) -> Flag:
+        return Flag(self.code, self.code.builder.or_(self.raw, other.raw))
+
+    def __invert__(self) -> Flag:
+        return Flag(self.code, self.code.builder.not_(self.raw))
+
+    def any(self) -> Flag:
+        """True where one of the lanes is."""
+        bits = self.code.builder.bitcast(self.raw, ir.IntType(LANES))
+        return Flag(self.code, self.code.builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0)))
+
+
+Operand = Value | float
+
+
+def _combined(value: Value, other: Operand, of_numbers: str, of_integers: str, is_reversed: bool = False) -> Value:
+    first, second = value.code.alike(value, other)
+    name = of_integers if first.type in (INTEGER, INTEGERS) else of_numbers
+    pair = (second, first) if is_reversed else (first, second)
+    return Value(value.code, getattr(value.code.builder, name)(*pair))
+
+
+def _compared(value: Value, sign: str, other: Operand) -> Flag:
+    """False where a number is NaN."""
+    first, second = value.code.alike(value, other)
+    builder = value.code.builder
+    compare = builder.icmp_signed if first.type in (INTEGER, INTEGERS) else builder.fcmp_ordered
+    return Flag(value.code, compare(sign, first, second))
+
+
+def equals(value: Value, other: Operand) -> Flag:
+    return _compared(value, "==", other)
+
+
+def differs(value: Value, other: Operand) -> Flag:
+    """True where a number is NaN."""
+    first, second = value.code.alike(value, other)
+    return Flag(value.code, value.code.builder.fcmp_unordered("!=", first, second))
+
+
+def as_integer(value: Value) -> Value:
+    """The whole number that a number is, lane by lane."""
+    return Value(value.code, value.code.builder.fptosi(value.raw, INTEGERS if value.raw.type == VECTOR else INTEGER))
+
+
+def as_number(value: Value) -> Value:
+    """The number that an integer is."""
+    return Value(value.code, value.code.builder.sitofp(value.raw, NUMBER))
+
+
+def lane_of(value: Value, lane: int) -> Value:
+    return Value(value.code, value.code.builder.extract_element(value.raw, ir.Constant(LANE, lane)))
+
+
+def sum_of_lanes(value: Value) -> Value:
+    """The sum over the lanes."""
+    return (lane_of(value, 0) + lane_of(value, 1)) + (lane_of(value, 2) + lane_of(value, 3))
+
+
+class Variable:
+    """A place for a value that changes."""
+
+    def __init__(self, code: Writer, initial: Value) -> None:
+        self._code = code
+        with code.builder.goto_entry_block():
+            self._place = code.builder.alloca(initial.raw.type)
+        self.value = initial
+
+    @property
+    def value(self) -> Value:
+        return Value(self._code, self._code.builder.load(self._place))
+
+    @value.setter
+    def value(self, value: Operand) -> None:
+        self._code.builder.store(self._code.constant(value, self._place.allocated_type), self._place)
+
+
+class Array:
+    """An array in memory; ``inner`` are its sizes but the first, which nothing asks for."""
+
+    def __init__(self, code: Writer, pointer: Any, inner: Sequence[Value | int] = ()) -> None:
+        self.code, self.pointer, self._inner = code, pointer, tuple(inner)
+
+    def _place(self, indices: Sequence[Value | int]) -> Any:
+        offset: Value | int = indices[0]
+        for position, size in enumerate(self._inner[: len(indices) - 1]):
+            offset = offset * size + indices[position + 1]
+        for size in self._inner[len(indices) - 1 :]:
+            offset = offset * size
+        return self.code.builder.gep(self.pointer, [self.code.constant(offset, INTEGER)])
+
+    def __getitem__(self, indices: Value | int | tuple[Value | int, ...]) -> Value:
+        indices = indices if isinstance(indices, tuple) else (indices,)
+        if isinstance(indices[0], Value) and indices[0].raw.type == INTEGERS:
+            return self.code.gathered([self[(lane_of(indices[0], lane), *indices[1:])] for lane in range(LANES)])
+        raw = self.code.builder.load(self._place(indices), align=_align(self.pointer))
+        return Value(self.code, self.code.builder.sext(raw, INTEGER) if raw.type == HALF_INTEGER else raw)
+
+    def __setitem__(self, indices: Value | int | tuple[Value | int, ...], value: Operand) -> None:
+        place = self._place(indices if isinstance(indices, tuple) else (indices,))
+        self.code.builder.store(self.code.constant(value, self.pointer.type.pointee), place, align=_align(self.pointer))
+
+    def part(self, *indices: Value | int) -> Array:
+        """The array at the first indices."""
+        return Array(self.code, self._place(indices), self._inner[len(indices) :])
+
+    def in_vectors(self, *inner: Value | int) -> Array:
+        """The same numbers as an array of vectors of the given sizes but the first."""
+        return Array(self.code, self.code.builder.bitcast(self.pointer, VECTOR.as_pointer()), inner)
+
+    def in_numbers(self, *inner: Value | int) -> Array:
+        """The same vectors as an array of numbers of the given sizes but the first."""
+        return Array(self.code, self.code.builder.bitcast(self.pointer, NUMBER.as_pointer()), inner)
+
+
+def _align(pointer: Any) -> int:
+    return 4 if pointer.type.pointee == HALF_INTEGER else _ALIGNMENT
+
+
+def select(flag: Flag, first: Operand, second: Operand) -> Value:
+    """``first`` where the flag is true, else ``second``; both are known."""
+    code = flag.code
+    kinds = [value.raw.type for value in (first, second) if isinstance(value, Value)] or [NUMBER]
+    kind = next((kind for kind in kinds if isinstance(kind, ir.VectorType)), kinds[0])
+    if isinstance(flag.raw.type, ir.VectorType) and not isinstance(kind, ir.VectorType):
+        kind = ir.VectorType(kind, LANES)
+    return Value(code, code.builder.select(flag.raw, code.constant(first, kind), code.constant(second, kind)))
+
+
+def larger(first: Value, second: Operand) -> Value:
+    """The larger one; NaN where either is, so that what is unknown is never passed over."""
+    return _called("maximum", first, second)
+
+
+def smaller(first: Value, second: Operand) -> Value:
+    """The smaller one; NaN where either is."""
+    return _called("minimum", first, second)
+
+
+def fma(a: Value, b: Operand, c: Operand) -> Value:
+    """a b + c, rounded once: an instruction of the processor, or the C library's function where it has none."""
+    return _called("fma", a, b, c)
+
+
+def _called(name: str, first: Value, *others: Operand) -> Value:
+    code = first.code
+    kinds = [value.raw.type for value in (first, *others) if isinstance(value, Value)]
+    kind = VECTOR if VECTOR in kinds else NUMBER
+    return code.call(name, *(Value(code, code.constant(value, kind)) for value in (first, *others)))
+
+
+def root_of(value: Value) -> Value:
+    return value.code.call("sqrt", value)
+
+
+def floor(value: Value) -> Value:
+    return value.code.call("floor", value)

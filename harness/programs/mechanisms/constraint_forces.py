@@ -1,0 +1,239 @@
+"""The equations of motion of a tree under constraints: with the forces that hold them, or with those of a law that lets them give.
+
+With J the Jacobian of the rows by the rates and b = J' v their bias, accelerations obey J a = -b. The tree's equations get the forces
+-J' lambda besides:
+
+    M a = f - J' lambda,    J a = -b,    f = tau + p - c - g.
+
+They are had in two ways that share no step. ``by_multipliers`` solves (J M^-1 J') lambda = J M^-1 f + b. ``by_reduction`` writes
+a = B w + n in the accelerations w of the coordinates that no constraint determines, B = (1, -J_d^-1 J_w), n = (0, -J_d^-1 b), solves
+B' M B w = B' (f - M n), and has the forces from M a - f.
+
+Only rows that are not redundant take part. Eliminations are written out without pivots: M and J M^-1 J' are positive definite, and
+J_d is made orthogonal column by column, which fails only where it is singular.
+
+``softened_program`` is for engines whose constraints are soft. With a weight D_i = d_i / ((1 - d_i) A_i) for each row, A_i its inverse
+mass, and the acceleration r_i = -b_i (J v)_i - k_i d_i phi_i that would bring it back, they minimise Gauss' function and a penalty,
+
+    |M^-1 f - a|^2_M + sum D_i ((J a + b)_i - r_i)^2,    (M + J' D J) a = f + J' D (r - b),
+
+so that the forces are J' D (r - b - J a).
+
+Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 3.2 and 8.4; Greenwood, Advanced Dynamics, section 4.3 (Maggi);
+Bjorck, Solving linear least squares problems by Gram-Schmidt orthogonalization, BIT 7 (1967); MuJoCo documentation, Computation,
+sections "Constraint model" and "Constraint solver", for the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.programs.mechanisms.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
+from harness.programs.program import OUTPUTS, StraightLineProgram, position_count, without_unused
+from harness.programs.terms import Builder, Matrix, Term, Vector, dot, length, matrix, symmetric, vector
+
+MULTIPLIERS, ACCELERATIONS = "multipliers", "accelerations"
+
+
+def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[Vector, Vector]]) -> StraightLineProgram:
+    """The tree's program whose passive forces hold those of the constraints besides; ``solve`` is one of the two ways.
+
+    It has an output more where the way gives them: the ``multipliers`` of the rows that are not redundant [N or N m].
+    """
+    tied = tied_equations(constraints)
+    return tied.with_forces(*solve(tied))
+
+
+@dataclass(frozen=True)
+class Softness:
+    """How one row gives: numbers of a model file.
+
+    Attributes:
+        impedance: d, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].
+        inverse_mass: A, of the row [1/kg, or 1/(kg m^2)]; None for (J M^-1 J')_ii at the state.
+        has_bias: whether the law takes account of J' v; without it, it leaves b out.
+    """
+
+    impedance: float
+    stiffness: float
+    damping: float
+    inverse_mass: float | None
+    has_bias: bool = True
+
+
+def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
+    """The program of the softened problem, and names and values of the parameters that it has behind the others.
+
+    ``rows`` is the law of every row, redundant ones as well. It has an output more, the ``multipliers`` -D (r - b - J a).
+
+    Raises:
+        ValueError: there are other rows, or rolling ones.
+    """
+    if len(rows) != len(constraints.rows) or constraints.holonomic != len(rows):
+        raise ValueError(f"{len(rows)} laws for {len(constraints.rows)} rows, of which {constraints.holonomic} hold positions")
+    numbers = [
+        (f"{name}[{place}] {key.replace('_', ' ')}", value)
+        for place, (name, row) in enumerate(zip(constraints.rows, rows, strict=True))
+        for key, value in vars(row).items()
+        if isinstance(value, float)
+    ]
+    tied = tied_equations(constraints, [name for name, _ in numbers], independent_only=False)
+    builder, mass, jacobian, zero = tied.builder, tied.mass, tied.jacobian, tied.builder.number(0)
+    given = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
+    exact = [place for place, row in enumerate(rows) if row.inverse_mass is None]
+    columns = dict(zip(exact, _solved(mass, [jacobian[place] for place in exact]) if exact else [], strict=True))
+    weights, wanted = [], []
+    for place, (name, law) in enumerate(zip(constraints.rows, rows, strict=True)):
+        impedance, stiffness, damping = (given[f"{name}[{place}] {key}"] for key in ("impedance", "stiffness", "damping"))
+        own = given[f"{name}[{place}] inverse mass"] if place not in columns else jacobian[place] @ columns[place]
+        weights.append(impedance / ((1 - impedance) * own))
+        back = (stiffness * impedance) * tied.residual[place]
+        bias = tied.bias[place] if law.has_bias else zero
+        wanted.append(-((damping * tied.rate[place] + back) + bias))
+    weighted = matrix([weight * row for weight, row in zip(weights, jacobian, strict=True)])
+    required = vector(wanted)
+    stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
+    pulled = vector(force + column @ required for force, column in zip(tied.force, weighted.T, strict=True))
+    [moved] = _solved(stiffened, [pulled])
+    missing = required - jacobian @ moved
+    # Minus, as those of the rigid forces -J' lambda.
+    multipliers = vector(-(weight * force) for weight, force in zip(weights, missing, strict=True))
+    return tied.with_forces(weighted.T @ missing, multipliers), numbers
+
+
+@dataclass(frozen=True)
+class Tied:
+    """The program of a tree and its constraints while it is written.
+
+    Attributes:
+        equations: the terms of the tree's program.
+        mass: M. force: f. jacobian: J. residual: what holonomic rows leave. rate: J v. bias: b.
+    """
+
+    builder: Builder
+    constraints: Constraints
+    equations: Mapping[str, Sequence[Term]]
+    mass: Matrix
+    force: Vector
+    jacobian: Matrix
+    residual: Sequence[Term]
+    rate: Vector
+    bias: Vector
+
+    @property
+    def nv(self) -> int:
+        return len(self.force)
+
+    def with_forces(self, forces: Vector, multipliers: Sequence[Term] = ()) -> StraightLineProgram:
+        """The tree's program with the forces of constraints among the passive ones."""
+        outputs: dict[str, Iterable[Term]] = {name: self.equations[name] for name in OUTPUTS}
+        outputs["passive"] = vector(self.equations["passive"]) + forces
+        return without_unused(self.builder.program(outputs | ({MULTIPLIERS: multipliers} if len(multipliers) else {})))
+
+
+def tied_equations(constraints: Constraints, more: Sequence[str] = (), independent_only: bool = True) -> Tied:
+    """The equations of a tree and its rows that are not redundant, or all of them; ``more`` are inputs behind those of the tree."""
+    builder, nv = Builder((*constraints.tree.inputs, *more)), len(constraints.assembly)
+    equations, rows = builder.append(constraints.tree), builder.append(constraints.program)
+    chosen = list(constraints.independent if independent_only else range(len(constraints.rows)))
+    first = position_count(constraints.tree) + nv
+    terms = zip(builder.inputs[first : first + nv], *(equations[name] for name in ("passive", "velocity", "gravity")), strict=True)
+    return Tied(
+        builder,
+        constraints,
+        equations,
+        mass=symmetric(equations["mass"], nv),
+        force=vector([(tau + p) - (c + g) for tau, p, c, g in terms]),
+        jacobian=np.array(rows[JACOBIAN], dtype=object).reshape(-1, nv)[chosen],
+        residual=[rows[RESIDUAL][row] for row in chosen if row < constraints.holonomic],
+        rate=vector(rows[RATE])[chosen],
+        bias=vector(rows[BIAS])[chosen],
+    )
+
+
+def _solved(rows: Matrix, columns: Sequence[Vector]) -> list[Vector]:
+    """The solutions of a symmetric positive definite system, by L D L' (Golub, Van Loan, Matrix Computations, section 4.1.2)."""
+    n, zero = len(rows), rows[0, 0].builder.number(0)
+    lower: list[list[Term]] = [[] for _ in range(n)]
+    pivots: list[Term] = []
+    for j in range(n):
+        scaled = [entry * pivot for entry, pivot in zip(lower[j], pivots, strict=True)]
+        pivots.append(rows[j, j] - dot(lower[j], scaled, zero))
+        for i in range(j + 1, n):
+            lower[i].append((rows[i, j] - dot(lower[i], scaled, zero)) / pivots[j])
+    found = []
+    for column in columns:
+        x: list[Term] = []
+        for i, entry in enumerate(column):
+            x.append(entry - dot(lower[i], x, zero))
+        x = [entry / pivot for entry, pivot in zip(x, pivots, strict=True)]
+        for i in reversed(range(n)):
+            x[i] = x[i] - dot([lower[k][i] for k in range(i + 1, n)], x[i + 1 :], zero)
+        found.append(vector(x))
+    return found
+
+
+def _solved_by_orthogonal_columns(left: Sequence[Vector], columns: Sequence[Vector]) -> list[Vector]:
+    """The solutions of a regular system: its columns ``left`` are made orthogonal to one another, and those of the right with them."""
+    left, right = list(left), list(columns)
+    upper: dict[tuple[int, int], Term] = {}
+    found: list[dict[int, Term]] = [{} for _ in right]
+    parts: list[list[Term]] = [[] for _ in right]
+    for j, column_of_left in enumerate(left):
+        upper[j, j] = length(column_of_left)
+        unit = column_of_left / upper[j, j]
+        for k in range(j + 1, len(left)):
+            upper[j, k] = unit @ left[k]
+            left[k] = left[k] - upper[j, k] * unit
+        for number, column in enumerate(right):
+            parts[number].append(unit @ column)
+            right[number] = column - parts[number][j] * unit
+    for part, x in zip(parts, found, strict=True):
+        for j in reversed(range(len(left))):
+            known = list(range(j + 1, len(left)))
+            rest = dot([upper[j, k] for k in known], [x[k] for k in known], part[j].builder.number(0))
+            x[j] = (part[j] - rest) / upper[j, j]
+    return [vector([x[j] for j in range(len(left))]) for x in found]
+
+
+def by_multipliers(tied: Tied) -> tuple[Vector, Vector]:
+    """The forces -J' lambda, (nv,), and lambda, (m,)."""
+    *columns, free = _solved(tied.mass, [*tied.jacobian, tied.force])
+    compliance = matrix([tied.jacobian @ column for column in columns])
+    needed = tied.jacobian @ free + tied.bias
+    [multipliers] = _solved(compliance, [needed])
+    return -(tied.jacobian.T @ multipliers), multipliers
+
+
+def by_reduction(tied: Tied) -> tuple[Vector, Vector]:
+    """The forces M a - f, (nv,), with a from the reduced equations; no multipliers."""
+    return tied.mass @ reduced(tied) - tied.force, ()
+
+
+def reduced_program(constraints: Constraints) -> StraightLineProgram:
+    """A program of the tree's inputs whose one output, ``accelerations`` (nv,), is the solution of the reduced equations."""
+    tied = tied_equations(constraints)
+    return without_unused(tied.builder.program({ACCELERATIONS: reduced(tied)}))
+
+
+def reduced(tied: Tied) -> Vector:
+    """The accelerations, (nv,), by the reduced equations."""
+    builder, determined = tied.builder, list(tied.constraints.rates)
+    others = [place for place in range(tied.nv) if place not in determined]
+    *ways, drift = _solved_by_orthogonal_columns(tied.jacobian[:, determined].T, [*tied.jacobian[:, others].T, tied.bias])
+
+    def spread(own: Vector, following: Vector) -> Vector:
+        found = builder.zeros(tied.nv)
+        found[others], found[determined] = own, following
+        return found
+
+    basis = [spread(builder.vector([int(place == other) for other in others]), -way) for place, way in zip(others, ways, strict=True)]
+    offset = spread(builder.zeros(len(others)), -drift)
+    carried = [tied.mass @ way for way in basis]
+    compact = matrix([[one @ other for other in carried] for one in basis])
+    pulled = tied.force - tied.mass @ offset
+    [own] = _solved(compact, [vector([one @ pulled for one in basis])])
+    return vector([at + matrix(basis)[:, place] @ own for place, at in enumerate(offset)])

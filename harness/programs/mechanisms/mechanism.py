@@ -1,0 +1,197 @@
+"""A system after its derivation, as plain data: what every later stage needs, without SymPy."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from harness.arrays import Array
+from harness.programs.mechanisms.constraints import Constraints
+from harness.programs.program import ENERGY_OUTPUTS, StraightLineProgram, used_instructions
+from harness.programs.states import States
+
+if TYPE_CHECKING:
+    from harness.programs.mechanisms.kernel import DerivativeKernel, MechanismKernel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mechanism:
+    """One derived system.
+
+    Attributes:
+        name: file stem of the system, and of its models.
+        description, source: from the system file's docstring.
+        coordinates, joints: names of the nv coordinates and of the joints that carry them; a ball or free
+            joint carries several.
+        parameters: (name, value, unit) in the program's input order.
+        gravity: acceleration of gravity [m/s^2] along -z; 0 where the mechanism feels none.
+        total_mass: sum of all moving masses [kg].
+        rotating: for each coordinate, whether it is an angle.
+        position_ranges, rate_ranges: (lowest, highest) per coordinate; None for an unbounded angle.
+        force_ranges: (lowest, highest) applied force per coordinate [N or N m].
+        static_loads, moving_loads: per coordinate, the largest applied force that holds it at rest, or without acceleration at
+            rates of its range, over a few positions [N or N m]; 0 where nothing is to be held; () where nobody asked.
+        attitudes: for each ball or free joint, the place of its first angle among the coordinates; its
+            rotation takes four numbers (w, x, y, z) of q and three of v.
+        constraints: what ties the coordinates, whose forces are among the passive ones of the program; None for a tree.
+        program: the equations of motion; see ``harness.programs.kernels`` for its inputs and outputs.
+        other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
+            of free joints in the body's frame, () where there is no free joint.
+        energy_programs: energies of the charts (program, *other_charts); see ``harness.programs.mechanisms.energies``.
+        start: (position, rate) per coordinate that computed motions start from; () where the system declares none.
+        equations_text, equations_mathml: the equations for people; "" where they would be too long to be read.
+        energies_text: the system's file and the helpers it imports, without docstring, where the equations are too long.
+        derivation_seconds: what deriving and assembling them cost.
+    """
+
+    name: str
+    description: str
+    source: str
+    coordinates: tuple[str, ...]
+    joints: tuple[str, ...]
+    parameters: tuple[tuple[str, float, str], ...]
+    gravity: float
+    total_mass: float
+    rotating: tuple[bool, ...]
+    position_ranges: tuple[tuple[float, float] | None, ...]
+    rate_ranges: tuple[tuple[float, float], ...]
+    force_ranges: tuple[tuple[float, float], ...]
+    program: StraightLineProgram
+    equations_text: str
+    equations_mathml: str
+    derivation_seconds: float
+    attitudes: tuple[int, ...] = ()
+    other_charts: tuple[StraightLineProgram, ...] = ()
+    charts_in_body: tuple[StraightLineProgram, ...] = ()
+    energy_programs: tuple[StraightLineProgram, ...] = ()
+    start: tuple[tuple[float, float], ...] = ()
+    static_loads: tuple[float, ...] = ()
+    moving_loads: tuple[float, ...] = ()
+    energies_text: str = ""
+    constraints: Constraints | None = None
+
+    @property
+    def handed_to_engines(self) -> Any:
+        """What an engine that takes equations is given; of a user's file, the request to load it."""
+        return self
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom."""
+        return len(self.coordinates)
+
+    @property
+    def nq(self) -> int:
+        """Number of positions: one more than velocities for each ball or free joint."""
+        return len(self.coordinates) + len(self.attitudes)
+
+    @property
+    def joint_sizes(self) -> dict[str, tuple[int, int]]:
+        """Each joint's number of positions and of velocities, in the order of q and v."""
+        turning = {self.joints[place] for place in self.attitudes}
+        counts = Counter(self.joints)
+        return {joint: (count + (joint in turning), count) for joint, count in counts.items()}
+
+    @property
+    def operations(self) -> int:
+        """Number of operations of one evaluation of the equations."""
+        return sum(instruction[0] not in ("input", "rational", "pi") for instruction in self.program.instructions)
+
+    def charts(self, linear_velocity_in_body: bool) -> tuple[StraightLineProgram, ...]:
+        """Programs of the same equations, of which one at least is regular everywhere it can be.
+
+        ``linear_velocity_in_body`` chooses the frame in which the linear velocity of free joints is given;
+        it makes no difference without free joints.
+        """
+        return self.charts_in_body if linear_velocity_in_body and self.charts_in_body else (self.program, *self.other_charts)
+
+    @functools.cached_property
+    def feels_time(self) -> bool:
+        """True if the equations depend on time explicitly."""
+        time = ("input", self.nq + 2 * self.nv)
+        # Every input is an instruction, whether an output rests on it or not.
+        return any(
+            program.instructions[place] == time
+            for program in self.charts(linear_velocity_in_body=False)
+            for place in used_instructions(program)
+        )
+
+    @property
+    def parameter_values(self) -> tuple[float, ...]:
+        return tuple(value for _, value, _ in self.parameters)
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for mechanisms with equal equations, constraints, joints and parameter values."""
+        programs = tuple(program.key for program in (self.program, *self.other_charts, *self.charts_in_body))
+        constraints = None if self.constraints is None else self.constraints.key
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints
+
+    def float64(self) -> MechanismKernel:
+        """The evaluator of accelerations and terms in float64; what it compiles stays in the process."""
+        from harness.programs.mechanisms.kernel import MechanismKernel
+
+        return MechanismKernel(self)
+
+    def derivatives(self) -> DerivativeKernel:
+        """The evaluator of derivatives of accelerations and of forces in float64; what it compiles stays in the process."""
+        from harness.programs.mechanisms.kernel import DerivativeKernel
+
+        return DerivativeKernel(self)
+
+    def inputs(self, states: States, parameters: Array | None = None) -> Array:
+        """The program's inputs at ``states``, (number of inputs, n), one column a state.
+
+        ``parameters``, (n, number of parameters), gives each state its own; by default all have the mechanism's.
+        """
+        own = np.array(self.parameter_values, dtype=np.float64)[:, None]
+        values = np.broadcast_to(own, (len(own), len(states))) if parameters is None else parameters.T
+        return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values]))
+
+    def to_json(self) -> str:
+        """JSON that ``from_json`` turns back into an equal mechanism."""
+        return msgspec.json.encode(self).decode()
+
+    @classmethod
+    def from_json(cls, text: str) -> Mechanism:
+        """Read a mechanism back, trusting nothing in it.
+
+        Raises:
+            ValueError: a part is missing, of another type or contradicts the others.
+        """
+        return msgspec.json.decode(text, type=cls)._checked()
+
+    def _checked(self) -> Mechanism:
+        nv = self.nv
+        per_coordinate = ("joints", "rotating", "position_ranges", "rate_ranges", "force_ranges")
+        if any(len(getattr(self, name)) != nv for name in per_coordinate):
+            raise ValueError("joints or ranges do not fit the coordinates")
+        if not all(0 <= place <= nv - 3 for place in self.attitudes):
+            raise ValueError("an attitude does not fit the coordinates")
+        if len(self.start) not in (0, nv):
+            raise ValueError("the start does not fit the coordinates")
+        if {len(self.static_loads), len(self.moving_loads)} - {0, nv}:
+            raise ValueError("the loads do not fit the coordinates")
+        if self.constraints is not None:
+            self.constraints.checked(nv)
+        for program in (self.program, *self.other_charts, *self.charts_in_body):
+            program.checked()
+            sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
+            if set(sizes.values()) != {nv} or len(program.outputs.get("mass", ())) != nv * (nv + 1) // 2:
+                raise ValueError("the program's outputs do not fit the coordinates")
+            if len(program.inputs) != self.nq + 2 * nv + 1 + len(self.parameters):
+                raise ValueError("the program's inputs do not fit coordinates and parameters")
+        if len(self.energy_programs) != 1 + len(self.other_charts):
+            raise ValueError("there is not one energy program for each chart")
+        for program, energies in zip(self.charts(linear_velocity_in_body=False), self.energy_programs, strict=True):
+            energies.checked()
+            expected = dict.fromkeys((*ENERGY_OUTPUTS, *(["regularity"] if "regularity" in program.outputs else [])), 1) | {"forces": nv}
+            if {name: len(indices) for name, indices in energies.outputs.items()} != expected or energies.inputs != program.inputs:
+                raise ValueError("an energy program does not fit its chart")
+        return self

@@ -1,0 +1,197 @@
+"""The inverse weights by which MuJoCo scales soft constraints, from a model file alone: diagonals of J M^-1 J' in its zero position.
+
+There every joint has its reference, so that every body stands where its pose says. Everything is evaluated in balls.
+
+MuJoCo's program makes an exception that its documentation does not hold: a body that only slides along its own axes, that hangs on
+the world, carries no body, and whose inertia is given in its own frame, has 1/m for its translation and for each slide.
+
+Source: MuJoCo 4.0, engine_setconst.c (set0) and user_model.cc (body_simple).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+from harness.files.document.xml import parse_document
+from harness.files.equalities import Polygon, Tendon, TendonLinkage
+from harness.files.joint_kinds import JointKind
+from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.rules.constraint_law import InverseWeight
+from harness.files.tree import WORLD, Body, Given, Joint, Tree
+from harness.programs.evaluation import mass_matrix
+from harness.programs.program import upper_triangle
+from harness.programs.terms import Term, Vector, cross
+from harness.trees.bodies.bounds import bounded
+from harness.trees.bodies.rigid import Rigid, Spatial, joined, spatial
+from harness.trees.bodies.spatial import placed, unit
+from harness.trees.constraints.rows import Row, jacobian_of, untied
+from harness.trees.nodes import Kinematics, standing
+from harness.trees.quantities.forces import entries_of_mass
+from harness.trees.robot import tree_of
+from harness.trees.world_motion import World, in_world
+
+_BITS = 192
+# IsNullPose and mjEPS of MuJoCo's compiler.
+_NO_SHIFT, _NO_COMPONENT = Fraction(1e-6), Fraction(1e-14)
+
+
+def inverse_weights(model: ModelFile, wanted: Iterable[InverseWeight]) -> dict[InverseWeight, float]:
+    """Each inverse weight, rounded once [1/kg, or 1/(kg m^2)]; 0 for what no joint moves.
+
+    Raises:
+        InvalidModel: as ``read_robot``. ValueError: the zero position has no inverse of M.
+    """
+    tendons = (tendon for one in model.constraints if isinstance(one.says, TendonLinkage) for tendon in one.says.tendons)
+    # Gravity has no part in it.
+    return inverse_weights_of(tree_of(model, 0.0), wanted, _fuses(model), tendons)
+
+
+def inverse_weights_of(
+    tree: Tree, wanted: Iterable[InverseWeight], fuses: bool, tendons: Iterable[Tendon] = ()
+) -> dict[InverseWeight, float]:
+    """Those of a tree of bodies; ``fuses`` says whether an engine makes bodies that no joint moves one with their parents.
+
+    Raises:
+        ValueError: as ``inverse_weights``.
+    """
+    import flint
+
+    tree, wanted = bounded(tree), list(dict.fromkeys(wanted))
+    nodes = standing(untied(tree, [joint.name for joint in tree.joints]), at_reference=True)
+    at_zero = _AtZero(in_world(nodes), fuses, {one.name: one for one in tendons})
+    sliders = {name: body for body in tree.bodies if _only_slides(tree, nodes, body) for name in (body.name, *_names(body.joints))}
+    slides = {one: sliders[one.of] for one in wanted if one.of in sliders and one.kind != "tendon"}
+    entries, pairs = entries_of_mass(at_zero.world), upper_triangle(nodes.nv)
+    outputs: dict[str, Iterable[Term]] = {"mass": [entries.get(pair, nodes.builder.zero) for pair in pairs]}
+    for number, one in enumerate(wanted):
+        outputs[str(number)] = [at_zero.weight(slides[one])] if one in slides else at_zero.jacobian(one)
+    with flint.ctx.workprec(_BITS):
+        found = nodes.builder.evaluated(outputs)
+        mass = mass_matrix(found["mass"], nodes.nv)
+        weights = {}
+        for number, one in enumerate(wanted):
+            if one in slides:
+                weights[one] = 0.0 if one.kind == "rotation" else float(1 / found[str(number)][0])
+            else:
+                weights[one] = _mean_diagonal(mass, found[str(number)])
+        return weights
+
+
+@dataclass(frozen=True)
+class _AtZero:
+    """One tree in its zero position; ``fuses`` as of ``inverse_weights_of``."""
+
+    world: World
+    fuses: bool
+    tendons: Mapping[str, Tendon]
+
+    def jacobian(self, wanted: InverseWeight) -> list[Term]:
+        """The rows of J of an inverse weight, one after another."""
+        return [entry for row in self._rows(wanted) for entry in jacobian_of(self.world, row)]
+
+    def _rows(self, wanted: InverseWeight) -> list[Row]:
+        builder, nodes = self.world.kinematics.builder, self.world.kinematics
+        if wanted.kind == "tendon":
+            return [self._tendon(self.tendons[wanted.of])]
+        if wanted.kind == "joint":
+            # Of a free joint the translations, as those of its first velocity.
+            columns = nodes.coordinates.columns[wanted.of][:3]
+            return [Row("", builder.zero, builder.zero, on_columns=((column, builder.one),)) for column in columns]
+        if wanted.kind == "rotation":
+            acts = [spatial(axis, builder.still) for axis in builder.identity]
+            return [self._row([(nodes.frames[wanted.of][0], one)]) for one in acts]
+        centre = self._centre(wanted.of) if nodes.frames[wanted.of][0] >= 0 else builder.still
+        return [self._row([self._force(wanted.of, centre, axis)]) for axis in builder.identity]
+
+    def _row(self, acts: Iterable[tuple[int, Spatial]]) -> Row:
+        zero = self.world.kinematics.builder.zero
+        return Row("", zero, zero, tuple(one for one in acts if one[0] >= 0))
+
+    def _force(self, body: str, point: Vector, force: Vector) -> tuple[int, Spatial]:
+        """A force at a point of a body, on the node that moves it."""
+        number, _ = self.world.kinematics.frames[body]
+        arm = point if number < 0 else point - self.world.moving[number].position
+        return number, spatial(cross(arm, force), force)
+
+    def _rigid(self, body: Body) -> Rigid:
+        """A body about the world's origin."""
+        frame, nodes = self.world.frame_of(body.name), self.world.kinematics
+        return joined(nodes.builder, (part.moved(frame) for part in nodes.weights.parts(body)))
+
+    def weight(self, body: Body) -> Term:
+        """The mass of a body."""
+        return self._rigid(body).mass
+
+    def _centre(self, name: str) -> Vector:
+        """The centre of mass of a body with all that an engine makes one with it."""
+        tree, carriers = self.world.kinematics.tree, {WORLD: WORLD}
+        for body in tree.bodies:
+            carriers[body.name] = carriers[body.parent] if self.fuses and not body.joints else body.name
+        bodies = [body for body in tree.bodies if carriers[body.name] == carriers[name]]
+        whole = joined(self.world.kinematics.builder, map(self._rigid, bodies))
+        return whole.first / whole.mass
+
+    def _tendon(self, tendon: Tendon) -> Row:
+        nodes, builder = self.world.kinematics, self.world.kinematics.builder
+        if not isinstance(tendon, Polygon):
+            terms = ((nodes.coordinates.columns[name][0], builder.number(multiple)) for name, multiple in tendon.terms)
+            return replace(self._row(()), on_columns=tuple(terms))
+        places = [(body, placed(builder, pose, self.world.frame_of(body)).shift) for body, pose in tendon.points]
+        acts = []
+        for (first, start), (second, end) in itertools.pairwise(places):
+            along = unit(end - start)
+            acts += [self._force(second, end, along), self._force(first, start, -along)]
+        return self._row(acts)
+
+
+def _only_slides(tree: Tree, nodes: Kinematics, body: Body) -> bool:
+    """Whether MuJoCo takes a body for one whose M is its mass; see the module."""
+    parents = {other.name: other.parent for other in tree.bodies}
+    hangs = body.parent == WORLD or (nodes.frames[body.parent][0] < 0 and parents[body.parent] == WORLD)
+    is_leaf = body.name not in parents.values()
+    slides = bool(body.joints) and all(joint.kind == JointKind.SLIDE and _is_along_one(joint) for joint in body.joints)
+    return hangs and is_leaf and slides and body.inertia is not None and not body.solids and _stands_in_body(body)
+
+
+def _names(joints: Iterable[Joint]) -> tuple[str, ...]:
+    return tuple(joint.name for joint in joints)
+
+
+def _is_along_one(joint: Joint) -> bool:
+    """True for an axis along one of the body's, through the body's origin."""
+    is_still = not joint.pose and all(abs(value) < _NO_SHIFT for value in joint.anchor)
+    return is_still and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
+
+
+def _stands_in_body(body: Body) -> bool:
+    """True where a body's inertia is given about its origin, along its axes, in falling order where that is found by diagonalising."""
+    assert body.inertia is not None
+    xx, yy, zz, *products = body.inertia.moments
+    is_matrix = isinstance(xx, Given) and xx.attribute != "diaginertia"
+    in_order = not any(products) and (not is_matrix or xx >= yy >= zz)
+    return in_order and all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in body.inertia.pose)
+
+
+def _fuses(model: ModelFile) -> bool:
+    """True where MuJoCo makes bodies that no joint moves one with their parents; in a URDF with constraints it is told not to."""
+    if model.format == "urdf":
+        return False
+    root = parse_document(model.path, model.text, ROOT_TAGS[model.format]).root
+    return [compiler.get("fusestatic") for compiler in root.iterfind("compiler[@fusestatic]")][-1:] == ["true"]
+
+
+def _mean_diagonal(mass: Any, entries: list[Any]) -> float:
+    """The mean of the diagonal of J M^-1 J', J by rows in ``entries``."""
+    import flint
+
+    size = mass.nrows()
+    jacobian = flint.arb_mat(len(entries) // size, size, entries)
+    try:
+        weights = jacobian * mass.solve(jacobian.transpose())
+    except ZeroDivisionError:
+        raise ValueError("the mass matrix has no inverse in the zero position of the model") from None
+    return float(sum((weights[i, i] for i in range(weights.nrows())), flint.arb(0)) / weights.nrows())

@@ -1,0 +1,220 @@
+"""The joints of a tree as nodes, each with what moves with it, as terms of a program.
+
+Source: Featherstone, Rigid Body Dynamics Algorithms, chapter 4 (trees and joint models).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from harness.files.tree import WORLD, Body, Direction, Joint, Placement, Tree
+from harness.programs.terms import Term, Vector, cross
+from harness.trees.bodies.bounds import bounded
+from harness.trees.bodies.rigid import Rigid, Spatial, Weights, nothing, spatial
+from harness.trees.bodies.spatial import FileBuilder, Frame, about, angle, direction, of_quaternion, placed, rotation
+
+
+@dataclass
+class Node:
+    """One joint with what moves with it; its frame stands in the joint's anchor.
+
+    Attributes:
+        parent: index of the node before it, -1 for the world. frame: its frame in that of the parent.
+        motions: the motion of the frame for each velocity; columns: their places in v.
+        bias: the part of the acceleration of those motions that is due to their turning in the frame, for free joints.
+        rigid: the bodies that move with it.
+    """
+
+    parent: int
+    frame: Frame
+    joint: Joint
+    motions: list[Spatial]
+    columns: list[int]
+    bias: Spatial
+    rigid: Rigid
+
+    @property
+    def rates(self) -> list[tuple[Spatial, int]]:
+        """The motion of each velocity, and its place in v."""
+        return list(zip(self.motions, self.columns, strict=True))
+
+    @property
+    def armature(self) -> Term:
+        """Inertia of the joint's rotor, reflected to its velocity [kg m^2 or kg]."""
+        return self.of_velocity("armature")
+
+    def of_velocity(self, coefficient: str) -> Term:
+        """A coefficient of the joint, of its velocity where that follows another one's: times the square of the multiplier."""
+        builder = self.rigid.mass.builder
+        multiplier = builder.number(self.joint.multiplier)
+        return (multiplier * multiplier) * builder.number(getattr(self.joint, coefficient))
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The inputs of a tree's program: q, v, a third vector as long as v, further ones, and the time.
+
+    Attributes:
+        joints: names of the joints that move by themselves, in the order of q and v.
+        positions: by joint. columns: by joint, the places of its velocities in v.
+        velocities, third: (nv,), the third vector holds applied forces or accelerations.
+        is_in_body: whether the linear velocity of a free joint is given in the body's frame, instead of its parent's.
+    """
+
+    joints: tuple[str, ...]
+    positions: Mapping[str, Vector]
+    columns: Mapping[str, list[int]]
+    velocities: Vector
+    third: Vector
+    further: Vector
+    is_in_body: bool
+
+    def position(self, joint: Joint) -> Term:
+        """The position of a hinge or slide, of those that follow another too."""
+        (place,) = self.positions[joint.follows or joint.name]
+        multiplier = place.builder.number(joint.multiplier)
+        found: Term = multiplier * place + joint.offset
+        return found
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """The joints of one tree as nodes, parents before their children.
+
+    Attributes:
+        frames: by body, the number of its node, -1 for the world's, and the body's frame in that of the node.
+        weights: the inertia of its bodies.
+    """
+
+    builder: FileBuilder
+    tree: Tree
+    coordinates: Coordinates
+    weights: Weights
+    nodes: Sequence[Node]
+    frames: Mapping[str, tuple[int, Frame]]
+
+    @property
+    def nv(self) -> int:
+        """Number of velocities."""
+        return len(self.coordinates.velocities)
+
+    @property
+    def still(self) -> Spatial:
+        """No motion, and no force."""
+        return self.builder.zeros(2, 3)
+
+    def with_tree(self, tree: Tree) -> Kinematics:
+        """Another tree with the same joints, at the same coordinates."""
+        return _grown(self.builder, tree, self.coordinates, self.weights)
+
+    def at_zero(self) -> Kinematics:
+        """The same tree in the position zero, where quaternions are 1."""
+        positions = {}
+        for name, values in self.coordinates.positions.items():
+            positions[name] = self.builder.zeros(len(values))
+            if len(values) > len(self.coordinates.columns[name]):
+                positions[name][-4] = self.builder.one
+        return _grown(self.builder, self.tree, replace(self.coordinates, positions=positions), self.weights)
+
+
+def standing(tree: Tree, at_reference: bool = False) -> Kinematics:
+    """The nodes of a tree in a program without inputs: in the position zero, or where every joint has its reference."""
+    tree, builder = bounded(tree), FileBuilder(())
+    positions, columns, first = {}, {}, 0
+    for joint in tree.joints:
+        if not joint.follows:
+            values = positions[joint.name] = builder.zeros(joint.kind.positions)
+            columns[joint.name] = list(range(first, first + joint.kind.velocities))
+            first += joint.kind.velocities
+            if joint.kind.has_attitude:
+                values[-4] = builder.one
+            elif at_reference and joint.kind.is_single:
+                values[0] = angle(builder, joint.reference, joint.in_degrees)
+    rest = builder.zeros(first)
+    return _grown(builder, tree, Coordinates(tuple(columns), positions, columns, rest, rest, rest[:0], False), Weights(builder, tree))
+
+
+def kinematics(tree: Tree, joints: Sequence[str], is_in_body: bool = False, third: str = "tau", further: Sequence[str] = ()) -> Kinematics:
+    """The nodes of a tree in a program of their own, whose inputs are those of ``Coordinates``: v and q follow ``joints``.
+
+    Raises:
+        ValueError: the tree has other joints.
+    """
+    order = tuple(dict.fromkeys(joints))
+    kinds = {joint.name: joint.kind for joint in tree.joints if not joint.follows}
+    if sorted(order) != sorted(kinds):
+        raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
+    nq, nv = (sum(kinds[name].sizes[part] for name in order) for part in range(2))
+    sizes = {"q": nq, "v": nv, third: nv}
+    names = [*(f"{kind}{place}" for kind, size in sizes.items() for place in range(size)), *further, "t"]
+    builder = FileBuilder(names)
+    q, v, given = (builder.inputs_at(range(first, first + size)) for first, size in ((0, nq), (nq, nv), (nq + nv, nv)))
+    positions, columns, first, column = {}, {}, 0, 0
+    for name in order:
+        kind = kinds[name]
+        positions[name] = q[first : first + kind.positions]
+        columns[name] = list(range(column, column + kind.velocities))
+        first, column = first + kind.positions, column + kind.velocities
+    coordinates = Coordinates(order, positions, columns, v, given, builder.inputs_at(range(nq + 2 * nv, len(names) - 1)), is_in_body)
+    tree = bounded(tree)
+    return _grown(builder, tree, coordinates, Weights(builder, tree))
+
+
+def _grown(builder: FileBuilder, tree: Tree, coordinates: Coordinates, weights: Weights) -> Kinematics:
+    nodes: list[Node] = []
+    frames = {WORLD: (-1, Frame(builder.identity, builder.still))}
+    for body in tree.bodies:
+        number, frame = frames[body.name] = _grow(builder, coordinates, nodes, frames[body.parent], body)
+        for part in weights.parts(body) if number >= 0 else ():
+            nodes[number].rigid = nodes[number].rigid + part.moved(frame)
+    return Kinematics(builder, tree, coordinates, weights, nodes, frames)
+
+
+def _grow(builder: FileBuilder, coordinates: Coordinates, nodes: list[Node], parent: tuple[int, Frame], body: Body) -> tuple[int, Frame]:
+    """Add the nodes of a body's joints; the last of them, and the body's frame in it."""
+    number, frame = parent[0], placed(builder, body.pose, parent[1])
+    for joint in body.joints:
+        own = placed(builder, joint.pose)
+        anchor = own.at(builder.vector(joint.anchor))
+        axis = own.turn @ direction(builder, joint.axis) if any(joint.axis) else builder.still
+        nodes.append(_node(builder, coordinates, number, Frame(frame.turn, frame.at(anchor)), joint, axis))
+        number, frame = len(nodes) - 1, Frame(builder.identity, -anchor)
+    return number, frame
+
+
+def _node(builder: FileBuilder, coordinates: Coordinates, parent: int, at: Frame, joint: Joint, axis: Vector) -> Node:
+    """The node of a joint whose frame at zero is ``at``, in that of the parent, and whose unit axis is given in that frame."""
+    name, kind, turn, shift, still = joint.follows or joint.name, joint.kind, at.turn, at.shift, builder.still
+    positions, columns = coordinates.positions[name], coordinates.columns[name]
+    rates = coordinates.velocities[columns]
+    bias = spatial(still, still)
+    if kind.is_single:
+        multiplier = builder.number(joint.multiplier)
+        position = coordinates.position(joint)
+        moved, felt = position - angle(builder, joint.reference, joint.in_degrees), multiplier * axis
+        if kind.turning[0]:
+            turn, motions = turn @ about(axis, moved), [spatial(felt, still)]
+        else:
+            shift, motions = shift + turn @ (moved * axis), [spatial(still, felt)]
+    elif kind.has_axis:
+        along = rotation(builder, Placement(rotation=(Direction(joint.axis),))).T
+        own = about(axis, positions[2])
+        moved = positions[0] * along[0] + positions[1] * along[1]
+        shift, turn = shift + turn @ moved, turn @ own
+        motions = [*(spatial(still, own.T @ row) for row in along[:2]), spatial(axis, still)]
+        rate = rates[0] * along[0] + rates[1] * along[1]
+        # The velocity is given in the frame that does not turn.
+        bias = spatial(still, -cross(rates[2] * axis, own.T @ rate))
+    else:
+        if kind.linear:
+            shift = shift + turn @ positions[:3]
+        own = of_quaternion(positions[-4:])
+        turn = turn @ own
+        motions = [spatial(row, still) for row in builder.identity]
+        if kind.linear:
+            motions = [*(spatial(still, row) for row in (builder.identity if coordinates.is_in_body else own)), *motions]
+        if kind.linear and not coordinates.is_in_body:
+            # The velocity is given in the parent's frame, which turns in the body's.
+            bias = spatial(still, -cross(rates[3:], own.T @ rates[:3]))
+    return Node(parent, Frame(turn, shift), joint, motions, columns, bias, nothing(builder))

@@ -1,0 +1,1 @@
+"""What engines compute of a tree beside accelerations, along the world's axes."""

@@ -1,0 +1,163 @@
+"""What engines compute of a tree beside accelerations, as programs of positions, velocities, accelerations and the numbers of a file.
+
+Everything is written along the world's axes, in blocks: a number, or a vector whose length says how large an error is. Each block
+comes with how large the parts are that an algorithm may form of it and cancel, which no derivative shows. Algorithms add the
+arms of a tree one after another, take momenta about a point of their own choice, as the centre of mass of the whole tree, and
+turn vectors from frame to frame; so an arm counts with the sum of the lengths on the way to it.
+
+Sources: Featherstone, Rigid Body Dynamics Algorithms, chapters 5 and 6 (inverse dynamics, composite rigid bodies); Goldstein,
+Classical Mechanics, sections 1.1 and 1.2 (momentum, energy), 5.1 and 5.3 (rigid bodies).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from harness.files.tree import Given, Tree
+from harness.programs.program import StraightLineProgram, without_unused
+from harness.programs.terms import Term, Vector, length, vector
+from harness.trees.bodies.spatial import FileBuilder
+from harness.trees.constraints.rows import untied
+from harness.trees.nodes import kinematics
+from harness.trees.world_motion import Moving, World, in_world, root
+
+
+@dataclass(frozen=True)
+class Block:
+    """A vector of a quantity.
+
+    Attributes:
+        name: as a report says it. values: its components. size: how large the parts are that cancel in it.
+    """
+
+    name: str
+    values: Sequence[Term]
+    size: Term
+
+
+@dataclass(frozen=True)
+class ComputedQuantity:
+    """The blocks of a quantity as programs.
+
+    Attributes:
+        program: from q, v, qdd, time and ``parameters``; its outputs are the components of the blocks, one after another.
+        sizes: from the same inputs; its outputs are the sizes of the blocks.
+        blocks: what each block is. width: the number of components of each.
+    """
+
+    program: StraightLineProgram
+    sizes: StraightLineProgram
+    parameters: tuple[Given, ...]
+    blocks: tuple[str, ...]
+    width: int
+
+
+@dataclass(frozen=True)
+class TreeMotion:
+    """The bodies of one tree as they move at given accelerations, and how large the parts of their motion are.
+
+    Attributes:
+        anchors: by joint, the point that moves with its body. last: by joint, the last joint of its body.
+    """
+
+    world: World
+    anchors: Mapping[str, Vector]
+    last: Mapping[str, str]
+
+    @property
+    def builder(self) -> FileBuilder:
+        return self.world.kinematics.builder
+
+    @property
+    def moving(self) -> Sequence[Moving]:
+        return self.world.moving
+
+    @property
+    def columns(self) -> list[str]:
+        """The name of each velocity."""
+        nodes = self.world.kinematics
+        kinds = {joint.name: joint.kind for joint in nodes.tree.joints}
+        counts = {name: kinds[name].velocities for name in nodes.coordinates.joints}
+        return [f"joint {name!r}" + (f"[{place}]" if count > 1 else "") for name, count in counts.items() for place in range(count)]
+
+    def named(self) -> Iterator[tuple[int, str]]:
+        """The joints that have velocities of their own, in the order of these, each with the node that moves with its body."""
+        numbers = {one.node.joint.name: number for number, one in enumerate(self.moving)}
+        for name in self.world.kinematics.coordinates.joints:
+            yield numbers[self.last[name]], name
+
+    # Sizes.
+
+    @cached_property
+    def extent(self) -> Term:
+        """The distance of the centre of mass from the roots, at most."""
+        first = mass = self.builder.zero
+        for number, one in enumerate(self.moving):
+            for lump in one.lumps:
+                reach = self.from_root(number) + length(lump.centre)
+                first, mass = first + lump.mass * reach, mass + lump.mass
+        return first / mass
+
+    def from_root(self, number: int) -> Term:
+        """The length of the way from the first joint of the tree to a node."""
+        *way, _ = self.world.up_from(number)
+        return sum((length(one.arm) for one in way), self.builder.zero)
+
+    def distance(self, number: int) -> Term:
+        """The length of the way from the world's origin to a node."""
+        return self.from_root(number) + length(root(self.world, number))
+
+    def reach_of(self, number: int, point: Vector) -> Term:
+        return self.distance(number) + length(point + -self.moving[number].position)
+
+    def sizes_of_columns(self, number: int, point: Vector) -> dict[int, tuple[Term, Term]]:
+        """What each velocity does to that of a point of a node's body, and to its spin, with arms taken from anywhere in the tree."""
+        reach = self.extent + (self.from_root(number) + length(point + -self.moving[number].position))
+        found: dict[int, tuple[Term, Term]] = {}
+        for one in self.world.up_from(number):
+            for (about, along), column in one.rates:
+                linear, angular = found.get(column, (self.builder.zero, self.builder.zero))
+                turning = length(about)
+                sliding = length(along) + turning * reach
+                found[column] = linear + sliding, angular + turning
+        return found
+
+    def speeds(self, number: int, point: Vector) -> tuple[Term, Term]:
+        """How large the parts are of the velocity of a point of a node's body, and of its spin."""
+        speed = spin = self.builder.zero
+        for column, (linear, angular) in self.sizes_of_columns(number, point).items():
+            rate = size_of(self.world.kinematics.coordinates.velocities[column])
+            speed, spin = speed + rate * linear, spin + rate * angular
+        return speed, spin
+
+
+def size_of(value: Term) -> Term:
+    """|value|."""
+    return length(vector((value,)))
+
+
+def tree_motion(
+    tree: Tree, joints: Sequence[str], is_in_body: bool = False, read: Tree | None = None, has_other_points: bool = False
+) -> TreeMotion:
+    """The motion of a tree, whose program takes q, v, qdd and the time.
+
+    ``read`` is another tree of the same joints, whose bodies and anchors are asked for: what is one body with two joints in one file is two
+    bodies in another. ``has_other_points``: whether its anchors are other points, see ``have_same_points``.
+    """
+    world = in_world(kinematics(untied(tree, joints), joints, is_in_body, "qdd"))
+    nodes = world.kinematics
+    read = nodes.tree if read is None else untied(read, nodes.coordinates.joints)
+    # Another point is a number of another file, with roundings of its own.
+    anchors = world.of_other(read).points if has_other_points else world.points
+    return TreeMotion(world, anchors, {joint.name: body.joints[-1].name for body in read.bodies for joint in body.joints})
+
+
+def computed(motion: TreeMotion, blocks_of: Callable[[TreeMotion], Iterable[Block]]) -> ComputedQuantity:
+    """The programs of a quantity's blocks, all of one width."""
+    blocks, builder = list(blocks_of(motion)), motion.builder
+    program = builder.program({"values": [value for block in blocks for value in block.values]})
+    sizes = builder.program({"sizes": [block.size for block in blocks]})
+    names = tuple(block.name for block in blocks)
+    return ComputedQuantity(without_unused(program), without_unused(sizes), builder.parameters, names, len(blocks[0].values))

@@ -1,0 +1,173 @@
+"""The equations of motion of a tree of bodies by recursion over it: M by composite bodies, forces by Newton and Euler.
+
+Everything is written in the frames of the bodies, with motions as (angular velocity, velocity of the frame's origin) and
+forces as (moment about it, force). It shares no expression with Lagrange's equations: no energy, no derivative.
+
+Source: Featherstone, Rigid Body Dynamics Algorithms, sections 5.3 (recursive Newton-Euler), 6.2 (composite rigid bodies) and
+2.8 to 2.13 (the vectors and their products).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from harness.files.tree import Given, Pose, Tree
+from harness.programs.program import StraightLineProgram, upper_triangle, without_unused
+from harness.programs.terms import Matrix, Term, Vector, cross
+from harness.trees.bodies.rigid import Spatial, power, spatial
+from harness.trees.bodies.spatial import placed
+from harness.trees.joint_forces import Line, forces_of_joints, tension_between
+from harness.trees.nodes import Kinematics, Node, kinematics
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """The program of a tree, and the numbers of the file that are its last inputs."""
+
+    program: StraightLineProgram
+    parameters: tuple[Given, ...]
+
+
+def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False) -> Recursion:
+    """The program of a tree; q, v and tau follow ``joints``, inputs and outputs are those of ``harness.programs.kernels``.
+
+    A rotation stands in q as a quaternion (w, x, y, z) of any length, its velocity in v in the body's frame, both behind the
+    position of a free joint, whose velocity is in the frame of the parent, or in that of the body. A planar joint has its position
+    in its plane, x and y, and its turn. The parameters are the numbers of the file, but for zeros and the lengths of directions
+    along an axis.
+
+    Raises:
+        ValueError: the tree has other joints.
+    """
+    nodes = kinematics(tree, joints, linear_velocity_in_body)
+    outputs, _ = equations_of_motion(nodes)
+    return Recursion(without_unused(nodes.builder.program(outputs)), nodes.builder.parameters)
+
+
+def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]], list[Line]]:
+    """The terms of the equations of motion by their names, and the lengths on which springs and dampers act."""
+    velocities, lines = _velocities(nodes), list[Line]()
+    outputs = {
+        "mass": _mass_matrix(nodes),
+        "velocity": _velocity_terms(nodes, velocities),
+        "gravity": _gravity_terms(nodes),
+        "passive": _passive_forces(nodes, velocities, lines),
+    }
+    return outputs, lines
+
+
+def _down(node: Node, motion: Spatial) -> Spatial:
+    """A motion of the parent's frame, as one of the node's."""
+    (angular, linear), back = motion, node.frame.turn.T
+    return spatial(back @ angular, back @ (linear + cross(angular, node.frame.shift)))
+
+
+def _up(node: Node, force: Spatial) -> Spatial:
+    """A force on the node's frame, as one on the parent's."""
+    moment, linear = node.frame.turn @ force[0], node.frame.turn @ force[1]
+    return spatial(moment + cross(node.frame.shift, linear), linear)
+
+
+def _of_joint(nodes: Kinematics, node: Node) -> Spatial:
+    """The motion that the joint's velocities give its frame."""
+    found = nodes.still
+    for motion, column in node.rates:
+        found = found + nodes.coordinates.velocities[column] * motion
+    return found
+
+
+def _velocities(nodes: Kinematics) -> list[Spatial]:
+    found: list[Spatial] = []
+    for node in nodes.nodes:
+        before = found[node.parent] if node.parent >= 0 else nodes.still
+        found.append(_down(node, before) + _of_joint(nodes, node))
+    return found
+
+
+def _generalised(nodes: Kinematics, forces: Sequence[Spatial]) -> Vector:
+    """The generalised forces that hold the given forces on the nodes."""
+    found, carried = nodes.builder.zeros(nodes.nv), list(forces)
+    for number in reversed(range(len(nodes.nodes))):
+        node = nodes.nodes[number]
+        for motion, column in node.rates:
+            # A joint and those that mimic it share a column.
+            found[column] = found[column] + power(motion, carried[number])
+        if node.parent >= 0:
+            carried[node.parent] = carried[node.parent] + _up(node, carried[number])
+    return found
+
+
+def _velocity_terms(nodes: Kinematics, velocities: Sequence[Spatial]) -> Vector:
+    accelerations: list[Spatial] = []
+    forces = []
+    for node, (angular, linear) in zip(nodes.nodes, velocities, strict=True):
+        of_joint = _of_joint(nodes, node)
+        before = accelerations[node.parent] if node.parent >= 0 else nodes.still
+        turning = spatial(cross(angular, of_joint[0]), cross(angular, of_joint[1]) + cross(linear, of_joint[0]))
+        accelerations.append((_down(node, before) + turning) + node.bias)
+        moment, momentum = node.rigid.momentum((angular, linear))
+        gyroscopic = spatial(cross(angular, moment) + cross(linear, momentum), cross(angular, momentum))
+        forces.append(node.rigid.momentum(accelerations[-1]) + gyroscopic)
+    return _generalised(nodes, forces)
+
+
+def _gravity_terms(nodes: Kinematics) -> Vector:
+    upward = spatial(nodes.builder.still, -nodes.builder.vector(nodes.tree.gravity))
+    accelerations: list[Spatial] = []
+    for node in nodes.nodes:
+        accelerations.append(_down(node, accelerations[node.parent] if node.parent >= 0 else upward))
+    return _generalised(nodes, [node.rigid.momentum(one) for node, one in zip(nodes.nodes, accelerations, strict=True)])
+
+
+def _mass_matrix(nodes: Kinematics) -> list[Term]:
+    """The upper triangle by rows."""
+    builder, composite = nodes.builder, [node.rigid for node in nodes.nodes]
+    entries: dict[tuple[int, int], Term] = {}
+    for number in reversed(range(len(nodes.nodes))):
+        node = nodes.nodes[number]
+        if node.parent >= 0:
+            composite[node.parent] = composite[node.parent] + composite[number].moved(node.frame)
+        for place, (motion, column) in enumerate(node.rates):
+            force, at, others = composite[number].momentum(motion), number, node.rates[: place + 1]
+            while at >= 0:
+                for other, row in others:
+                    # Of two nodes that share a column, both products are part of its entry.
+                    times = builder.number(2 if row == column and at != number else 1)
+                    entry = min(row, column), max(row, column)
+                    entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
+                force, at = _up(nodes.nodes[at], force), nodes.nodes[at].parent
+                others = nodes.nodes[at].rates
+        armature = node.armature
+        for column in node.columns:
+            entries[column, column] = entries[column, column] + armature
+    return [entries.get(pair, builder.zero) for pair in upper_triangle(nodes.nv)]
+
+
+def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: list[Line]) -> Vector:
+    """Those of springs and dampers; what these act on is added to ``lines``."""
+    builder, found = nodes.builder, forces_of_joints(nodes, lines)
+    on_nodes = [nodes.still] * len(nodes.nodes)
+    for spring in nodes.tree.springs:
+        ends = [_end(nodes, body, pose, velocities) for body, pose in spring.ends]
+        tension, along, line = tension_between(builder, spring, [(position, rate) for _, _, position, rate, _ in ends])
+        lines.append(line)
+        for sign, (node, arm, _, _, turn) in zip((1, -1), ends, strict=True):
+            if node >= 0:
+                force = turn.T @ ((builder.number(sign) * tension) * along)
+                on_nodes[node] = on_nodes[node] + spatial(cross(arm, force), force)
+    return found + _generalised(nodes, on_nodes)
+
+
+def _end(nodes: Kinematics, body: str, pose: Pose, velocities: Sequence[Spatial]) -> tuple[int, Vector, Vector, Vector, Matrix]:
+    """Node of a point, the point in its frame, its position and velocity in the world, and the frame's orientation there."""
+    number, frame = nodes.frames[body]
+    arm = placed(nodes.builder, pose, frame).shift
+    if number < 0:
+        return number, arm, arm, nodes.builder.still, nodes.builder.identity
+    angular, linear = velocities[number]
+    rate, position, orientation, at = linear + cross(angular, arm), arm, nodes.builder.identity, number
+    while at >= 0:
+        above = nodes.nodes[at]
+        position, orientation, at = above.frame.at(position), above.frame.turn @ orientation, above.parent
+    return number, arm, position, orientation @ rate, orientation

@@ -1,0 +1,192 @@
+"""Any robot's file, URDF or MJCF, as its format's documentation gives it meaning.
+
+Files in the wild hold much that says nothing of the motion, and some that no equation of motion can hold. What is left out is
+listed with its lines; nothing that bears on the motion is read past in silence.
+
+Joints may give time constant and damping ratio, from which stiffness and damping follow. The inertia that they are for is the joint's
+own in the reference configuration with all other joints free: 1 / (M^-1)_jj. The documentation speaks of the joint's inertia there;
+that other joints are free is MuJoCo 4.0, user/user_model.cc, AutoSpringDamper.
+
+Sources: http://wiki.ros.org/urdf/XML; MuJoCo documentation, XML reference, also ``body/joint/springdamper``; Modeling, section Solver
+parameters, ``solref``; Wensing, Kim, Slotine, IEEE RA-L 3(1), 2018, for the inertias that bodies can have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from harness.errors import InvalidModel
+from harness.files.document.xml import Document, parse_any, read_any
+from harness.files.equalities import Equality
+from harness.files.findings import Impossible, LeftOut
+from harness.files.mjcf.meshes import CompileMeshes
+from harness.files.model_file import ModelFile
+from harness.files.reading import EXPECTED, GRAVITY, read
+from harness.files.tree import Given, Joint, SpringDampers, Tree
+from harness.files.urdf.kinds import BALL_CONSTRAINT
+from harness.files.urdf.reading import FLOATING_BASE
+from harness.programs.evaluation import mass_matrix
+from harness.programs.kernels import BallKernel
+from harness.programs.program import without_unused
+from harness.trees.bodies.inertias import impossible_inertias, total_mass
+from harness.trees.recursion import recursion_program
+
+__all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "robot_of", "tree_of"]
+
+# M of more has some hundred thousand entries, and its inverse takes minutes to certify.
+MOST_DEGREES_OF_FREEDOM = 500
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One file and what it means.
+
+    Attributes:
+        format: "urdf" or "mjcf", as its root element says.
+        joints: names of the joints that move by themselves, in the order of the file.
+        total_mass: of all bodies but the world [kg].
+        floating_base: name of the free joint that was put under the root of a URDF; "" for none.
+        equalities: points that meet and joints that are coupled, as engines may hold them besides the tree; a joint that mimics another
+            is one, and follows the other in the tree.
+    """
+
+    path: Path
+    format: str
+    tree: Tree
+    joints: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
+    impossible: tuple[Impossible, ...]
+    total_mass: float
+    floating_base: str = ""
+    equalities: tuple[Equality, ...] = ()
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies."""
+        return len(self.tree.bodies)
+
+    @property
+    def meshes(self) -> tuple[int, ...]:
+        """The lines of geoms whose inertia is that of a mesh as an engine compiled it, of each once."""
+        solids = [solid for body in self.tree.bodies for solid in body.solids if solid.kind == "mesh"]
+        return tuple(dict.fromkeys(solid.place.line for solid in solids if solid.place))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of velocities."""
+        kinds = {joint.name: joint.kind for joint in self.tree.joints}
+        return sum(kinds[name].velocities for name in self.joints)
+
+    def joint(self, name: str) -> Joint:
+        """A joint by its name; raises KeyError where there is none."""
+        return {joint.name: joint for joint in self.tree.joints}[name]
+
+
+def read_robot(path: Path, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None) -> Robot:
+    """The robot in a file, URDF or MJCF as its root element says.
+
+    ``floating_base`` puts a free joint between the world and the root link of a URDF, which holds no gravity either: ``gravity``
+    [m/s^2] points along -z there.
+
+    ``compile_meshes`` gives what meshes of an MJCF weigh, which no file states. It is called for files that need it.
+
+    Raises:
+        InvalidModel: the file cannot be read, or something in it has no meaning: a number that is none, a joint without axis, links
+            that are no tree, an element that makes bodies by the rules of one engine alone.
+    """
+    return _robot(read_any(path, EXPECTED), floating_base, gravity, compile_meshes)
+
+
+def robot_of(model: ModelFile, gravity: float) -> Robot:
+    """The robot in a validated model file; ``gravity`` as of ``read_robot``."""
+    return _robot(parse_any(model.path, model.text, EXPECTED), False, gravity)
+
+
+def tree_of(model: ModelFile, gravity: float) -> Tree:
+    """The tree of a validated model file; ``gravity`` as of ``read_robot``."""
+    return robot_of(model, gravity).tree
+
+
+def _robot(document: Document, floating_base: bool, gravity: float, compile_meshes: CompileMeshes | None = None) -> Robot:
+    reading = read(document, floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
+    for one in reading.unread:
+        raise InvalidModel(one.place.path, one.place.line, f"{one.what}, which is not read; {one.advice}")
+    tree = with_spring_dampers(reading.tree, reading.spring_dampers)
+    robot = Robot(
+        path=document.path,
+        format=reading.format,
+        tree=tree,
+        joints=tuple(joint.name for joint in reading.moving),
+        left_out=reading.left_out,
+        impossible=impossible_inertias(tree),
+        total_mass=total_mass(tree),
+        floating_base=FLOATING_BASE if floating_base else "",
+        # No engine's reader reads Drake's constraints, which are among what is left out.
+        equalities=tuple(one for one in reading.equalities if one.kind != BALL_CONSTRAINT),
+    )
+    if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:
+        found = f"has {robot.degrees_of_freedom} degrees of freedom; expected at most {MOST_DEGREES_OF_FREEDOM}"
+        raise InvalidModel(document.path, document.lines[document.root], found)
+    return robot
+
+
+_BITS = 192
+
+
+def with_spring_dampers(tree: Tree, asked: SpringDampers) -> Tree:
+    """The tree whose joints that ask for it have the stiffness and damping that follow from their inertia, rounded to float64."""
+    if not asked.given:
+        return tree
+    inertias = _inertias(tree)
+
+    def changed(joint: Joint) -> Joint:
+        if joint.name not in asked.given or joint.place is None:
+            return joint
+        time, ratio = asked.given[joint.name]
+        stiffness = float(inertias[joint.name] / (_exactly(time) * _exactly(ratio)) ** 2) if asked.springs else 0.0
+        damping = float(2 * inertias[joint.name] / _exactly(time)) if asked.dampers else 0.0
+        # At the joint, for those of a class are other numbers at each.
+        return replace(
+            joint,
+            stiffness=Given(stiffness, joint.place, "stiffness by springdamper"),
+            damping=Given(damping, joint.place, "damping by springdamper"),
+        )
+
+    return replace(tree, bodies=tuple(replace(body, joints=tuple(map(changed, body.joints))) for body in tree.bodies))
+
+
+def _exactly(number: Given) -> Any:
+    import flint
+
+    return flint.arb(float(number))
+
+
+def _inertias(tree: Tree) -> dict[str, Any]:
+    """1 / (M^-1)_jj of the joints of one axis, in balls."""
+    import flint
+
+    joints = tree.joints
+    recursion = recursion_program(tree, [joint.name for joint in joints])
+    program = without_unused(replace(recursion.program, outputs={"mass": recursion.program.outputs["mass"]}))
+    with flint.ctx.workprec(_BITS):
+        evaluate = BallKernel(program, len(recursion.parameters)).bind([float(value) for value in recursion.parameters])
+        reference = [coordinate for joint in joints for coordinate in _reference(joint)]
+        nv = sum(joint.kind.velocities for joint in joints)
+        inverse = mass_matrix(evaluate(*reference, *[0.0] * (2 * nv + 1)), nv).inv()
+        found, column = {}, 0
+        for joint in joints:
+            found[joint.name] = 1 / inverse[column, column]
+            column += joint.kind.velocities
+        return found
+
+
+def _reference(joint: Joint) -> list[Any]:
+    """The position of a joint at which its body stands where the file says; that of a free joint in the world is felt by no inertia."""
+    import flint
+
+    if joint.kind.is_single:
+        written = flint.arb(float(joint.reference))
+        return [written * flint.arb.pi() / 180 if joint.in_degrees else written]
+    return [*[0.0] * (joint.kind.positions - 4), 1.0, 0.0, 0.0, 0.0]

@@ -1,0 +1,266 @@
+"""The bodies of a tree as they move in the world: positions, velocities and accelerations along its axes, as terms of a program.
+
+Accelerations are the classical ones, of points. Nothing here is a spatial vector, and no inertia is carried from one frame to
+another: each lump of a body keeps its own centre of mass. What the bodies behind a joint need for their motion are moments and forces,
+each with how large the parts of it are that cancel.
+
+Source: Goldstein, Classical Mechanics, sections 1.1 and 1.2 (momentum and angular momentum of a system of particles), 4.9 and 4.10
+(rates in turning frames) and 5.1 (rigid bodies).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from harness.files.tree import WORLD, Pose, Tree
+from harness.programs.terms import Matrix, Term, Vector, cross, length
+from harness.trees.bodies.rigid import Lump, Spatial, spatial
+from harness.trees.bodies.spatial import Frame, placed
+from harness.trees.joint_forces import tension_between
+from harness.trees.nodes import Kinematics, Node
+
+
+@dataclass(frozen=True)
+class Moving:
+    """The frame of one node in the world, everything along the world's axes.
+
+    Attributes:
+        node: what it is in the tree. orientation, position: of the frame. arm: from the origin of the parent's frame to its own.
+        spin, velocity: angular velocity, and velocity of the origin.
+        motions: what each velocity of the joint adds to spin and velocity.
+        bias: what (angular, linear) acceleration there is beyond that of the parent and that along ``motions``.
+        lumps: the bodies that move with it, whose centres are measured from the origin.
+    """
+
+    node: Node
+    orientation: Matrix
+    position: Vector
+    arm: Vector
+    spin: Vector
+    velocity: Vector
+    motions: list[Spatial]
+    bias: Spatial
+    lumps: list[Lump]
+
+    @property
+    def rates(self) -> list[tuple[Spatial, int]]:
+        """The motion of each velocity, and its place in v."""
+        return list(zip(self.motions, self.node.columns, strict=True))
+
+    def velocity_at(self, arm: Vector) -> Vector:
+        """The velocity of the point at an arm from the origin."""
+        return self.velocity + cross(self.spin, arm)
+
+
+@dataclass(frozen=True)
+class World:
+    """The nodes of one tree as they move in the world."""
+
+    kinematics: Kinematics
+    moving: Sequence[Moving]
+
+    @property
+    def still(self) -> Vector:
+        return self.kinematics.builder.still
+
+    def up_from(self, number: int) -> Iterator[Moving]:
+        """A node, those before it, and the first of its tree."""
+        while number >= 0:
+            yield self.moving[number]
+            number = self.moving[number].node.parent
+
+    def behind(self, number: int) -> Iterator[int]:
+        """The nodes that a joint carries, its own first."""
+        for other in range(number, len(self.moving)):
+            at = other
+            while at > number:
+                at = self.moving[at].node.parent
+            if at == number:
+                yield other
+
+    def frame_of(self, body: str) -> Frame:
+        """The frame of a body in the world."""
+        number, frame = self.kinematics.frames[body]
+        if number < 0:
+            return frame
+        one = self.moving[number]
+        return Frame(one.orientation @ frame.turn, one.position + one.orientation @ frame.shift)
+
+    @property
+    def points(self) -> dict[str, Vector]:
+        """By the name of a joint, the anchor in the world of the last joint of its body, which moves with the body."""
+        nodes = self.kinematics
+        found = {}
+        for one in self.moving:
+            name = one.node.joint.name
+            body = next(body for body in nodes.tree.bodies if name in {joint.name for joint in body.joints})
+            found[name] = self.moving[nodes.frames[body.name][0]].position
+        return found
+
+    def of_other(self, tree: Tree) -> World:
+        """Another tree with the same joints, at the same coordinates."""
+        return in_world(self.kinematics.with_tree(tree))
+
+    # Springs between points.
+
+    def pulls(self) -> list[Spatial]:
+        """What springs between points do to each node: moment about the origin of its frame, and force."""
+        builder, found = self.kinematics.builder, [self.kinematics.still for _ in self.moving]
+        for spring in self.kinematics.tree.springs:
+            ends = [self.end(body, pose) for body, pose in spring.ends]
+            tension, along, _ = tension_between(builder, spring, [(position, rate) for _, _, position, rate in ends])
+            pull = tension * along
+            for (number, arm, _, _), force in zip(ends, (pull, -pull), strict=True):
+                if number >= 0:
+                    found[number] = found[number] + spatial(cross(arm, force), force)
+        return found
+
+    def end(self, body: str, pose: Pose) -> tuple[int, Vector, Vector, Vector]:
+        """Node of a point, and along the world's axes its arm from the node's origin, its position and its velocity."""
+        number, frame = self.kinematics.frames[body]
+        local = placed(self.kinematics.builder, pose, frame).shift
+        if number < 0:
+            return number, local, local, self.still
+        one = self.moving[number]
+        arm = one.orientation @ local
+        return number, arm, one.position + arm, one.velocity_at(arm)
+
+
+def in_world(nodes: Kinematics) -> World:
+    """The motion of the nodes of a tree in the world."""
+    found: list[Moving] = []
+    builder, lumps = nodes.builder, _lumps(nodes)
+    for node, own in zip(nodes.nodes, lumps, strict=True):
+        parent = found[node.parent] if node.parent >= 0 else None
+        turn, position, spin, velocity = (
+            (builder.identity, builder.still, builder.still, builder.still)
+            if parent is None
+            else (parent.orientation, parent.position, parent.spin, parent.velocity)
+        )
+        orientation, arm = turn @ node.frame.turn, turn @ node.frame.shift
+        motions = [spatial(orientation @ angular, orientation @ linear) for angular, linear in node.motions]
+        turning, sliding = builder.still, builder.still
+        for (angular, linear), column in zip(motions, node.columns, strict=True):
+            rate = nodes.coordinates.velocities[column]
+            turning, sliding = turning + rate * angular, sliding + rate * linear
+        own_spin, carried = spin + turning, cross(spin, arm) + sliding
+        bias_of_spin = cross(spin, turning) + orientation @ node.bias[0]
+        bias = cross(spin, carried) + (cross(own_spin, sliding) + orientation @ node.bias[1])
+        found.append(
+            Moving(
+                node=node,
+                orientation=orientation,
+                position=position + arm,
+                arm=arm,
+                spin=own_spin,
+                velocity=velocity + carried,
+                motions=motions,
+                bias=spatial(bias_of_spin, bias),
+                lumps=[one.in_frame(Frame(orientation, builder.still)) for one in own],
+            )
+        )
+    return World(nodes, found)
+
+
+def _lumps(nodes: Kinematics) -> list[list[Lump]]:
+    """The bodies that move with each node, in the node's frame."""
+    found: list[list[Lump]] = [[] for _ in nodes.nodes]
+    for body in nodes.tree.bodies:
+        number, frame = nodes.frames[body.name]
+        for lump in nodes.weights.lumps(body) if number >= 0 else ():
+            found[number].append(lump.in_frame(frame))
+    return found
+
+
+# Of each node, moments about its origin, and forces.
+Parts = list[list[Spatial]]
+
+
+def wrench(world: World, parts: Parts, number: int, point: Vector) -> Spatial:
+    """The moment about a point, and the force, of all parts of the bodies behind a joint."""
+    total, push = world.still, world.still
+    for other in world.behind(number):
+        arm = world.moving[other].position + -point
+        for moment, force in parts[other]:
+            total, push = total + (moment + cross(arm, force)), push + force
+    return spatial(total, push)
+
+
+def size_of_wrench(world: World, parts: Parts, number: int, point: Vector, start: Vector) -> tuple[Term, Term]:
+    """How large the parts of moment and force are that cancel, see ``Reactions.sizes``, with arms from where the tree starts."""
+    moment = force = world.kinematics.builder.zero
+    for other in world.behind(number):
+        one = world.moving[other]
+        arm = length(one.position + -start)
+        forces = world.kinematics.builder.zero
+        for part in parts[other]:
+            moment, forces = moment + length(part[0]), forces + length(part[1])
+        for lump in one.lumps:
+            # A force through the axis has no moment about it, and its arm does.
+            arm = arm + length(lump.centre)
+            # An acceleration that is measured in the moving frame lacks spin times velocity.
+            velocity = one.velocity_at(lump.centre)
+            forces = forces + lump.mass * length(cross(one.spin, velocity))
+        moment, force = moment + arm * forces, force + forces
+    shift = length(point + -start)
+    return moment + shift * force, force
+
+
+def root(world: World, number: int, nodes: Kinematics | None = None) -> Vector:
+    """The start of a node's tree: the first joint, or the origin of the body that is fixed to the world and has it.
+
+    What slides from there or floats is measured from the world's origin. ``nodes`` are those of the file that has the body, by default
+    of the tree itself.
+    """
+    *_, first = world.up_from(number)
+    if first.node.joint.kind.linear:
+        return world.still
+    nodes = nodes or world.kinematics
+    bodies, joint = {body.name: body for body in nodes.tree.bodies}, first.node.joint.name
+    top = next(body for body in nodes.tree.bodies if joint in {one.name for one in body.joints})
+    while top.parent != WORLD:
+        top = bodies[top.parent]
+    fixed, frame = nodes.frames[top.name]
+    return frame.shift if fixed < 0 else first.position
+
+
+def parts_of_motion(world: World, accelerations: Sequence[Term]) -> Parts:
+    """Of each node, what its lumps need for their motion at given accelerations of the joints, beyond their weight."""
+    found = []
+    of_nodes = zip(world.moving, accelerations_of_nodes(world, accelerations), weights(world), strict=True)
+    for one, (spin, acceleration), own_weights in of_nodes:
+        parts: list[Spatial] = []
+        for lump, weight in zip(one.lumps, own_weights, strict=True):
+            centripetal = cross(one.spin, cross(one.spin, lump.centre))
+            of_centre = acceleration + (cross(spin, lump.centre) + centripetal)
+            force = lump.mass * of_centre
+            parts += [spatial(cross(lump.centre, force), force), weight]
+            parts.append(spatial(lump.moments @ spin, world.still))
+            parts.append(spatial(cross(one.spin, lump.moments @ one.spin), world.still))
+        found.append(parts)
+    return found
+
+
+def weights(world: World) -> Parts:
+    """Of each node, what holds each of its lumps against gravity."""
+    gravity = world.kinematics.builder.vector(world.kinematics.tree.gravity)
+    forces = [[-(lump.mass * gravity) for lump in one.lumps] for one in world.moving]
+    return [
+        [spatial(cross(lump.centre, force), force) for lump, force in zip(one.lumps, own, strict=True)]
+        for one, own in zip(world.moving, forces, strict=True)
+    ]
+
+
+def accelerations_of_nodes(world: World, accelerations: Sequence[Term]) -> list[Spatial]:
+    """Of each node, the change of its spin and the acceleration of its origin at given accelerations of the joints."""
+    found: list[Spatial] = []
+    for one in world.moving:
+        spin, acceleration = found[one.node.parent] if one.node.parent >= 0 else world.kinematics.still
+        acceleration = (acceleration + cross(spin, one.arm)) + one.bias[1]
+        spin = spin + one.bias[0]
+        for (angular, linear), column in one.rates:
+            given = accelerations[column]
+            spin, acceleration = spin + given * angular, acceleration + given * linear
+        found.append(spatial(spin, acceleration))
+    return found

@@ -1,0 +1,64 @@
+"""Derivatives that share their parts are those that SymPy finds one by one."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+import sympy as sp
+
+from harness.lagrange.differentiation import Derivatives
+
+x, y, z = VARIABLES = sp.symbols("x y z", real=True)
+a, t = sp.symbols("a t", positive=True)
+EXPRESSIONS = {
+    "constant": a + 2,
+    "variable": y,
+    "sum": x + 2 * y - a * x,
+    "product": a * x * y**2 * sp.sin(x - y),
+    "power": (x * y + 2) ** sp.Rational(-3, 2),
+    "power in the exponent": (2 + sp.sin(x)) ** (y * z),
+    "quotient": sp.cos(x) / (2 + sp.sin(y)),
+    "nested": sp.exp(-sp.cos(x * sp.sin(y + z))) * sp.tan(sp.sin(x) / 2),
+    "inverse": sp.asin(x / 20) + sp.acos(y / 20) + sp.atan(x * y) + sp.log(2 + x**2),
+    "hyperbolic": sp.sinh(x) * sp.cosh(y) - sp.tanh(z),
+    "two arguments": sp.atan2(x + y, 3 + z**2),
+    "left to SymPy": sp.Abs(x) * y + sp.sign(z),
+    "cancelling": (x + y) ** 2 - x**2 - 2 * x * y - y**2,
+}
+POINT = {x: 0.7, y: -0.4, z: 1.3, a: 2.1, t: 0.6}
+
+
+def value(expression: sp.Expr) -> float:
+    return float(sp.N(expression.subs(POINT), 30))
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
+def test_gradient(expression: sp.Expr) -> None:
+    gradient = Derivatives.by(VARIABLES).of(expression)
+    for variable in VARIABLES:
+        assert value(gradient.get(variable, sp.S.Zero)) == pytest.approx(value(expression.diff(variable)), abs=1e-14)
+    assert expression.free_symbols & set(VARIABLES) == set(gradient)
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
+def test_derivative_along_a_motion(expression: sp.Expr) -> None:
+    rates = {x: sp.cos(t), y: a, z: x * y}
+    along = Derivatives({variable: {t: rate} for variable, rate in rates.items()} | {t: {t: sp.S.One}})
+    expected = sum(expression.diff(variable) * rate for variable, rate in rates.items())
+    for moved in (expression, expression * t):
+        found = along.of(moved).get(t, sp.S.Zero)
+        slope = value(expected) if moved is expression else value(expected * t + expression)
+        assert value(found) == pytest.approx(slope, abs=1e-14)
+
+
+def test_every_part_is_differentiated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    shared = sp.sin(x * y)
+    terms = [random.Random(k).randint(2, 9) * shared * sp.cos(k * z) for k in range(1, 30)]
+    derivatives, walked = Derivatives.by(VARIABLES), []
+    original = Derivatives._of
+    monkeypatch.setattr(Derivatives, "_of", lambda self, expression: walked.append(expression) or original(self, expression))
+    derivatives.of(sp.Add(*terms))
+    derivatives.of(sp.Add(*terms[::2]))
+    assert len(walked) == len(set(walked))
+    assert walked.count(shared) == 1

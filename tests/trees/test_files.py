@@ -1,0 +1,208 @@
+"""Robots of our own, with what files in the wild hold: every number is found, with its line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.certify.compare import compare
+from harness.certify.reference import Reference, ReferenceKernel
+from harness.certify.sampling import sample
+from harness.files.tree import Given
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import LeftOut, Robot, read_robot
+
+FILES = Path(__file__).parent / "files"
+NAMES = ("arm.urdf", "humanoid.urdf", "humanoid.xml", "quadruped.xml")
+SEED = 11
+
+
+def numbers_of(part: object) -> Iterator[Given]:
+    """The numbers of the file in a part of a tree."""
+    if isinstance(part, Given):
+        yield part
+    elif isinstance(part, tuple):
+        for one in part:
+            yield from numbers_of(one)
+    elif is_dataclass(part):
+        for field in fields(part):
+            yield from numbers_of(getattr(part, field.name))
+
+
+def written(robot: Robot) -> list[Given]:
+    """The numbers of a tree that stand in a file, each once; those of no attribute in the text are defaults."""
+    found = {number.key: number for number in numbers_of(robot.tree)}
+    return [number for number in found.values() if words_of(number) is not None]
+
+
+def words_of(number: Given) -> list[str] | None:
+    """The words of the attribute in which a number stands, found in the text from its line on."""
+    text = "\n".join(number.place.path.read_text().split("\n")[number.place.line - 1 :])
+    if not number.attribute:
+        return text[text.index(f"<{number.place.tag}>") :].partition(">")[2].split("<")[0].split()
+    # Of several elements that start on one line, any may be meant.
+    first = text.split("\n", 1)[0]
+    options = re.findall(rf'<{number.place.tag}\b[^>]*?\s{number.attribute}="([^"]*)"', first)
+    for option in options:
+        words = option.split()
+        if number.index < len(words) and float(words[number.index]) == float(number):
+            return list(words)
+    return None if not options else options[0].split()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_number_stands_at_its_line(name: str) -> None:
+    robot = read_robot(FILES / name)
+    found = written(robot)
+    for number in found:
+        words = words_of(number)
+        assert words is not None
+        assert float(words[number.index]) == float(number), number.key
+    # Masses, moments and places of all bodies are among them.
+    assert len(found) > 5 * robot.bodies
+
+
+def test_the_parameters_of_a_program_are_numbers_of_the_file() -> None:
+    reference = ReferenceKernel(mechanism_of(read_robot(FILES / "arm.urdf")))
+    names = [name for name, _, _ in reference.mechanism.parameters]
+    lines = (FILES / "arm.urdf").read_text().split("\n")
+    masses = [number for number, line in enumerate(lines, 1) if "<mass" in line]
+    assert {f"arm.urdf:{line}: mass value[0]" for line in masses} <= set(names)
+
+
+@pytest.mark.parametrize("field", ["mass", "com", "inertia", "origin", "axis", "damping", "friction", "limits", "spring", "mimic"])
+def test_each_quantity_knows_its_line(field: str) -> None:
+    robot = read_robot(FILES / "arm.urdf")
+    bodies = {body.name: body for body in robot.tree.bodies}
+    inertia, joint = bodies["shoulder"].inertia, robot.joint("shoulder_joint")
+    assert inertia is not None
+    flange, follower = robot.joint("flange_joint"), robot.joint("right_finger_joint")
+    place, text = {
+        "mass": (inertia.places["mass"], '<mass value="3.7"/>'),
+        "com": (inertia.places["pose"], '<origin xyz="0 -0.03 0.12"'),
+        "inertia": (inertia.places["moments"], '<inertia ixx="0.0103"'),
+        "origin": (bodies["shoulder"].places["pose"], '<origin rpy="0 0 0" xyz="0 0 0.3"'),
+        "axis": (joint.places["axis"], '<axis xyz="0 0 1"/>'),
+        "damping": (joint.places["damping"], '<dynamics damping="1.3"'),
+        "friction": (joint.places["friction_loss"], 'friction="0.3"'),
+        "limits": (joint.places["limits"], "<limit effort"),
+        "spring": (flange.places["stiffness"], "<springStiffness>4.5"),
+        "mimic": (follower.places["multiplier"], '<mimic joint="left_finger_joint"'),
+    }[field]
+    assert text in place.path.read_text().split("\n")[place.line - 1]
+
+
+def test_numbers_of_classes_stand_in_the_included_file() -> None:
+    robot = read_robot(FILES / "humanoid.xml")
+    place = robot.joint("left_knee").places["damping"]
+    assert place.path.name == "humanoid_classes.xml"
+    assert 'damping="2.75"' in place.path.read_text().split("\n")[place.line - 1]
+    # What the file does not say stands at the element that leaves it out.
+    anchor = robot.joint("left_knee").places["anchor"]
+    assert 'name="left_knee"' in anchor.path.read_text().split("\n")[anchor.line - 1]
+    # Of the numbers that all legs share, the program has one input.
+    inputs = [name for name, _, _ in mechanism_of(robot).parameters if name.endswith(" joint damping[0]")]
+    assert len(inputs) == 3
+
+
+def test_what_is_left_out_is_listed_with_its_lines() -> None:
+    robot = read_robot(FILES / "arm.urdf")
+    lines = robot.path.read_text().split("\n")
+    found = {one.what: one for one in robot.left_out}
+    for what, text, bears in (
+        ("contacts", "<collision>", True),
+        ("friction loss", 'friction="', True),
+        ("visual geometry", "<visual>", False),
+        ("safety controllers and calibration", "<safety_controller", False),
+        ("transmissions", "<transmission", False),
+        ("elements that URDF does not know", "<ros2_control", False),
+        ("xacro leftovers", "<xacro:", False),
+    ):
+        expected = [number for number, line in enumerate(lines, 1) if text in line]
+        extra = [number for number, line in enumerate(lines, 1) if what == "visual geometry" and "<material name" in line]
+        assert found[what] == LeftOut(what, tuple(sorted(expected + extra)), bears)
+    # A spring is read, and no more left out than the joints without limits.
+    assert [lines[line - 1].strip() for line in found["gazebo elements"].lines] == [
+        '<gazebo reference="forearm"><mu1>0.2</mu1><turnGravityOff>false</turnGravityOff></gazebo>'
+    ]
+    assert len(found["joint limits"].lines) == 8
+    kinds = {one.what: one.bears_on_motion for one in read_robot(FILES / "quadruped.xml").left_out}
+    assert {what for what, bears in kinds.items() if bears} == {
+        "fluid",
+        "equality constraints",
+        "contacts",
+        "friction loss",
+        "joint limits",
+    }
+
+
+def test_joints_stand_in_the_order_of_the_file() -> None:
+    for name in ("arm.urdf", "humanoid.urdf"):
+        robot = read_robot(FILES / name)
+        text = robot.path.read_text()
+        places = [text.index(f'<joint name="{joint}"') for joint in robot.joints]
+        assert places == sorted(places)
+    robot = read_robot(FILES / "quadruped.xml")
+    assert robot.joints[:6] == ("base", "wag", "swing_0", "lift_0", "reach_0", "(joint 1 of (body 1 of thigh_0))")
+    assert (robot.bodies, len(robot.joints), robot.degrees_of_freedom) == (15, 18, 25)
+
+
+def certified(robot: Robot, like: ReferenceKernel | None = None) -> tuple[ReferenceKernel, Reference]:
+    reference = ReferenceKernel(mechanism_of(robot))
+    states = sample((like or reference).mechanism, 40, SEED)
+    return reference, reference.evaluate(states)
+
+
+@pytest.mark.costly
+def test_twins_in_both_formats_have_the_same_accelerations() -> None:
+    """Their angles are rounded apart, in degrees here and radians there."""
+    by_urdf = read_robot(FILES / "humanoid.urdf", floating_base=True)
+    text = (FILES / "humanoid.xml").read_text()
+    by_mjcf = read_robot(FILES / "humanoid.xml")
+    assert "freejoint" in text and by_mjcf.degrees_of_freedom == by_urdf.degrees_of_freedom == 35
+    assert (by_mjcf.total_mass, by_mjcf.bodies) == (by_urdf.total_mass, by_urdf.bodies) == (pytest.approx(73.2), 30)
+    first, truth = certified(by_urdf)
+    assert truth.certified.all()
+    assert set(by_urdf.joints) == set(by_mjcf.joints)
+    second, other = certified(replace(by_mjcf, joints=by_urdf.joints), first)
+    assert second.mechanism.joint_sizes == first.mechanism.joint_sizes
+    assert compare(truth, other.high).backward_error.max() < 4
+
+
+@pytest.mark.costly
+def test_a_free_joint_may_have_its_velocity_in_its_own_frame() -> None:
+    robot = read_robot(FILES / "humanoid.urdf", floating_base=True)
+    in_parent, in_body = ReferenceKernel(mechanism_of(robot)), ReferenceKernel(mechanism_of(robot), linear_velocity_in_body=True)
+    states = sample(in_parent.mechanism, 10, SEED)
+    expected = in_parent.evaluate(states).high
+    for row in range(len(states)):
+        w, x, y, z = states.q[row, 3:7] / np.linalg.norm(states.q[row, 3:7])
+        skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rotation = np.eye(3) + 2 * w * skew + 2 * skew @ skew
+        one = states[[row]]
+        velocity, tau = one.v.copy(), one.tau.copy()
+        velocity[0, :3], tau[0, :3] = rotation.T @ velocity[0, :3], rotation.T @ tau[0, :3]
+        found = in_body.evaluate(type(one)(one.q, velocity, tau, one.time)).high[0]
+        found[:3] = rotation @ (found[:3] + np.cross(velocity[0, 3:6], velocity[0, :3]))
+        np.testing.assert_allclose(found, expected[row], rtol=0, atol=1e-11 * np.abs(expected[row]).max())
+
+
+def test_data_roundoff_includes_the_rounding_of_each_number_of_the_file(tmp_path: Path) -> None:
+    """Two files whose masses differ by an ulp differ by about a data roundoff, and by no more."""
+    text = (FILES / "arm.urdf").read_text()
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        text.replace('<mass value="3.7"/>', f'<mass value="{float(np.nextafter(3.7, 4))!r}"/>').replace(
+            'value="2.3"', f'value="{float(np.nextafter(2.3, 3))!r}"'
+        )
+    )
+    reference, truth = certified(read_robot(FILES / "arm.urdf"))
+    _, other = certified(read_robot(path), reference)
+    error = np.abs((other.high - truth.high) + (other.low - truth.low))
+    assert error.max() > 0
+    assert 0.001 < compare(truth, other.high).backward_error.max() < 2

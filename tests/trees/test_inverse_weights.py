@@ -1,0 +1,78 @@
+"""Inverse weights of model files, against those of models that MuJoCo has compiled."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.engines import load_engine
+from harness.files.model_file import parse_model, read_model
+from harness.files.rules.constraint_law import InverseWeight
+from harness.library import Library
+from harness.trees.inverse_weights import inverse_weights
+
+LIBRARY = Library.built_in()
+
+WEIGHED = [
+    "four_bar",
+    "slider_crank",
+    "arm_3r",
+    "cart_pendulum",
+    "coupled_oscillators",
+    "free_body",
+    "puma_560",
+    "furuta_pendulum.full_inertia",
+    "arm_3r.fusestatic",
+]
+
+
+@pytest.mark.parametrize("name", WEIGHED)
+def test_inverse_weights_are_those_of_the_compiled_model(name: str) -> None:
+    file = read_model(LIBRARY.model_path(name, "mjcf"), "mjcf")
+    model = load_engine(LIBRARY, "mujoco").load(file, tuple(file.joint_lines), 9.81).model  # type: ignore[attr-defined]
+    bodies, joints = (
+        [model.body(number).name for number in range(1, model.nbody)],
+        [model.joint(number).name for number in range(model.njnt)],
+    )
+    found = inverse_weights(file, [InverseWeight(kind, body) for body in bodies for kind in ("translation", "rotation")])  # type: ignore[arg-type]
+    found |= inverse_weights(file, [InverseWeight("joint", joint) for joint in joints])
+    for one, value in found.items():
+        compiled = model.joint(one.of).id if one.kind == "joint" else model.body(one.of).invweight0[int(one.kind == "rotation")]
+        if one.kind == "joint":
+            compiled = model.dof_invweight0[model.jnt_dofadr[compiled]]
+        assert value == pytest.approx(compiled, rel=_solve_error(model))
+
+
+def _solve_error(model: Any) -> float:
+    """What a solve with M may lose: its condition, unit roundoffs and its size."""
+    import mujoco
+
+    data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    scale = 1 / np.sqrt(np.diag(mass))
+    return float(8 * model.nv * np.linalg.cond(mass * np.outer(scale, scale)) * 2.0**-53)
+
+
+def test_a_tendon_has_the_inverse_weight_of_its_length() -> None:
+    """One straight between two points, and one on a sum of joints."""
+    path = LIBRARY.model_path("four_bar", "mjcf")
+    tendons = (
+        '<tendon><spatial name="cord"><site site="hook"/><site site="coupler_end"/></spatial>'
+        '<fixed name="sum"><joint joint="crank" coef="2"/><joint joint="follower" coef="-0.5"/></fixed></tendon>'
+        '<equality><tendon name="tie" tendon1="cord" tendon2="sum"/></equality>'
+    )
+    text = path.read_text(encoding="utf-8").replace("<worldbody>", '<worldbody><site name="hook" pos="0.5 0.25 1.5"/>')
+    file = parse_model(path, text.replace("</worldbody>", f"</worldbody>{tendons}"), "mjcf")
+    model = load_engine(LIBRARY, "mujoco").load(file, tuple(file.joint_lines), 9.81).model  # type: ignore[attr-defined]
+    found = inverse_weights(file, [InverseWeight("tendon", "cord"), InverseWeight("tendon", "sum")])
+    assert [*found.values()] == pytest.approx(model.tendon_invweight0.tolist(), rel=_solve_error(model))
+
+
+def test_the_world_has_none_and_a_singular_zero_position_is_refused() -> None:
+    four_bar, pendulum = (read_model(LIBRARY.model_path(name, "urdf"), "urdf") for name in ("four_bar", "spring_pendulum"))
+    assert inverse_weights(four_bar, [InverseWeight("translation", "world")]) == {InverseWeight("translation", "world"): 0.0}
+    with pytest.raises(ValueError, match="has no inverse in the zero position"):
+        inverse_weights(pendulum, [InverseWeight("joint", "pin")])

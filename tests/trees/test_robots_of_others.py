@@ -1,0 +1,69 @@
+"""Every robot of ``example-robot-data`` and of ``dm_control``'s suite is read, or refused by name. Needs the extra ``robots``."""
+
+from __future__ import annotations
+
+import importlib.util
+from importlib.metadata import distribution
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from support_robots import by_mujoco, by_pinocchio, only_single_axes
+
+from harness.certify.compare import compare
+from harness.certify.reference import ReferenceKernel
+from harness.certify.sampling import sample
+from harness.comparison.meshes import compiled_meshes
+from harness.errors import InvalidModel
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import read_robot
+
+pytestmark = pytest.mark.robots
+
+STATES = 8
+SEED = 3
+# Data roundoffs. What a verdict allows is 64; readers round the inertias of several geoms as they join them, which costs more.
+ALLOWED = {"urdf": 64.0, "mjcf": 128.0}
+# Mimics a joint that the file does not have; has no link at all.
+REFUSED = {"alex_psyonic_hands.urdf": "which is no joint of this file", "ur3.urdf": "has no link"}
+
+
+def robots() -> list[Path]:
+    """The files of both collections; none where the extra is not installed, which each test then says."""
+    found: list[Path] = []
+    if importlib.util.find_spec("dm_control"):
+        suite = Path(str(importlib.util.find_spec("dm_control").submodule_search_locations[0])) / "suite"  # type: ignore[union-attr, index]
+        found += sorted(suite.glob("*.xml"))
+    try:
+        files = distribution("example-robot-data").files or []
+    except ImportError:
+        files = []
+    return [*found, *sorted(Path(str(file.locate())) for file in files if file.suffix == ".urdf")]
+
+
+@pytest.mark.parametrize("path", robots() or [None], ids=lambda path: path.name if path else "none")
+def test_a_robot_is_read_as_its_engine_compiles_it_or_refused_by_name(path: Path | None) -> None:
+    assert path is not None, "no robots are installed; install the extra: pip install 'rigid-body-harness[robots]'"
+    try:
+        robot = read_robot(path, compile_meshes=compiled_meshes)
+    except InvalidModel as error:
+        assert error.path == path and error.line is not None
+        assert path.name in REFUSED and REFUSED[path.name] in error.problem, error
+        return
+    if not robot.joints or (robot.format == "urdf" and not only_single_axes(robot)):
+        return
+    reference = ReferenceKernel(mechanism_of(robot))
+    states = sample(reference.mechanism, STATES, SEED)
+    if robot.format == "mjcf":
+        model = mujoco.MjModel.from_xml_path(str(path))
+        np.testing.assert_allclose(robot.total_mass, mujoco.mj_getTotalmass(model), rtol=1e-14)
+        answers = by_mujoco(model, states)
+    else:
+        answers = by_pinocchio(path, robot, states)
+    truth = reference.evaluate(states)
+    if any(one.what == "indefinite inertia" for one in robot.impossible):
+        # M need not be positive definite, so that nothing measures an error in it.
+        return
+    assert truth.certified.all()
+    assert compare(truth, answers).backward_error.max() < ALLOWED[robot.format]
