@@ -52,7 +52,13 @@ def cache_directory() -> Path:
 
 @functools.cache
 def sources_digest(*rooms: str) -> bytes:
-    """A hash of every Python file of ``rooms``, and of the modules that every room may use."""
+    """A hash of every Python file of ``rooms``, and of the modules that every room may use.
+
+    Raises:
+        ValueError: there is no such room.
+    """
+    if missing := [room for room in rooms if not (_PACKAGE / room).is_dir()]:
+        raise ValueError(f"no room of the package is called {missing[0]!r}")
     files = [*_PACKAGE.glob("*.py"), *(file for room in rooms for file in (_PACKAGE / room).rglob("*.py"))]
     digest = hashlib.sha256()
     for file in sorted(files):

@@ -21,6 +21,7 @@ from support import make_library
 
 import harness
 from harness.library import ENTRY_POINTS
+from harness.storage import sources_digest
 
 ROOMS = sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and any(path.glob("*.py")))
 # The systems are a library's folder, which is searched and never imported.
@@ -174,6 +175,11 @@ def test_contributing_draws_every_layer_in_its_place() -> None:
     picture = text.partition("<!-- layers -->\n```text\n")[2].partition("```")[0]
     drawn = [set(re.findall(r"\w+", line.partition("  ")[0])) for line in picture.splitlines()]
     assert drawn == FLOORS
+
+
+def test_a_digest_of_a_room_that_is_not_there_is_refused() -> None:
+    with pytest.raises(ValueError, match="no room of the package is called 'nowhere'"):
+        sources_digest("results", "nowhere")
 
 
 # What a text names is there

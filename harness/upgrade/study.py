@@ -140,7 +140,7 @@ class Explanations(Inquiries):
         yield [self._explained(*key) for key in self._keys]
 
     def _explained(self, system: str, subject: str) -> Inquiry[None]:
-        outcome = yield from ask(_explain, system, subject, self._library, *self._versions, self._seed, affinity=system)
+        outcome = yield from ask(_explain, self._library, system, subject, self._versions, self._seed, affinity=system)
         found = outcome.value
         if failure := self.failure(outcome):
             found = [RunChange(system=system, subject=subject, what=TERMS, before="not compared", now=failure)]
@@ -155,9 +155,9 @@ def _answered(records: Iterable[Record]) -> Iterator[Record]:
     return (record for record in records if record.verdict in _ANSWERED)
 
 
-def _explain(system: str, subject: str, library: Library, before: str, after: str, seed: int, note: Any) -> list[RunChange]:
+def _explain(library: Library, system: str, subject: str, versions: tuple[str, str], seed: int, note: Any) -> list[RunChange]:
     model_format = subject.partition("/")[2]
-    old, new = (Assignment.of(library, system, Subject(version, model_format)) for version in (before, after))
+    old, new = (Assignment.of(library, system, Subject(version, model_format)) for version in versions)
     return [replace(change, system=system) for change in explain_changes(old, new, seed, note)]
 
 
