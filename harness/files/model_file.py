@@ -37,6 +37,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from harness.files.document.xml import Document, parse_document, read_document
@@ -57,7 +58,7 @@ from harness.files.facts import (
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.checks import check_elements
 from harness.files.lint.mechanisms import check_parts, check_reading
-from harness.files.reading import read
+from harness.files.reading import Reading, read
 
 __all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
 
@@ -113,6 +114,16 @@ def read_model(path: Path, format: str) -> ModelFile:
 def parse_model(path: Path, text: str, format: str) -> ModelFile:
     """``read_model`` of a file at ``path`` that would hold ``text``; raises the same."""
     return _validated(parse_document(path, text, _root_tag(format)), format)
+
+
+def reading_of(model: ModelFile) -> Reading:
+    """What the file of a model means; that of the last files is kept."""
+    return _reading(model.path, model.text, model.format)
+
+
+@lru_cache(maxsize=8)
+def _reading(path: Path, text: str, format: str) -> Reading:
+    return read(parse_document(path, text, ROOT_TAGS[format]))
 
 
 def _root_tag(format: str) -> str:

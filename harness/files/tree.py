@@ -73,23 +73,23 @@ class _Placed:
         """The place of each quantity, by the name of its field; that of the element where the file does not give the quantity."""
         found = {}
         for one in fields(self):  # type: ignore[arg-type]
-            given = next(_given(getattr(self, one.name)), None)
+            given = next(numbers_in(getattr(self, one.name)), None)
             place = self.place if given is None else given.place
             if place is not None:
                 found[one.name] = place
         return found
 
 
-def _given(value: object) -> Iterator[Given]:
+def numbers_in(value: object) -> Iterator[Given]:
     """The numbers of the file in a quantity; none of parts that have places of their own."""
     if isinstance(value, Given):
         yield value
     elif isinstance(value, tuple):
         for part in value:
-            yield from _given(part)
+            yield from numbers_in(part)
     elif isinstance(value, Turn | Quaternion | Axes | Direction | Placement):
         for part in fields(value):
-            yield from _given(getattr(value, part.name))
+            yield from numbers_in(getattr(value, part.name))
 
 
 @dataclass(frozen=True)

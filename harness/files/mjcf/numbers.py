@@ -72,7 +72,7 @@ class Attributes:
         """A stiffness or damping; 0 where that stage is switched off, and where it is left unread."""
         linear, *others = self.numbers(element, attribute, (0, 0, 0))
         if not self.acts(stage):
-            return Fraction(0)
+            return Given(0.0, linear.place, attribute)
         bent = next((one for one in others if one), None)
         if bent is not None:
             self.leave_unread(element, attribute, bent, "is not linear", "write one number")

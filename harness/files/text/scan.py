@@ -120,6 +120,11 @@ def innermost(holders: Iterable[Element], element: Element) -> Element | None:
 
 def find_elements(text: str, model_format: str) -> list[Element]:
     """Every element of a valid model but its decoration, in document order."""
+    return [element for element in all_elements(text, model_format) if rules_at(model_format, element.path) is not None]
+
+
+def all_elements(text: str, model_format: str) -> list[Element]:
+    """Every element, which stands where the places of a tree number it."""
     found: list[Element] = []
     line_of = _lines(text)
     # Places in ``found`` of the elements that are still open.
@@ -137,7 +142,7 @@ def find_elements(text: str, model_format: str) -> list[Element]:
         if not token["empty"]:
             waiting.append(len(found))
         found.append(Element(path, token.start(), token.end(), token.end(), token.end(), line_of(token.start()), attributes))
-    return [element for element in found if rules_at(model_format, element.path) is not None]
+    return found
 
 
 def _lines(text: str) -> Callable[[int], int]:
