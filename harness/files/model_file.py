@@ -22,7 +22,7 @@ URDF states neither springs nor reflected inertias. These conventions, and no ot
   model files", tags drake:rotor_inertia and drake:gear_ratio, and "Reflected Inertia";
 - two points held together, ``<drake:ball_constraint>``, with a ``name`` that the harness finds it by. Source: Drake, "Parsing model
   files", tag drake:ball_constraint (``harness.files.urdf.equalities``);
-- a ball joint, ``<drake:joint type="ball">`` from ``world``, which is not declared, to the root link. Source:
+- a ball joint, ``<drake:joint>`` of type ball from ``world``, which is not declared, to the root link. Source:
   Drake, "Parsing model files", tag drake:joint.
 
 A joint with ``<mimic>`` is read, and is none of ``joint_lines``: it moves as another does (``harness.files.urdf.equalities``), and is
@@ -58,7 +58,7 @@ from harness.files.facts import (
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.checks import check_elements
 from harness.files.lint.mechanisms import check_parts, check_reading
-from harness.files.reading import Reading, read
+from harness.files.reading import Meaning, read
 
 __all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
 
@@ -116,13 +116,13 @@ def parse_model(path: Path, text: str, format: str) -> ModelFile:
     return _validated(parse_document(path, text, _root_tag(format)), format)
 
 
-def reading_of(model: ModelFile) -> Reading:
+def meaning_of(model: ModelFile) -> Meaning:
     """What the file of a model means; that of the last files is kept."""
-    return _reading(model.path, model.text, model.format)
+    return _meaning(model.path, model.text, model.format)
 
 
 @lru_cache(maxsize=8)
-def _reading(path: Path, text: str, format: str) -> Reading:
+def _meaning(path: Path, text: str, format: str) -> Meaning:
     return read(parse_document(path, text, ROOT_TAGS[format]))
 
 

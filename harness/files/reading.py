@@ -35,7 +35,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
-class Reading:
+class Meaning:
     """A model file as its format's documentation gives it meaning.
 
     Attributes:
@@ -81,7 +81,7 @@ def _format(source: Source, root: etree._Element) -> str:
 
 def read(
     document: Document, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None
-) -> Reading:
+) -> Meaning:
     """What a document says; an MJCF that includes files or makes replicas is changed in place, by having them.
 
     ``floating_base`` puts a free joint between the world and the root link of a URDF. ``gravity`` is along -z. ``compile_meshes`` gives
@@ -103,4 +103,4 @@ def read(
         meshes = None if compile_meshes is None else Meshes(document.path, compile_meshes)
         tree, equalities, spring_dampers = mjcf.read_tree(source, root, meshes)
         left_out = mjcf_left_out.left_out(source, root, tree)
-    return Reading(_format(source, root), tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)
+    return Meaning(_format(source, root), tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)

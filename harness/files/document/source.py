@@ -63,42 +63,23 @@ class Source:
         """Leave an element out as ``what``, "" for what needs no mention; ``problem`` is why a mechanism's model may not have it."""
         self.passed_over.append(PassedOver(self._places[element], self.lines([element])[0], problem, what))
 
-    def leave_unread(self, element: etree._Element, what: str, advice: str) -> None:
-        """Note a force or an inertia that no tree holds."""
-        self.unread.append(Unread(self._places[element], what, advice))
-
     def lines(self, elements: Iterable[etree._Element]) -> tuple[int, ...]:
         """The lines of elements in the model's own file, each once; of one in an included file, that of the element that includes it."""
-        return tuple(sorted({self._line(self._places[element]) for element in elements}))
-
-    def _line(self, place: Place) -> int:
-        while place.path in self._included_by:
-            place = self._included_by[place.path]
-        return place.line
+        found = set()
+        for place in (self._places[element] for element in elements):
+            while place.path in self._included_by:
+                place = self._included_by[place.path]
+            found.add(place.line)
+        return tuple(sorted(found))
 
     # Elements by tag and by name.
 
-    def children(self, element: etree._Element, *tags: str) -> Iterator[etree._Element]:
-        """The elements right inside another one that are written with one of the tags."""
-        return (child for child in element.iterchildren("*") if literal_tag(child) in tags)
-
     def one(self, element: etree._Element, tag: str) -> etree._Element | None:
         """The part of that tag; raises InvalidModel where there are two, of which readers take the one or the other."""
-        found = list(self.children(element, tag))
+        found = list(children(element, tag))
         if len(found) > 1:
-            self._refuse_second(element, found[1])
+            self.refuse(found[1], f"second <{tag}> in {describe(element)}; expected one, keep the right one")
         return found[0] if found else None
-
-    def parts(self, element: etree._Element) -> dict[str, etree._Element]:
-        """All that stands right inside an element by its tag; raises InvalidModel where two have the same."""
-        parts: dict[str, etree._Element] = {}
-        for part in element.iterchildren("*"):
-            if parts.setdefault(literal_tag(part), part) is not part:
-                self._refuse_second(element, part)
-        return parts
-
-    def _refuse_second(self, element: etree._Element, part: etree._Element) -> NoReturn:
-        self.refuse(part, f"second <{literal_tag(part)}> in {describe(element)}; expected one, keep the right one")
 
     def by_name(self, elements: Iterable[etree._Element]) -> dict[str, etree._Element]:
         """Elements by name; raises InvalidModel where one has none, or another's."""
@@ -165,6 +146,11 @@ class Source:
         """``numbers`` of one."""
         (value,) = self.numbers(element, attribute, None if default is None else (default,), check, 1, 1)
         return value
+
+
+def children(element: etree._Element, *tags: str) -> Iterator[etree._Element]:
+    """The elements right inside another one that are written with one of the tags."""
+    return (child for child in element.iterchildren("*") if literal_tag(child) in tags)
 
 
 def unresolved(element: etree._Element, attribute: str, known: Elements) -> str:

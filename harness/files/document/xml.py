@@ -17,7 +17,7 @@ from xml.parsers import expat
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.library import CannotRun, member_of, nearest, raised_in, run_file
+from harness.library import CannotRun, member_of, raised_in, run_file
 
 MAXIMUM_BYTES = 10_000_000
 # Several times as many as the largest robots have; a second to read.
@@ -225,14 +225,3 @@ def add_named(document: Document, element: etree._Element, known: dict[str, etre
     if name in known:
         document.refuse(element, f"{describe(element)} repeats the name of line {document.lines[known[name]]}; give each its own")
     known[name] = element
-
-
-def resolve(document: Document, element: etree._Element, attribute: str, known: Mapping[str, etree._Element]) -> str:
-    """The name in ``attribute``; raises InvalidModel where ``known`` does not hold it."""
-    name = element.get(attribute)
-    if name is None:
-        document.refuse(element, f"{describe(element)} has no attribute {attribute!r}; add it")
-    if name not in known:
-        written = f'<{literal_tag(element)} {attribute}="{shorten(name)}">'
-        document.refuse(element, f"{written} names nothing in this file; {nearest(shorten(name), known)}")
-    return str(name)

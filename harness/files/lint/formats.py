@@ -26,7 +26,8 @@ from harness.files.document.values import (
     unit,
     whole,
 )
-from harness.files.urdf.kinds import BALL_CONSTRAINT, POINT_SPRING
+from harness.files.mjcf.options import KINDS
+from harness.files.urdf.kinds import BALL_CONSTRAINT, DRAKE_KINDS, OF_AXIS, POINT_SPRING, TYPES
 
 # Name of an attribute to what it holds; "" is the text between the tags.
 Attributes = Mapping[str, Rule]
@@ -47,7 +48,7 @@ _POSE: Attributes = {
 }
 _JOINT: Attributes = {
     "class": _NAME,
-    "type": Choice(("hinge", "slide", "ball", "free")),
+    "type": Choice(tuple(KINDS)),
     "pos": _VECTOR,
     "axis": _AXIS,
     "stiffness": Numbers(1, 3),
@@ -142,13 +143,13 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
             "link": {"name": _NAME},
             "joint": {
                 "name": _NAME,
-                "type": Choice(("revolute", "prismatic", "continuous", "fixed", "floating", "planar"), required=True),
+                "type": Choice(TYPES, required=True),
             },
             "gazebo": {"reference": _NAME},
             "transmission": {"name": _NAME, "type": _NAME},
             POINT_SPRING: NOTHING,
             BALL_CONSTRAINT: {"name": _NAME},
-            "drake:joint": {"name": _NAME, "type": Choice(("ball",), required=True)},
+            "drake:joint": {"name": _NAME, "type": Choice(tuple(DRAKE_KINDS), required=True)},
         },
         "drake:joint": {"parent": {"link": _NAME}, "child": {"link": _NAME}},
         "link": {"inertial": NOTHING},
@@ -192,7 +193,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
 # Exporters write a zero axis into fixed joints, where it means nothing. A class inside another needs a name to be chosen by.
 ALSO: Mapping[str, Mapping[str, Attributes]] = {
     "mjcf": {"default//default": {"class": Text(required=True)}},
-    "urdf": {f"joint[@type='{kind}']/axis": {"xyz": _AXIS} for kind in ("revolute", "prismatic", "continuous", "planar")},
+    "urdf": {f"joint[@type='{kind}']/axis": {"xyz": _AXIS} for kind in OF_AXIS},
 }
 
 _SEEN = ("geom", "camera", "light")

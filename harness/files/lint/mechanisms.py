@@ -17,7 +17,7 @@ from harness.files.lint.checks import check_inertia, numbers
 from harness.files.lint.formats import SOLVER_OPTIONS
 from harness.files.mjcf.defaults import resolved
 from harness.files.mjcf.options import ORIENTATIONS, is_on
-from harness.files.reading import Reading
+from harness.files.reading import Meaning
 from harness.files.tree import WORLD
 from harness.files.urdf.kinds import BALL_CONSTRAINT, DRAKE_JOINT, FIXED, JOINT_TAGS, needs_axis
 
@@ -33,7 +33,7 @@ def check_parts(document: Document, model_format: str) -> None:
     {"mjcf": _check_mjcf_parts, "urdf": _check_urdf_parts}[model_format](document)
 
 
-def check_reading(document: Document, reading: Reading) -> None:
+def check_reading(document: Document, reading: Meaning) -> None:
     """Hold what has been read against what engines need; raises as ``check_parts``."""
     {"mjcf": _check_equalities, "urdf": _check_urdf}[reading.format](document, reading)
     for one in reading.passed_over:
@@ -92,7 +92,7 @@ def _check_inertial(document: Document, body: etree._Element, moves: bool) -> No
         numbers(document, inertial, "mass", Numbers(check=positive))
 
 
-def _check_equalities(document: Document, reading: Reading) -> None:
+def _check_equalities(document: Document, reading: Meaning) -> None:
     elements: dict[str, etree._Element] = {}
     for section in document.root.iterfind("equality"):
         if section.find("*") is None:
@@ -195,7 +195,7 @@ def _with_tag(document: Document, *tags: str) -> list[etree._Element]:
     return [element for element in document.root.iterchildren("*") if literal_tag(element) in tags]
 
 
-def _check_urdf(document: Document, reading: Reading) -> None:
+def _check_urdf(document: Document, reading: Meaning) -> None:
     root = document.root
     if not reading.moving:
         document.refuse(root, "has no moving joint; expected one for each coordinate of the system")

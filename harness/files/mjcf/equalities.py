@@ -47,11 +47,11 @@ def read_equalities(
     source: Source, root: etree._Element, attributes: Attributes, name: Callable[[etree._Element], str], bodies: Iterable[Body]
 ) -> tuple[Equality, ...]:
     """The equalities of a file in its order; ``name`` gives the name of a body's element."""
-    reader = _Reader(source, root, attributes, name, bodies)
+    reader = _EqualityReader(source, root, attributes, name, bodies)
     return tuple(reader.read(element) for section in root.iterchildren("equality") for element in section.iterchildren("*"))
 
 
-class _Reader:
+class _EqualityReader:
     def __init__(
         self, source: Source, root: etree._Element, attributes: Attributes, name: Callable[[etree._Element], str], bodies: Iterable[Body]
     ) -> None:

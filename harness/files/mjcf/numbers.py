@@ -13,6 +13,7 @@ from lxml import etree
 from harness.files.document.source import Source
 from harness.files.document.values import Check, Numbers
 from harness.files.document.xml import describe, shorten
+from harness.files.findings import Unread
 from harness.files.mjcf.defaults import writings
 from harness.files.mjcf.expansion import REPEATED
 from harness.files.mjcf.options import ORIENTATIONS, is_on
@@ -84,7 +85,7 @@ class Attributes:
         place = number.place if isinstance(number, Given) else self._source.place(element)
         written = next(one for one in writings(element, attribute) if self._source.place(one.owner) == place)
         what = f'{describe(element)} {attribute}="{shorten(written.text)}" {why}'
-        self._source.leave_unread(written.owner, what, advice)
+        self._source.unread.append(Unread(place, what, advice))
 
     def acts(self, stage: str) -> bool:
         """Whether "spring" or "damper" forces are switched on."""

@@ -23,11 +23,9 @@ from harness.files.mjcf.equalities import read_equalities
 from harness.files.mjcf.inertias import Inertias
 from harness.files.mjcf.meshes import Meshes
 from harness.files.mjcf.numbers import JOINTS, Attributes, inside
-from harness.files.mjcf.options import GRAVITY, is_on
+from harness.files.mjcf.options import GRAVITY, KINDS, is_on
 from harness.files.mjcf.tendons import read_tendons
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers, Tree, Vector, vector
-
-KINDS = {kind.value: kind for kind in JointKind if kind is not JointKind.PLANAR}
 
 
 def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
@@ -42,7 +40,7 @@ def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None
     """
     attributes = Attributes(source, root)
     _refuse_other_frames(source, root, attributes)
-    reader = _Reader(source, root, attributes, meshes)
+    reader = _MjcfReader(source, root, attributes, meshes)
     bodies = tuple(reader.body(body) for world in root.iterchildren("worldbody") for body in world.iter("body"))
     springs, couplings = read_tendons(
         source, root, attributes, reader.name, {joint.name: joint for body in bodies for joint in body.joints}
@@ -72,7 +70,7 @@ def _gravity(source: Source, root: etree._Element) -> Vector:
     return vector(source.numbers(given[-1], "gravity", GRAVITY) if given else source.default(([*options, root])[0], "gravity", GRAVITY))
 
 
-class _Reader:
+class _MjcfReader:
     """Bodies of one file."""
 
     def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:

@@ -12,6 +12,7 @@ from lxml import etree
 
 from harness.files.document.source import Elements, Source
 from harness.files.document.xml import describe
+from harness.files.findings import Unread
 from harness.files.mjcf.defaults import resolved
 from harness.files.mjcf.numbers import Attributes
 from harness.files.tree import Coupling, Given, Joint, Pose, Spring
@@ -38,15 +39,15 @@ def read_tendons(
         lower, upper = _rest(attributes, tendon) if stiffness else (Fraction(0), Fraction(0))
         path, place = list(tendon.iterchildren("*")), source.place(tendon)
         if lower != upper:
-            source.leave_unread(tendon, f"{describe(tendon)} is slack between two lengths", "write one springlength")
+            source.unread.append(Unread(place, f"{describe(tendon)} is slack between two lengths", "write one springlength"))
         elif tendon.tag == "fixed":
             terms = tuple(_terms(source, tendon, joints))
             couplings.append(Coupling(terms, stiffness, damping, None if lower < 0 else lower, place))
         elif [part.tag for part in path] != ["site", "site"]:
             what = f"{describe(tendon)} does not run straight from one site to another"
-            source.leave_unread(tendon, what, "lead it through two sites")
+            source.unread.append(Unread(place, what, "lead it through two sites"))
         elif lower < 0:
-            source.leave_unread(tendon, f"{describe(tendon)} leaves its springlength to the reader", "write it")
+            source.unread.append(Unread(place, f"{describe(tendon)} leaves its springlength to the reader", "write it"))
         else:
             first, second = (_end(source, attributes, part, sites, name) for part in path)
             springs.append(Spring((first, second), lower, stiffness, damping, place))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.files.document.xml import parse_any
-from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring
+from harness.files.joint_kinds import JointKind
+from harness.files.model_file import ModelFile, meaning_of
+from harness.files.tree import Joint, Spring
 
 _CONSTRAINTS = {"point": "loops", "frame": "loops", "joint": "coupled joints", "tendon": "coupled tendons"}
-_JOINTS = {"ball": "ball joints", "free": "free joints", "floating": "free joints"}
+_JOINTS = {JointKind.BALL: "ball joints", JointKind.FREE: "free joints"}
 
 
 def features_of(model: ModelFile) -> list[str]:
@@ -18,25 +19,16 @@ def features_of(model: ModelFile) -> list[str]:
 
 
 def _features(model: ModelFile) -> Iterator[str]:
-    for element in model.force_elements:
-        if isinstance(element, JointSpring) or (isinstance(element, PointSpring) and element.stiffness):
-            yield "springs"
-        if isinstance(element, JointDamper) or (isinstance(element, PointSpring) and element.damping):
-            yield "dampers"
-    followers = {mimic.joint for mimic in model.mimics}
+    tree = meaning_of(model).tree
+    acting: list[Joint | Spring] = [*tree.joints, *tree.springs]
+    if any(one.stiffness for one in acting):
+        yield "springs"
+    if any(one.damping for one in acting):
+        yield "dampers"
+    followers = {joint.name for joint in tree.joints if joint.follows}
     if followers:
         yield "mimic joints"
-    for constraint in model.constraints:
-        if constraint.name not in followers:
-            yield _CONSTRAINTS[constraint.couples]
-    if model.armatures:
+    yield from (_CONSTRAINTS[one.couples] for one in model.constraints if one.name not in followers)
+    if any(joint.armature for joint in tree.joints):
         yield "armature"
-    if model.ball_joint:
-        yield "ball joints"
-    for joint in parse_any(model.path, model.text, "a model").root.iter("joint", "freejoint"):
-        kind = "free" if joint.tag == "freejoint" else joint.get("type", "")
-        if kind in _JOINTS:
-            yield _JOINTS[kind]
-        # Of a default class too: what it is for.
-        if float(joint.get("armature", "0").split()[0]):
-            yield "armature"
+    yield from (_JOINTS[joint.kind] for joint in tree.joints if joint.kind in _JOINTS)

@@ -17,9 +17,11 @@ from harness.errors import InvalidModel
 from harness.files.document.xml import Document, literal_tag, parse_document, read_document
 from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
 from harness.files.facts import point_of
+from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.defaults import resolved_text
-from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.mjcf.options import KINDS, ORIENTATIONS
 from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring
+from harness.files.urdf.kinds import OF_AXIS
 from harness.library import Library
 
 
@@ -142,7 +144,7 @@ def _summary(element: etree._Element) -> str:
 
 
 def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:
-    kind = "free" if joint.tag == "freejoint" else resolved_text(joint, "type", "(hinge)")
+    kind = JointKind.FREE if joint.tag == "freejoint" else resolved_text(joint, "type", "(hinge)")
     inner = list(_frames_around(joint))
     body = (inner[-1] if inner else joint).getparent()
     shift = resolved_text(joint, "pos")
@@ -150,7 +152,7 @@ def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name:
     return JointRow(
         joint=name,
         kind=kind,
-        axis=resolved_text(joint, "axis", "" if kind in ("free", "ball") else "(0 0 1)"),
+        axis=resolved_text(joint, "axis", "(0 0 1)" if kind == "(hinge)" or KINDS[kind].has_axis else ""),
         origin=", ".join(
             [
                 _pose(body),
@@ -189,7 +191,7 @@ def _urdf_row(document: Document, model: ModelFile, joint: etree._Element, name:
     return JointRow(
         joint=name,
         kind=kind,
-        axis=_urdf(joint, "axis", "xyz") or ("(1 0 0)" if kind in ("revolute", "prismatic", "continuous", "planar") else ""),
+        axis=_urdf(joint, "axis", "xyz") or ("(1 0 0)" if kind in OF_AXIS else ""),
         origin=(_urdf(joint, "origin", "xyz") or "(0 0 0)") + (f", rpy {turned}" if turned else ""),
         body=child,
         mass="".join(_urdf(link, "inertial/mass", "value") for link in links),

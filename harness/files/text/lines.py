@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from harness.files.mjcf.options import ORIENTATIONS
-from harness.files.model_file import ModelFile, reading_of
+from harness.files.model_file import ModelFile, meaning_of
 from harness.files.text.scan import Element, all_elements, innermost
 from harness.files.tree import Body, Inertia, Joint, Place, Placement, Spring, Tree, numbers_in
 
@@ -42,7 +42,7 @@ def lines_of(model: ModelFile, quantity: str, joint: str) -> tuple[int, ...]:
     none. Where the quantity is one of a spring between points, ``joint`` is its number among those that the file switches
     on, from 1, and "0" where it has none.
     """
-    page = _Page(_elements(model.text, model.format), reading_of(model).tree)
+    page = _Page(_elements(model.text, model.format), meaning_of(model).tree)
     if quantity == GRAVITY:
         return _unique([line for line in [model.gravity_line] if line is not None] + page.switched_off("gravity"))
     if quantity in _OF_SPRINGS:

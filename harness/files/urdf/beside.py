@@ -11,7 +11,7 @@ from typing import Any
 
 from lxml import etree
 
-from harness.files.document.source import Elements, Source, unresolved
+from harness.files.document.source import Elements, Source, children, unresolved
 from harness.files.document.values import Numbers, not_negative, positive
 from harness.files.document.xml import describe, literal_tag, shorten
 from harness.files.joint_kinds import JointKind
@@ -34,7 +34,7 @@ class Beside:
 
 def read_beside(source: Source, root: etree._Element, links: Elements, joints: Elements, kinds: Mapping[str, JointKind | None]) -> Beside:
     """Everything of that kind; raises InvalidModel at the line of what is malformed, or speaks of no joint or link of the file."""
-    found = Beside(springs=tuple(_point_spring(source, element, links) for element in source.children(root, POINT_SPRING)))
+    found = Beside(springs=tuple(_point_spring(source, element, links) for element in children(root, POINT_SPRING)))
     single = {name for name, kind in kinds.items() if kind is not None and kind.is_single}
     for gazebo in root.iterchildren("gazebo"):
         stiffness, reference = source.one(gazebo, "springStiffness"), source.one(gazebo, "springReference")
@@ -114,6 +114,8 @@ def _text(source: Source, element: etree._Element) -> Given:
 
 def end_of(source: Source, element: etree._Element, links: Elements, body: str, point: str) -> tuple[str, Pose]:
     """A link, or the world, and a place in it, as Drake's elements name them."""
+    for part in element.iterchildren("*"):
+        source.one(element, literal_tag(part))
     part, place = (_part(source, element, suffix) for suffix in (body, point))
     if part.get("name") == WORLD and WORLD not in links:
         source.pass_over(part, unresolved(part, "name", links))
@@ -125,10 +127,11 @@ def end_of(source: Source, element: etree._Element, links: Elements, body: str, 
 
 def _part(source: Source, element: etree._Element, suffix: str) -> etree._Element:
     """A part of one of Drake's elements, whose tag is that of the element with a suffix."""
-    tag, parts = f"{literal_tag(element)}_{suffix}", source.parts(element)
-    if tag not in parts:
+    tag = f"{literal_tag(element)}_{suffix}"
+    part = source.one(element, tag)
+    if part is None:
         source.refuse(element, f"{describe(element)} has no <{tag}>; add it")
-    return parts[tag]
+    return part
 
 
 def _point_spring(source: Source, element: etree._Element, links: Elements) -> Spring:

@@ -15,7 +15,7 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.files.document.source import Elements, Source
+from harness.files.document.source import Elements, Source, children
 from harness.files.document.xml import describe
 from harness.files.equalities import Equality, Linkage, Meeting
 from harness.files.joint_kinds import JointKind
@@ -47,7 +47,7 @@ def read_equalities(source: Source, root: etree._Element, links: Elements, joint
 
 
 def _ball_constraints(source: Source, root: etree._Element, links: Elements) -> Iterator[Equality]:
-    for element in source.children(root, BALL_CONSTRAINT):
+    for element in children(root, BALL_CONSTRAINT):
         (one, first), (other, second) = (end_of(source, element, links, *tags) for tags in (("body_A", "p_AP"), ("body_B", "p_BQ")))
         if one == other:
             source.refuse(element, f"{describe(element)} holds two points of link {one!r} together; name another link")

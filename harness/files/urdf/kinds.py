@@ -19,6 +19,9 @@ KINDS = {
     "floating": JointKind.FREE,
     "planar": JointKind.PLANAR,
 }
+# All of URDF, in the order in which a refusal names them.
+TYPES = ("revolute", "prismatic", "continuous", FIXED, "floating", *[name for name, kind in KINDS.items() if kind is JointKind.PLANAR])
+OF_AXIS = [name for name in TYPES if name != FIXED and KINDS[name].has_axis]
 SINGLE_AXIS = " or ".join(name for name, kind in KINDS.items() if kind.is_single)
 LIMITED = ("revolute", "prismatic")
 # Drake's element for a joint of a kind that URDF does not know, and the one kind of those that is read.

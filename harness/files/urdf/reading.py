@@ -15,7 +15,7 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.files.document.source import Source
+from harness.files.document.source import Source, children
 from harness.files.document.values import not_negative, not_zero
 from harness.files.document.xml import MAXIMUM_DEPTH, describe, literal_tag
 from harness.files.equalities import Equality
@@ -40,10 +40,10 @@ def read_tree(source: Source, root: etree._Element, gravity: float, floating_bas
     Raises:
         InvalidModel: what has no meaning, such as a joint without axis, a number that is none, or links that are no tree.
     """
-    return _Reader(source, root).read(gravity, floating_base)
+    return _UrdfReader(source, root).read(gravity, floating_base)
 
 
-class _Reader:
+class _UrdfReader:
     """Links and joints of one file by name."""
 
     def __init__(self, source: Source, root: etree._Element) -> None:
@@ -51,7 +51,7 @@ class _Reader:
         self._links = source.by_name(root.iterchildren("link"))
         if not self._links:
             source.refuse(root, "has no link; expected the bodies of a robot")
-        joints = list(source.children(root, *JOINT_TAGS))
+        joints = list(children(root, *JOINT_TAGS))
         self._joints = source.by_name(joints)
         self._kinds = {str(joint.get("name")): kind_of(source, joint) for joint in joints}
         self._above: dict[str, etree._Element] = {}

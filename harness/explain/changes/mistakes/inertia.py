@@ -1,6 +1,6 @@
 """Entries of an inertia are in the wrong order or of the wrong sign; it was given about another point, or with another body's.
 
-Source: Featherstone, Rigid Body Dynamics Algorithms, section 2.13, equation 2.63.
+Source: Featherstone, Rigid BodySlots Dynamics Algorithms, section 2.13, equation 2.63.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.explain.changes.mistakes import FixedChange, FreeChange, Mistake, Write, Writes, is_zero, plus, times
 from harness.explain.changes.mistakes.frames import matrix_of
-from harness.files.text.anatomy.parts import ENTRIES, Anatomy, Body, Inertial
+from harness.files.text.anatomy.parts import ENTRIES, Anatomy, BodySlots, InertialSlots
 
 MOMENTS, PRODUCTS = ENTRIES[:3], ENTRIES[3:]
 # MuJoCo writes moments first, URDF row by row.
@@ -34,7 +34,7 @@ def _parallel_axis(mass: float, centre: Array) -> Array:
     return mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
-def _with_added(inertial: Inertial, model_format: str, added: Array, factor: float = 1.0) -> Writes:
+def _with_added(inertial: InertialSlots, model_format: str, added: Array, factor: float = 1.0) -> Writes:
     """The writes for another inertia matrix, the one that stands there plus ``factor`` times ``added``."""
     added = factor * added
     largest = Fraction(float(np.abs(added).max()))
@@ -100,7 +100,9 @@ def _about_another_point(parts: Anatomy) -> Iterator[FixedChange]:
                 yield FixedChange(f"{statement} in {body.name}", _with_added(inertial, parts.model.format, added, sign))
 
 
-def _counted_in_parent(parts: Anatomy, parent: Inertial, child: Inertial, body: Body, sign: int, parallel: bool) -> list[Write]:
+def _counted_in_parent(
+    parts: Anatomy, parent: InertialSlots, child: InertialSlots, body: BodySlots, sign: int, parallel: bool
+) -> list[Write]:
     """The parent with the child's inertial, in the pose where all joints are zero, put in or taken out again."""
     assert body.offset is not None and body.rotation is not None
     turn = matrix_of(body.rotation, parts)
@@ -123,7 +125,7 @@ def _counted_in_parent(parts: Anatomy, parent: Inertial, child: Inertial, body: 
     ]
 
 
-def _pairs(parts: Anatomy) -> Iterator[tuple[Inertial, Inertial, Body]]:
+def _pairs(parts: Anatomy) -> Iterator[tuple[InertialSlots, InertialSlots, BodySlots]]:
     """The inertials of parent and child, and the child."""
     for child in parts.bodies:
         parent = parts.body(child.parent)
@@ -139,7 +141,7 @@ def _with_children(parts: Anatomy, sign: int) -> Iterator[FixedChange]:
                 yield FixedChange(f"{child.body} counted in {parent.body} too{how}", writes)
 
 
-def _moved_mass(parent: Inertial, child: Inertial, mass: float) -> list[Write]:
+def _moved_mass(parent: InertialSlots, child: InertialSlots, mass: float) -> list[Write]:
     """A mass [kg] moved from the parent to the child."""
     share = [repr(mass)]
     return [(parent.mass, plus(parent.mass.words, share, -1)), (child.mass, plus(child.mass.words, share))]
@@ -154,7 +156,7 @@ def _left_in_parent(parts: Anatomy) -> Iterator[FreeChange]:
         yield FreeChange(f"parts of {inertial.body} without their parallel axes", completed, 1.0)
 
 
-def _along_centres(parts: Anatomy) -> Iterator[tuple[Inertial, Array]]:
+def _along_centres(parts: Anatomy) -> Iterator[tuple[InertialSlots, Array]]:
     """Inertials with what mass away from the centre, along the line from the joint, adds to their moments."""
     for inertial in parts.inertials:
         if inertial.centre.values.any():
@@ -185,19 +187,19 @@ ENTRIES_SWAPPED = Mistake(
 PRODUCTS_FLIPPED = Mistake(
     "products",
     "signs of off-diagonal inertia entries flipped",
-    "Featherstone, Rigid Body Dynamics Algorithms, section 2.13: products of inertia are the negatives of the matrix entries",
+    "Featherstone, Rigid BodySlots Dynamics Algorithms, section 2.13: products of inertia are the negatives of the matrix entries",
     _flipped,
 )
 PARALLEL_AXIS = Mistake(
     "parallel_axis",
     "inertia about the joint instead of the centre of mass, or the parallel axis taken off twice",
-    "Featherstone, Rigid Body Dynamics Algorithms, section 2.13; http://wiki.ros.org/urdf/XML/link, inertial",
+    "Featherstone, Rigid BodySlots Dynamics Algorithms, section 2.13; http://wiki.ros.org/urdf/XML/link, inertial",
     _about_another_point,
 )
 BODIES_FUSED = Mistake(
     "bodies_fused",
     "bodies fused wrongly: mass counted twice, in part in the parent, or without its parallel axes",
-    "Featherstone, Rigid Body Dynamics Algorithms, section 2.13; MuJoCo, XML reference, compiler/fusestatic",
+    "Featherstone, Rigid BodySlots Dynamics Algorithms, section 2.13; MuJoCo, XML reference, compiler/fusestatic",
     lambda parts: _with_children(parts, -1),
     _left_in_parent,
     _fused,

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.files.mjcf.options import ORIENTATIONS
-from harness.files.text.anatomy.parts import Anatomy, Body, Inertial, Joint, Parts, Slot
+from harness.files.joint_kinds import JointKind
+from harness.files.mjcf.options import KINDS, ORIENTATIONS
+from harness.files.text.anatomy.parts import Anatomy, BodySlots, InertialSlots, JointSlots, Parts, Slot
 from harness.files.text.scan import Edit, Element, innermost
 
 STAGES = ("gravity", "spring", "damper")
@@ -59,10 +60,10 @@ def _stage(parts: Parts, stage: str) -> Slot:
     return replace(slot, head=f"<option>{slot.head}", tail=f"{slot.tail}</option>")
 
 
-def _body(parts: Parts, element: Element, bodies: list[Element], on: Mapping[str, tuple[Edit, ...]]) -> Body:
+def _body(parts: Parts, element: Element, bodies: list[Element], on: Mapping[str, tuple[Edit, ...]]) -> BodySlots:
     parent, inertial = innermost(bodies, element), parts.inside(element, "inertial")
     own = [joint for joint in parts.elements if joint.tag in ("joint", "freejoint") and innermost(bodies, joint) is element]
-    return Body(
+    return BodySlots(
         name=element.get("name") or "",
         parent=None if parent is None else parent.get("name"),
         offset=parts.slot(element, "pos"),
@@ -77,17 +78,18 @@ def _orientation(parts: Parts, element: Element) -> Slot:
     return parts.slot(element, next((name for name in ORIENTATIONS if element.get(name) is not None), "quat"), "1 0 0 0")
 
 
-def _inertial(parts: Parts, body: Element, element: Element) -> Inertial:
+def _inertial(parts: Parts, body: Element, element: Element) -> InertialSlots:
     entries = parts.slot(element, "fullinertia" if element.get("fullinertia") is not None else "diaginertia")
     mass, centre = parts.slot(element, "mass"), parts.slot(element, "pos")
-    return Inertial(body.get("name") or "", mass, centre, (entries,), _orientation(parts, element))
+    return InertialSlots(body.get("name") or "", mass, centre, (entries,), _orientation(parts, element))
 
 
-def _joint(parts: Parts, element: Element, on: Mapping[str, tuple[Edit, ...]]) -> Joint:
-    name, kind = parts.slot(element, "name", ""), "free" if element.tag == "freejoint" else element.get("type") or "hinge"
-    if kind in ("ball", "free"):
-        return Joint(name, kind, np.zeros(3), None)
-    return Joint(
+def _joint(parts: Parts, element: Element, on: Mapping[str, tuple[Edit, ...]]) -> JointSlots:
+    name = parts.slot(element, "name", "")
+    kind = JointKind.FREE if element.tag == "freejoint" else KINDS[element.get("type") or JointKind.HINGE]
+    if not kind.has_axis:
+        return JointSlots(name, kind, np.zeros(3), None)
+    return JointSlots(
         name,
         kind,
         parts.slot(element, "pos").values,

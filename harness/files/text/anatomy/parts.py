@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from harness.arrays import Array
+from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import Attribute, Edit, Element, Place, find_elements
 
@@ -75,14 +76,14 @@ class Slot:
 
 
 @dataclass(frozen=True)
-class Joint:
+class JointSlots:
     """A joint that moves; what a ball or free joint has not is None.
 
-    ``kind`` is "hinge", "slide", "ball" or "free"; ``anchor`` is its place in the body, (3,) [m].
+    ``anchor`` is its place in the body, (3,) [m].
     """
 
     name: Slot
-    kind: str
+    kind: JointKind
     anchor: Array
     axis: Slot | None
     damping: Slot | None = None
@@ -93,7 +94,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Inertial:
+class InertialSlots:
     """Name of the body, its mass, centre of mass, inertia by its entries, and orientation of the frame that both are given in."""
 
     body: str
@@ -126,15 +127,15 @@ class Inertial:
 
 
 @dataclass(frozen=True)
-class Body:
+class BodySlots:
     """A body or link with the joints that move it against its parent, which is None for the world and for what hangs on it."""
 
     name: str
     parent: str | None
     offset: Slot | None
     rotation: Slot | None
-    inertial: Inertial | None
-    joints: tuple[Joint, ...]
+    inertial: InertialSlots | None
+    joints: tuple[JointSlots, ...]
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ class Anatomy:
     """
 
     model: ModelFile
-    bodies: tuple[Body, ...]
+    bodies: tuple[BodySlots, ...]
     positions: tuple[Slot, ...]
     others: tuple[tuple[Slot, Slot, Slot], ...]
     gravity: Slot | None = None
@@ -159,14 +160,14 @@ class Anatomy:
     euler_sequence: str = "xyz"
 
     @property
-    def joints(self) -> list[Joint]:
+    def joints(self) -> list[JointSlots]:
         return [joint for body in self.bodies for joint in body.joints]
 
     @property
-    def inertials(self) -> list[Inertial]:
+    def inertials(self) -> list[InertialSlots]:
         return [body.inertial for body in self.bodies if body.inertial is not None]
 
-    def body(self, name: str | None) -> Body | None:
+    def body(self, name: str | None) -> BodySlots | None:
         return next((body for body in self.bodies if body.name == name), None)
 
     @property
@@ -190,9 +191,9 @@ class Anatomy:
         """The largest mass [kg]."""
         return max((float(inertial.mass.values[0]) for inertial in self.inertials), default=0.0) or 1.0
 
-    def inertia(self, joint: Joint) -> float:
+    def inertia(self, joint: JointSlots) -> float:
         """A natural size of what a joint moves: kg m^2 where it turns, kg where it slides."""
-        return self.mass * self.length**2 if joint.kind == "hinge" else self.mass
+        return self.mass * self.length**2 if joint.kind is JointKind.HINGE else self.mass
 
 
 class Parts:
@@ -219,7 +220,7 @@ class Parts:
         found = next((attribute for attribute in element.attributes if attribute.name == name), None)
         if found is None:
             end = element.opened - (2 if self.text[element.opened - 2] == "/" else 1)
-            return self.missing(element, end, element.tag, name, (f' {name}="', '"'), default, along)
+            return self.missing(element, end, (element.tag, name), (f' {name}="', '"'), default, along)
         span = (element.start, element.end) if alone and len(element.attributes) == 1 else (found.start, found.end)
         return self._standing(element, found, span, element.line, along)
 
@@ -229,7 +230,7 @@ class Parts:
         """Attribute ``name`` of the child ``tag`` of an element, which itself may be absent."""
         child = self.inside(holder, tag)
         if child is None:
-            return self.missing(holder, holder.opened, tag, name, (f'<{tag} {name}="', '"/>'), default, along)
+            return self.missing(holder, holder.opened, (tag, name), (f'<{tag} {name}="', '"/>'), default, along)
         slot = self.slot(child, name, default, along, alone)
         return replace(slot, absent_line=holder.line) if slot.removed == (child.start, child.end) else slot
 
@@ -239,10 +240,10 @@ class Parts:
         return self._standing(element, found, (holder.start, holder.end), absent_line, ())
 
     def missing(
-        self, owner: Element, at: int, tag: str, name: str, around: tuple[str, str], default: str = "0", along: tuple[Edit, ...] = ()
+        self, owner: Element, at: int, what: tuple[str, str], around: tuple[str, str], default: str = "0", along: tuple[Edit, ...] = ()
     ) -> Slot:
         """An attribute that is not there, and would stand at a position of the text with ``around`` before and behind its value."""
-        place = Place(owner.line, tag, name, None, "")
+        place = Place(owner.line, *what, None, "")
         return Slot(place, at, at, *around, self.line(at), owner.line, tuple(default.split()), (at, at), along)
 
     def _standing(self, element: Element, found: Attribute, removed: tuple[int, int], absent_line: int, along: tuple[Edit, ...]) -> Slot:

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.files.text.anatomy.parts import ENTRIES, Anatomy, Body, Inertial, Joint, Parts, Slot
+from harness.files.joint_kinds import JointKind
+from harness.files.text.anatomy.parts import ENTRIES, Anatomy, BodySlots, InertialSlots, JointSlots, Parts, Slot
 from harness.files.text.scan import Edit, Element
-from harness.files.urdf.kinds import BALL_CONSTRAINT, POINT_SPRING
+from harness.files.urdf.kinds import BALL_CONSTRAINT, KINDS, POINT_SPRING
 
-_KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free"}
 _NAMESPACE = ' xmlns:drake="http://drake.mit.edu"'
 _ROTOR = (
     '<transmission name="{name}_transmission"><type>transmission_interface/SimpleTransmission</type>'
@@ -48,10 +48,10 @@ def _point_spring(parts: Parts, spring: Element) -> tuple[Slot, Slot, Slot]:
     return stiffness, damping, length
 
 
-def _body(parts: Parts, link: Element, joint: Element | None) -> Body:
+def _body(parts: Parts, link: Element, joint: Element | None) -> BodySlots:
     """A link with the joint that carries it."""
     inertial = parts.inside(link, "inertial")
-    return Body(
+    return BodySlots(
         name=link.get("name") or "",
         parent=None if joint is None else _link(parts, joint, "parent"),
         offset=None if joint is None else parts.slot_inside(joint, "origin", "xyz"),
@@ -67,8 +67,8 @@ def _link(parts: Parts, joint: Element, tag: str) -> str | None:
     return None if part is None else part.get("link")
 
 
-def _inertial(parts: Parts, link: Element, inertial: Element) -> Inertial:
-    return Inertial(
+def _inertial(parts: Parts, link: Element, inertial: Element) -> InertialSlots:
+    return InertialSlots(
         body=link.get("name") or "",
         mass=parts.slot_inside(inertial, "mass", "value", "0", alone=False),
         centre=parts.slot_inside(inertial, "origin", "xyz"),
@@ -77,19 +77,19 @@ def _inertial(parts: Parts, link: Element, inertial: Element) -> Inertial:
     )
 
 
-def _joints(parts: Parts, link: Element, joint: Element | None) -> tuple[Joint, ...]:
+def _joints(parts: Parts, link: Element, joint: Element | None) -> tuple[JointSlots, ...]:
     if joint is None:
         own = [ball for ball in parts.all("robot", "drake:joint") if _link(parts, ball, "child") == link.get("name")]
-        return tuple(Joint(parts.slot(ball, "name", ""), "ball", np.zeros(3), None) for ball in own)
-    kind = _KINDS.get(joint.get("type") or "")
-    if kind is None:
+        return tuple(JointSlots(parts.slot(ball, "name", ""), JointKind.BALL, np.zeros(3), None) for ball in own)
+    kind = KINDS.get(joint.get("type") or "")
+    if kind is None or kind is JointKind.PLANAR:
         return ()
     name = parts.slot(joint, "name", "")
-    if kind == "free":
-        return (Joint(name, kind, np.zeros(3), None),)
+    if kind is JointKind.FREE:
+        return (JointSlots(name, kind, np.zeros(3), None),)
     spring = next((gazebo for gazebo in parts.all("robot", "gazebo") if gazebo.get("reference") == joint.get("name")), None)
     return (
-        Joint(
+        JointSlots(
             name,
             kind,
             np.zeros(3),
@@ -114,7 +114,7 @@ def _stiffness(parts: Parts, joint: Element, spring: Element | None) -> Slot:
     if spring is not None:
         return _in_spring(parts, spring, "springStiffness", joint)
     head, tail = _SPRING
-    return parts.missing(joint, joint.end, "springStiffness", "", (head.format(name=joint.get("name")), tail))
+    return parts.missing(joint, joint.end, ("springStiffness", ""), (head.format(name=joint.get("name")), tail))
 
 
 def _armature(parts: Parts, joint: Element) -> Slot:
@@ -127,7 +127,7 @@ def _armature(parts: Parts, joint: Element) -> Slot:
         return replace(slot, removed=(transmission.start, transmission.end), absent_line=joint.line)
     head, tail = _ROTOR
     around = head.format(name=joint.get("name")), tail
-    return parts.missing(joint, joint.end, "drake:rotor_inertia", "value", around, along=_driven(parts, joint))
+    return parts.missing(joint, joint.end, ("drake:rotor_inertia", "value"), around, along=_driven(parts, joint))
 
 
 def _driven(parts: Parts, joint: Element) -> tuple[Edit, ...]:
