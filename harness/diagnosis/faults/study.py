@@ -17,7 +17,7 @@ from harness.verdict import Verdict
 
 
 @dataclass(frozen=True)
-class _Rows:
+class _RowsTask:
     """The task of one model: ``function(library, system, format or subject, *given)``."""
 
     function: Callable[..., Any]
@@ -39,7 +39,7 @@ class FaultStudy(Inquiries):
     title = "faults"
 
     def __init__(
-        self, models: Sequence[tuple[str, Any]], left_out: Mapping[tuple[str, str], str], order: Sequence[str], rows_of: _Rows
+        self, models: Sequence[tuple[str, Any]], left_out: Mapping[tuple[str, str], str], order: Sequence[str], rows_of: _RowsTask
     ) -> None:
         super().__init__()
         self.left_out, self.deaths, self.steps = dict(left_out), list[str](), len(models)
@@ -70,7 +70,7 @@ def campaign(library: Library, names: Sequence[str], settings: CampaignSettings,
     """Every kind of fault in the models of ``names``, or in those of ``formats``: what is caught, what is named; rows are ``Fault``."""
     models, left_out = select_models(library, names)
     chosen = [model for model in models if model[1] in formats or not formats]
-    return FaultStudy(chosen, left_out, ("system", "format", "kind"), _Rows(run_campaign, library, (settings,)))
+    return FaultStudy(chosen, left_out, ("system", "format", "kind"), _RowsTask(run_campaign, library, (settings,)))
 
 
 def smallest(library: Library, names: Sequence[str], subjects: Sequence[str], states: int, seed: int) -> FaultStudy:
@@ -80,7 +80,7 @@ def smallest(library: Library, names: Sequence[str], subjects: Sequence[str], st
     """
     pairs, excused = select_pairs(library, names, select_subjects(library, subjects, native_only=True))
     left_out = {(name, str(subject)): reason for (name, subject), reason in excused.items()}
-    return FaultStudy(pairs, left_out, ("system", "subject"), _Rows(smallest_changes, library, (states, seed)))
+    return FaultStudy(pairs, left_out, ("system", "subject"), _RowsTask(smallest_changes, library, (states, seed)))
 
 
 def select_pairs(
