@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from harness.lagrange.differentiation import Derivatives
+from harness.lagrange.differentiation import SymbolicDerivatives
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +70,8 @@ def _is_linear(row: sp.Expr, rates: Sequence[sp.Expr]) -> bool:
     plain = {rate: sp.Dummy(f"rate{place}") for place, rate in enumerate(rates)}
     written, symbols = row.xreplace(plain), set(plain.values())
     # Simplifying takes minutes for a wheel on a leaning frame, and is needed only where a rate is left.
-    slopes = [sp.simplify(slope) if slope.free_symbols & symbols else slope for slope in Derivatives.by(symbols).of(written).values()]
+    slopes = [
+        sp.simplify(slope) if slope.free_symbols & symbols else slope for slope in SymbolicDerivatives.by(symbols).of(written).values()
+    ]
     at_rest = written.xreplace(dict.fromkeys(symbols, sp.S.Zero))
     return not any(slope.free_symbols & symbols for slope in slopes) and (at_rest == 0 or sp.simplify(at_rest) == 0)

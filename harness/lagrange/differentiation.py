@@ -19,7 +19,7 @@ from harness.programs.program import UNARY
 _PLAIN_FUNCTIONS = tuple(getattr(sp, name) for name in UNARY - {"neg", "sqrt"})
 
 
-class Derivatives:
+class SymbolicDerivatives:
     """Derivatives of expressions of ``variables``, remembered for every subexpression seen.
 
     Each variable is given with its own derivatives by name, as {x: {x: 1}, y: {y: 1}} for a gradient, or
@@ -31,7 +31,7 @@ class Derivatives:
         self._known: dict[sp.Expr, dict[sp.Symbol, sp.Expr]] = dict(self._variables)
 
     @classmethod
-    def by(cls, variables: Iterable[sp.Symbol]) -> Derivatives:
+    def by(cls, variables: Iterable[sp.Symbol]) -> SymbolicDerivatives:
         """Partial derivatives by each of ``variables``."""
         return cls({variable: {variable: sp.S.One} for variable in variables})
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import sympy as sp
 
-from harness.lagrange.differentiation import Derivatives
+from harness.lagrange.differentiation import SymbolicDerivatives
 from harness.lagrange.short_forms import shortest
 from harness.lagrange.system import TIME, System
 from harness.programs.program import right_hand_side
@@ -132,9 +132,9 @@ def derive(system: System) -> EquationsOfMotion:
     """
     energies = in_symbols(system)
     q, v = energies.coordinates, energies.rates
-    by_state = Derivatives.by((*q, *v))
+    by_state = SymbolicDerivatives.by((*q, *v))
     # d/dt p(q, v, t) = M qdd + (dp/dq) v + dp/dt
-    at_constant_rates = Derivatives({TIME: {TIME: sp.S.One}} | {x: {TIME: rate} for x, rate in zip(q, v, strict=True)})
+    at_constant_rates = SymbolicDerivatives({TIME: {TIME: sp.S.One}} | {x: {TIME: rate} for x, rate in zip(q, v, strict=True)})
     of_kinetic = by_state.of(energies.kinetic)
     momenta = [of_kinetic.get(rate, sp.S.Zero) for rate in v]
     mass = _mass_matrix(momenta, v, by_state)
@@ -155,7 +155,7 @@ def derive(system: System) -> EquationsOfMotion:
     )
 
 
-def _mass_matrix(momenta: Sequence[sp.Expr], rates: tuple[sp.Symbol, ...], by_state: Derivatives) -> sp.Matrix:
+def _mass_matrix(momenta: Sequence[sp.Expr], rates: tuple[sp.Symbol, ...], by_state: SymbolicDerivatives) -> sp.Matrix:
     n = len(rates)
     mass = sp.zeros(n, n)
     # A rate left over cancels identically; removing it keeps M a function of q alone.

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from harness.lagrange.differentiation import Derivatives
+from harness.lagrange.differentiation import SymbolicDerivatives
 from harness.lagrange.short_forms import shortest
 from harness.programs.program import ENERGY_OUTPUTS
 
@@ -156,7 +156,7 @@ def energies_in_joints(equations: EnergiesInSymbols, change: ChangeOfVariables) 
     kinetic, potential, rates = equations.kinetic, equations.potential, equations.rates
     # h = T2 - T0 + V for T of second degree in the rates; the sum over v dL/dv is the same, and twice as long.
     at_rest = dict.fromkeys(rates, sp.S.Zero)
-    momenta = Derivatives.by(rates).of(kinetic)
+    momenta = SymbolicDerivatives.by(rates).of(kinetic)
     linear = sp.Add(*(momentum.xreplace(at_rest) * rate for rate, momentum in momenta.items()))
     energy = kinetic - linear - 2 * kinetic.xreplace(at_rest) + potential
     power = sum((force * rate for force, rate in zip(equations.generalised_forces, rates, strict=True)), sp.S.Zero)

@@ -7,7 +7,7 @@ import random
 import pytest
 import sympy as sp
 
-from harness.lagrange.differentiation import Derivatives
+from harness.lagrange.differentiation import SymbolicDerivatives
 
 x, y, z = VARIABLES = sp.symbols("x y z", real=True)
 a, t = sp.symbols("a t", positive=True)
@@ -35,7 +35,7 @@ def value(expression: sp.Expr) -> float:
 
 @pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
 def test_gradient(expression: sp.Expr) -> None:
-    gradient = Derivatives.by(VARIABLES).of(expression)
+    gradient = SymbolicDerivatives.by(VARIABLES).of(expression)
     for variable in VARIABLES:
         assert value(gradient.get(variable, sp.S.Zero)) == pytest.approx(value(expression.diff(variable)), abs=1e-14)
     assert expression.free_symbols & set(VARIABLES) == set(gradient)
@@ -44,7 +44,7 @@ def test_gradient(expression: sp.Expr) -> None:
 @pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
 def test_derivative_along_a_motion(expression: sp.Expr) -> None:
     rates = {x: sp.cos(t), y: a, z: x * y}
-    along = Derivatives({variable: {t: rate} for variable, rate in rates.items()} | {t: {t: sp.S.One}})
+    along = SymbolicDerivatives({variable: {t: rate} for variable, rate in rates.items()} | {t: {t: sp.S.One}})
     expected = sum(expression.diff(variable) * rate for variable, rate in rates.items())
     for moved in (expression, expression * t):
         found = along.of(moved).get(t, sp.S.Zero)
@@ -55,9 +55,9 @@ def test_derivative_along_a_motion(expression: sp.Expr) -> None:
 def test_every_part_is_differentiated_once(monkeypatch: pytest.MonkeyPatch) -> None:
     shared = sp.sin(x * y)
     terms = [random.Random(k).randint(2, 9) * shared * sp.cos(k * z) for k in range(1, 30)]
-    derivatives, walked = Derivatives.by(VARIABLES), []
-    original = Derivatives._of
-    monkeypatch.setattr(Derivatives, "_of", lambda self, expression: walked.append(expression) or original(self, expression))
+    derivatives, walked = SymbolicDerivatives.by(VARIABLES), []
+    original = SymbolicDerivatives._of
+    monkeypatch.setattr(SymbolicDerivatives, "_of", lambda self, expression: walked.append(expression) or original(self, expression))
     derivatives.of(sp.Add(*terms))
     derivatives.of(sp.Add(*terms[::2]))
     assert len(walked) == len(set(walked))

@@ -28,7 +28,7 @@ from harness.programs.program import without_unused
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.trees.constraints.rows import untied
-from harness.trees.constraints.tied import Tied, tied_mechanism
+from harness.trees.constraints.tied import TiedMechanism, tied_mechanism
 from harness.trees.mechanism import mechanism_of
 from harness.trees.quantities.reactions import reactions_program
 from harness.trees.recursion import recursion_program
@@ -152,13 +152,13 @@ class ReactionTruth(Truth):
         return np.concatenate([felt, slopes[:, :, further]], axis=2), values
 
 
-def _tied(robot: Robot, basis: TruthBasis) -> Tied:
+def _tied(robot: Robot, basis: TruthBasis) -> TiedMechanism:
     """The declared file's mechanism under its constraints; written once per process, whoever reads which file."""
     mechanism, declared = basis.mechanism, basis.declared
     assert mechanism.constraints is not None and declared is not None
     constraints, rows = mechanism.constraints, declared.constraints
 
-    def write() -> Tied:
+    def write() -> TiedMechanism:
         return tied_mechanism(robot, rows, constraints, sample(mechanism, _STATES, _SEED))
 
     try:
@@ -167,7 +167,7 @@ def _tied(robot: Robot, basis: TruthBasis) -> Tied:
         raise NotOffered(str(problem)) from problem
 
 
-_TIED: Kept[Tied] = Kept(64)
+_TIED: Kept[TiedMechanism] = Kept(64)
 REACTIONS = Quantity("reactions", ReactionTruth, has_laws=True)
 
 

@@ -16,7 +16,7 @@ from harness.programs.loops.solution import LinearEquations, Workspace, refine
 from harness.programs.loops.values import Array, Value, as_number, equals, larger, select
 from harness.programs.numbers import LANES, UNIT_ROUNDOFF
 
-_SIZES = {"n": "integer", "m": "integer", "inputs": "integer", "constants": "integer", "free": "integer"}
+_SIZES = {"n": "integer", "m": "integer", "inputs": "integer", "constants": "integer", "unheld": "integer"}
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "values": "vectors"}
 _HELD = {"held": "integer", **dict.fromkeys(("positions", "residual", "by_positions"), "integers")}
 _FOLLOW = {
@@ -35,11 +35,11 @@ _REACH, _LEAST_REACH = 4.0, 2.0**-90
 _UPWARDS = 1 + 1e-10
 
 
-class _Rows:
+class _ClosingRows:
     """The rows' program in the function that is being written, with room for its results, and a matrix."""
 
     def __init__(self, code: Writer, width: int) -> None:
-        self.code, self.held, self.free = code, code.argument("held"), code.argument("free")
+        self.code, self.held, self.free = code, code.argument("held"), code.argument("unheld")
         self.inputs = code.argument("inputs")
         self.start = self.inputs + code.argument("constants")
         self.positions, self.residual = code.array("positions"), code.array("residual")
@@ -93,7 +93,7 @@ def _follow(code: Writer) -> None:
     ``found``, (n, held), are the positions there, NaN where a step was corrected by more than ``much`` of its tangent and
     ``least_much``, and ``change``, (n,), the last of ``corrections`` steps of Newton's method there. ``work`` is (held, held + 2).
     """
-    rows, held, steps = _Rows(code, 1), code.argument("held"), code.argument("steps")
+    rows, held, steps = _ClosingRows(code, 1), code.argument("held"), code.argument("steps")
     others, by_others, begun = code.array("others"), code.array("by_others", rows.free), code.array("begun")
     given, target, found = code.array("given", rows.inputs), code.array("target", rows.free), code.array("found", held)
     values, matrix, change = rows.values, code.array("work", held + 2), code.array("change")
@@ -152,7 +152,7 @@ def _enclose(code: Writer) -> None:
 
     ``velocities``, (n, free), are the rates that no row determines; the positions are those before the rates in ``found``.
     """
-    rows, held, tied = _Rows(code, 3), code.argument("held"), code.argument("tied")
+    rows, held, tied = _ClosingRows(code, 3), code.argument("held"), code.argument("tied")
     by_rates, by_others = code.array("by_rates", tied), code.array("by_others", rows.free)
     redundant, of_moved = code.array("residual_of_redundant"), code.array("of_moved")
     given, velocities = code.array("given", rows.inputs), code.array("velocities", rows.free)
@@ -193,7 +193,7 @@ def _inverted(code: Writer, m: Value, room: Array, values: Array, places: Array)
     eliminate(code, m, 2 * m, matrix)
 
 
-def _enclosed_positions(rows: _Rows, inputs: Array, code: Writer, found: Array) -> Value:
+def _enclosed_positions(rows: _ClosingRows, inputs: Array, code: Writer, found: Array) -> Value:
     """The image of a ball around the positions under the Krawczyk operator, in ``found``; 1 in the lanes where it lies within the ball.
 
     With Y an approximate inverse of the Jacobian at x it is x - Y f(x) + (1 - Y F(X)) (X - x), F(X) being the Jacobian over the ball X.

@@ -101,10 +101,18 @@ def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Ar
     return found[:, :, :-1].transpose(0, 2, 1), found[:, :, -1]
 
 
-def measure(
-    scale: Array, factor: Array, accelerations: Array, radii: Array, velocities: Array, terms: Array, rotating: Array, roundings: float
-) -> Norms:
-    """Norms for M = diag(scale) L L' diag(scale), (n, nv) and (n, nv, nv), and vectors (n, nv); ``terms`` (n, 4, nv) are separate forces.
+@dataclass(frozen=True)
+class Vectors:
+    """Vectors at n states whose norms are taken: (n, nv) each, and ``terms``, (n, 4, nv), the separate forces."""
+
+    accelerations: Array
+    radii: Array
+    velocities: Array
+    terms: Array
+
+
+def measure(scale: Array, factor: Array, vectors: Vectors, rotating: Array, roundings: float) -> Norms:
+    """Norms for M = diag(scale) L L' diag(scale), (n, nv) and (n, nv, nv).
 
     ``rotating``, (nv,), is 1 for the coordinates that take part in ``Norms.motion``; ``roundings`` is a factor of the instability.
     """
@@ -112,7 +120,7 @@ def measure(
     norm_factor = np.empty((n, nv, nv))
     condition, radius, motion, instability = (np.empty(n) for _ in range(4))
     columns = np.zeros((nv + 1, _whole(nv)))
-    given = (np.ascontiguousarray(values) for values in (scale, factor, accelerations, radii, velocities, terms, rotating))
+    given = (np.ascontiguousarray(values) for values in (scale, factor, *vars(vectors).values(), rotating))
     loop("measure")(
         n, nv, roundings, *given, norm_factor, condition, radius, motion, instability, np.zeros((nv, nv)), np.zeros((2, nv)), columns
     )  # fmt: skip

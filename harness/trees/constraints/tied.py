@@ -41,7 +41,7 @@ class TiedTree:
 
 
 @dataclass(frozen=True)
-class Tied:
+class TiedMechanism:
     """A mechanism under the constraints of its file.
 
     Attributes:
@@ -72,7 +72,7 @@ def tied_tree(tree: Tree, joints: Sequence[str], equalities: Mapping[str, Rows],
     return _tied(world, joints, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
 
 
-def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Constraints, states: States) -> Tied:
+def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Constraints, states: States) -> TiedMechanism:
     """The mechanism of a robot whose coordinates, those of single axes, are tied as ``declared`` of the same coordinates says.
 
     ``states`` close the constraints; which rows are independent is found there.
@@ -104,7 +104,7 @@ def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Cons
         program=constrained_program(tied.constraints, by_multipliers),
         constraints=tied.constraints,
     )
-    return Tied(mechanism, tied.parameters, tuple(bearing), len(chosen) == len(bearing))
+    return TiedMechanism(mechanism, tied.parameters, tuple(bearing), len(chosen) == len(bearing))
 
 
 def _tied(world: World, joints: Sequence[str], rows: Sequence[Row], **declared: Any) -> TiedTree:
