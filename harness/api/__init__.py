@@ -168,11 +168,11 @@ def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | File
 def _compare_robots(
     paths: Sequence[Path], *, renamed: Mapping[str, str] | None = None, workers: int | None = None, time_limit: float = 300.0, **chosen: Any
 ) -> FilesComparison:
-    from harness.comparison.study import RobotComparison, Settings
+    from harness.comparison.study import ComparisonSettings, RobotComparison
     from harness.study import run_study
     from harness.workers import Workers
 
-    study = RobotComparison(Settings(paths, renamed=renamed or {}, **chosen))
+    study = RobotComparison(ComparisonSettings(paths, renamed=renamed or {}, **chosen))
     with Workers(workers, time_limit=time_limit) as pool:
         for _ in run_study(study, pool):
             pass

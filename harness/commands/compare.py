@@ -79,10 +79,10 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
         return
     if asked.by or asked.start:
         raise click.UsageError("--by and --start are for motions; add --steps")
-    from harness.comparison.study import RobotComparison, Settings
+    from harness.comparison.study import ComparisonSettings, RobotComparison
     from harness.report.comparison import render, sections
 
-    settings = Settings(
+    settings = ComparisonSettings(
         tuple(dict.fromkeys(asked.files)), asked.states, bracket.seed, bracket.floating_base, renamed, subjects=asked.subjects
     )
     study = RobotComparison(settings)

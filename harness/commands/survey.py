@@ -30,14 +30,13 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tu
       harness survey example_robot_data --out reports
     """
     from harness.comparison.collection import find_files
-    from harness.comparison.study import RobotComparison, Settings
+    from harness.comparison.study import ComparisonSettings, RobotComparison
     from harness.report.addresses import ROBOTS
     from harness.report.comparison import survey_overview
     from harness.results.comparison import FilesComparison, survey_profile
 
-    study = RobotComparison(
-        Settings(tuple(find_files(places)), states, bracket.seed, bracket.floating_base, pairwise=False, subjects=subjects), "survey"
-    )
+    paths, floating = tuple(find_files(places)), bracket.floating_base
+    study = RobotComparison(ComparisonSettings(paths, states, bracket.seed, floating, pairwise=False, subjects=subjects), "survey")
     profile = survey_profile(places, bracket.floating_base)
     before = bracket.history.latest(FilesComparison, bracket.library.name, profile)
     bracket.begin(states, profile, FilesComparison)

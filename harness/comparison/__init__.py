@@ -2,10 +2,10 @@
 
 May use ``diagnosis``, ``crosscheck``, ``certify`` and what is below them. Results are plain data of ``harness.results.comparison``.
 
-Start with ``study``, which asks everything of a file in worker processes. ``states`` says what an engine is asked, ``asking`` asks it,
+Start with ``study``, which asks everything of a file in worker processes. ``truth`` says what an engine is asked and should answer,
 ``judgement`` explains an answer by the readings of ``harness.explain.changes``, which ``accounting`` takes together; ``sameness``
-compares files, at the same states (``same_states``). ``robot_library`` makes files a library, whose engines are aided, so that a
-cross-check, a search and a benchmark take them.
+compares files, at the same states (``same_states``). ``robot_library`` asks engines about files and makes files a library, whose
+engines are aided, so that a cross-check, a search and a benchmark take them.
 
 ``gap`` divides the difference of two motions among equations, integrator and step length; ``gap_study`` asks for it.
 """

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from harness.comparison.study import RobotComparison
-from harness.comparison.study import Settings as ComparisonSettings
+from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.crosscheck.settings import Settings
 from harness.results.comparison import SubjectRecord
 from harness.results.cross_check import Cause

@@ -1,11 +1,23 @@
-"""The robots' files of a folder or of an installed distribution, told by their root elements."""
+"""The robots' files of a folder or of an installed distribution, told by their root elements, and the outcomes expected of them.
+
+Where an explained answer is not enough, ``expected_robots.toml`` beside the files holds an entry for each::
+
+    [[expected]]
+    file = "arm.urdf"
+    subject = "mujoco/urdf"
+    outcome = "refused"
+    reason = "why, in a sentence"
+"""
 
 from __future__ import annotations
 
 import importlib.metadata
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from harness.errors import InvalidInput
 
@@ -67,3 +79,51 @@ def _candidates(place: str) -> Iterator[Path]:
 
 def _models(paths: Iterable[Path]) -> Iterator[Path]:
     yield from (path for path in paths if path.suffix.lower() in SUFFIXES and path.is_file())
+
+
+NAME = "expected_robots.toml"
+
+
+class ExpectedOutcome(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One entry; ``file`` is relative to the folder, ``outcome`` as of ``harness.results.comparison.SubjectRecord``."""
+
+    file: str
+    subject: str
+    outcome: str
+    reason: str
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    expected: list[ExpectedOutcome] = []
+
+
+@dataclass(frozen=True)
+class ExpectedOutcomes:
+    """The entries of a folder."""
+
+    path: Path
+    entries: tuple[ExpectedOutcome, ...] = ()
+
+    def of(self, path: Path, subject: str) -> ExpectedOutcome | None:
+        """The entry of a file and subject; None without one."""
+        own = (entry for entry in self.entries if (self.path.parent / entry.file).resolve() == path.resolve() and entry.subject == subject)
+        return next(own, None)
+
+
+def load_expectations(folder: Path) -> ExpectedOutcomes:
+    """The expectations of a folder, none where it has no such file.
+
+    Raises:
+        InvalidInput: the file is no TOML of such entries, or names a robot that is not there.
+    """
+    path = folder / NAME
+    if not path.is_file():
+        return ExpectedOutcomes(path)
+    try:
+        entries = msgspec.toml.decode(path.read_bytes(), type=_File).expected
+    except msgspec.DecodeError as error:
+        raise InvalidInput(path, None, f"{error}; expected entries with file, subject, outcome and reason") from error
+    for entry in entries:
+        if not (folder / entry.file).is_file():
+            raise InvalidInput(path, None, f"names {entry.file!r}, which is not in the folder; remove the entry, or correct the path")
+    return ExpectedOutcomes(path, tuple(entries))

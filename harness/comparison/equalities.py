@@ -18,9 +18,8 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.comparison.accounting import fold
-from harness.comparison.asking import ask_engine
-from harness.comparison.states import request_of, spread
-from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of
+from harness.comparison.robot_library import ask_engine
+from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of, request_of, spread
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, EngineQuestion, Held
 from harness.explain.changes.readings import element_at, find_readings

@@ -12,13 +12,13 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.accounting import fold
-from harness.comparison.asking import FilesLibrary, engines_of_files
 from harness.comparison.gap import Motion, shares_of
 from harness.comparison.matching import match, renamed_to
 from harness.comparison.meshes import compiled_meshes
 from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
+from harness.comparison.robot_library import FilesLibrary, engines_of_files
 from harness.comparison.same_states import SameStates
-from harness.comparison.states import request_of
+from harness.comparison.truth import request_of
 from harness.engines import NotOffered, installed_version, load_engine, runs_elsewhere
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints

@@ -36,7 +36,7 @@ Key = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Quantity:
+class FileQuantity:
     """One quantity of two files.
 
     Attributes:
@@ -55,13 +55,13 @@ class Quantity:
         return bool(np.abs(first - second).max() > ROUNDING * self.scale)
 
 
-def quantities(first: Robot, second: Robot) -> dict[Key, Quantity]:
+def quantities(first: Robot, second: Robot) -> dict[Key, FileQuantity]:
     """All quantities of two robots with equal names of joints, those of a joint before those of the joints that it carries."""
     nodes = canonical(first), canonical(second)
     vectors = tuple(np.array([float(value) for value in robot.tree.gravity]) for robot in (first, second))
     gravity = (vectors[0], vectors[1])
     places = (first.tree.places.get("gravity"), second.tree.places.get("gravity"))
-    found: dict[Key, Quantity] = {("", "gravity"): Quantity("gravity", gravity, float(np.abs(gravity).max()), places)}
+    found: dict[Key, FileQuantity] = {("", "gravity"): FileQuantity("gravity", gravity, float(np.abs(gravity).max()), places)}
     turns: dict[str, Array] = {"": np.eye(3)}
     for name, one in nodes[0].items():
         other, turn = nodes[1][name], turns[one.parent]
@@ -74,22 +74,22 @@ def quantities(first: Robot, second: Robot) -> dict[Key, Quantity]:
     return found
 
 
-def _of_joint(one: CanonicalNode, other: CanonicalNode, before: Array, own: Array) -> Iterator[tuple[str, Quantity]]:
+def _of_joint(one: CanonicalNode, other: CanonicalNode, before: Array, own: Array) -> Iterator[tuple[str, FileQuantity]]:
     """Of the joint: where it stands, how what it carries is turned, its axis and its numbers."""
     name = one.joint.name
     size = max(float(np.linalg.norm(one.anchor)), float(np.linalg.norm(one.total.centre)), LEAST_LENGTH)
     frames = (one.body.places.get("pose"), other.body.places.get("pose"))
-    yield "anchor", Quantity(f"origin of joint {name}", (one.anchor, before @ other.anchor), size, frames)
-    yield "turn", Quantity(f"orientation of joint {name}", (_quaternion(np.eye(3)), _quaternion(own @ before.T)), 1.0, frames)
+    yield "anchor", FileQuantity(f"origin of joint {name}", (one.anchor, before @ other.anchor), size, frames)
+    yield "turn", FileQuantity(f"orientation of joint {name}", (_quaternion(np.eye(3)), _quaternion(own @ before.T)), 1.0, frames)
     axes = (one.joint.places.get("axis"), other.joint.places.get("axis"))
-    yield "axis", Quantity(f"axis of joint {name}", (one.axis, own @ other.axis), 1.0, axes)
+    yield "axis", FileQuantity(f"axis of joint {name}", (one.axis, own @ other.axis), 1.0, axes)
     for number, words in JOINT_NUMBERS.items():
         first, second = (np.array([float(getattr(node.joint, number))]) for node in (one, other))
         places = (one.joint.places.get(number), other.joint.places.get(number))
-        yield number, Quantity(f"{words} of joint {name}", (first, second), float(max(abs(first[0]), abs(second[0]))), places)
+        yield number, FileQuantity(f"{words} of joint {name}", (first, second), float(max(abs(first[0]), abs(second[0]))), places)
 
 
-def _of_masses(one: CanonicalNode, other: CanonicalNode, turn: Array) -> Iterator[tuple[str, Quantity]]:
+def _of_masses(one: CanonicalNode, other: CanonicalNode, turn: Array) -> Iterator[tuple[str, FileQuantity]]:
     """Mass, centre and moments of each body where the bodies have the same names, else of all that moves with the joint."""
     if one.bodies.keys() == other.bodies.keys():
         for body in one.bodies:
@@ -100,7 +100,7 @@ def _of_masses(one: CanonicalNode, other: CanonicalNode, turn: Array) -> Iterato
         yield from _of_mass("", f"all that moves with joint {one.joint.name}", totals, (_heaviest(one), _heaviest(other)))
 
 
-def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body, Body]) -> Iterator[tuple[str, Quantity]]:
+def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body, Body]) -> Iterator[tuple[str, FileQuantity]]:
     first, second = masses
 
     def places(part: str) -> tuple[Place | None, Place | None]:
@@ -108,12 +108,12 @@ def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body
         return one, other
 
     amounts = (np.array([first.mass]), np.array([second.mass]))
-    yield f"mass {key}", Quantity(f"mass of {owner}", amounts, float(max(amounts)[0]), places("mass"))
+    yield f"mass {key}", FileQuantity(f"mass of {owner}", amounts, float(max(amounts)[0]), places("mass"))
     size = max(float(np.linalg.norm(first.centre)), LEAST_LENGTH)
-    yield f"centre {key}", Quantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"))
+    yield f"centre {key}", FileQuantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"))
     moments = (_six(first.moments), _six(second.moments))
     scale = max(float(np.abs(moments).max()), LEAST_MOMENT)
-    yield f"moments {key}", Quantity(f"moments of inertia of {owner}", moments, scale, places("moments"))
+    yield f"moments {key}", FileQuantity(f"moments of inertia of {owner}", moments, scale, places("moments"))
 
 
 def _heaviest(node: CanonicalNode) -> Body:

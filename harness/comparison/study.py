@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from harness.comparison.asking import ask_engine, engine_of, robot_subjects
 from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
 from harness.comparison.meshes import compiled_meshes
+from harness.comparison.robot_library import ask_engine, engine_of, robot_subjects
 from harness.comparison.sameness import hold_against
-from harness.comparison.states import request_of, spread
-from harness.comparison.truth import Meant, meant
+from harness.comparison.truth import Meant, meant, request_of, spread
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidInput, InvalidModel
 from harness.results.comparison import (
@@ -35,7 +34,7 @@ STATES = 64
 
 
 @dataclass(frozen=True)
-class Settings:
+class ComparisonSettings:
     """What is compared.
 
     Attributes:
@@ -62,7 +61,7 @@ class RobotComparison(Inquiries):
         InvalidRequest: from the constructor, for a subject that is none.
     """
 
-    def __init__(self, settings: Settings, title: str = "comparison") -> None:
+    def __init__(self, settings: ComparisonSettings, title: str = "comparison") -> None:
         super().__init__()
         self.settings, self.title = settings, title
         self._subjects = robot_subjects(settings.subjects) if settings.stances else []

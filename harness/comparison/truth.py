@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,15 +13,44 @@ from harness.certify.compare import Flags
 from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.certify.sampling import sample
 from harness.comparison.same_states import SameStates
-from harness.comparison.states import spread
-from harness.engines.request import AskedJoint
-from harness.engines.tree_request import asked_joints
+from harness.engines import request
+from harness.engines.request import Aid, AskedJoint, Request
+from harness.engines.tree_request import aid_of, asked_joints, inertias_of
 from harness.files.tree import Joint, Tree
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.trees.bodies.bounds import bounded
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
+
+
+def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:
+    """States of a robot's own joints, over ``joints`` of its tree: a joint that mimics another moves as the other lets it, unloaded."""
+    by_name = {joint.name: joint for joint in asked_joints(robot.tree)}
+    own = asked_joints(robot.tree, robot.joints)
+    q, v, tau = request.spread(own, [by_name[joint.name] for joint in joints], (states.q, states.v, states.tau))
+    return States(q, v, tau, np.zeros(len(states)))
+
+
+def request_of(robot: Robot, aided: bool) -> Request:
+    """What a plain or aided engine is to load."""
+    # One that eliminates joints that mimic is asked about those too.
+    follows = any(joint.follows for joint in robot.tree.joints)
+    joints = asked_joints(robot.tree, None if follows else robot.joints)
+    return Request(
+        path=robot.path,
+        format=robot.format,
+        joints=joints,
+        moving=robot.joints,
+        floating_base=robot.floating_base,
+        aid=_aid(robot, joints) if aided else None,
+    )
+
+
+def _aid(robot: Robot, joints: Sequence[AskedJoint]) -> Aid:
+    aid = aid_of(robot.tree, joints)
+    return replace(aid, inertias=inertias_of(robot.tree)) if robot.format == "urdf" else aid
+
 
 # States at which the effect of one change is computed.
 STATES_OF_EFFECTS = 16

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from statistics import median
 
-from harness.crosscheck.progress import Pair, System
+from harness.crosscheck.judgement import Pair, SystemProgress
 from harness.engines import EQUATIONS, engine_files
 from harness.environments.folders import split_name
 from harness.files.model_file import ModelFile
@@ -65,7 +65,7 @@ def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], co
     )
 
 
-def asked_features(system: System, pair: Pair) -> list[str]:
+def asked_features(system: SystemProgress, pair: Pair) -> list[str]:
     """What mechanism and model ask of the subject; of one that reads no model, what the models of the mechanism would."""
     own = pair.subject.format
     models = [model for name, model in system.models.items() if isinstance(model, ModelFile) and own in (name, EQUATIONS)]

@@ -1,33 +1,45 @@
-"""From everything one subject answered on one system to its record."""
+"""From everything that a subject answered on a system to its record, with what was expected of it and how to see it again."""
 
 from __future__ import annotations
 
 import math
+import shlex
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import structs
 
 from harness.arrays import Array
 from harness.certify.compare import Comparison
-from harness.crosscheck.expected import Expectation
+from harness.crosscheck.assignment import Assignment
+from harness.crosscheck.expected import AGREES, Expectation, Expectations
 from harness.crosscheck.hypothesis_search import Found
+from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.crosscheck.stages import NOT_OFFERED
+from harness.engines import Subject, engine_files
+from harness.files.model_file import ModelFile
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.results.hard_states import replay_command
 from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
-from harness.results.records import Record, Representative
+from harness.results.records import ACCELERATIONS, Record, Representative, quantity_options, quantity_words
 from harness.verdict import Verdict, gravest
 
 # A smaller sample says nothing of a median or a share.
 FEWEST_SAMPLED = 100
-# Rows of ``Evidence.shown``.
+# Rows of ``Pair.shown``.
 GRAVEST, LARGEST = 0, 1
 
 
-@dataclass
-class Evidence:
-    """The answers of one subject on one system; of each state, what the record needs of it.
+@dataclass(kw_only=True)
+class Pair:
+    """A subject on a system and its answers; of each state, what the record needs of it.
 
     Attributes:
+        quantity: what it is asked for. assignment: with what it is asked; None until that is known, and where it cannot be.
+        componentwise: the componentwise backward error at the worst state; None where it was not measured.
         counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
         granted: to how many answers the share of the motion was. in_balls: how many truths took ball arithmetic.
         sampled: the backward errors among them, and verdicts, that are of sampled states.
@@ -41,6 +53,10 @@ class Evidence:
         from_rigid: how far answers that are held against a declared truth are from the rigid one, relative, part by part.
     """
 
+    subject: Subject
+    quantity: str = ACCELERATIONS
+    assignment: Assignment | None = None
+    componentwise: float | None = None
     counts: Counter[str] = field(default_factory=Counter)
     granted: int = 0
     in_balls: int = 0
@@ -59,6 +75,16 @@ class Evidence:
     explained: str | None = None
     remarks: list[str] = field(default_factory=list)
     from_rigid: list[Array] = field(default_factory=list)
+
+    @property
+    def key(self) -> str:
+        """Its name among the pairs of its system, as ``Assignment.title``."""
+        return " ".join([str(self.subject), *quantity_words(self.quantity)])
+
+    def fail(self, failure: str, unsupported: bool = False, refused: bool = False) -> None:
+        """The first failure is the one that is reported."""
+        if not self.failure:
+            self.failure, self.unsupported, self.refused = failure, unsupported, refused
 
     @property
     def verdict(self) -> str:
@@ -98,50 +124,50 @@ def distribution_of(backward: Array) -> dict[str, int]:
     return {half_decade(float(backward[index])): int(count) for index, count in zip(first[order], counts[order], strict=True)}
 
 
-def judge(system: str, subject: str, evidence: Evidence, expectation: Expectation) -> Record:
-    """The record of ``evidence``: gravest verdict, worst error with its state, and another state that shows the verdict better."""
-    counts, backward = evidence.counts, np.concatenate([np.empty(0), *evidence.backward])
-    sample, verdicts = np.concatenate([np.empty(0), *evidence.sampled]), evidence.sampled_verdicts
+def judge(system: str, pair: Pair, expectation: Expectation) -> Record:
+    """The record of a pair: gravest verdict, worst error with its state, and another state that shows the verdict better."""
+    counts, backward = pair.counts, np.concatenate([np.empty(0), *pair.backward])
+    sample, verdicts = np.concatenate([np.empty(0), *pair.sampled]), pair.sampled_verdicts
     if not len(sample):
         sample, verdicts = backward, counts
-    verdict = evidence.verdict
-    remarks = [evidence.failure or ("" if counts else "nothing was compared")]
+    verdict = pair.verdict
+    remarks = [pair.failure or ("" if counts else "nothing was compared")]
     if not_finite := counts[Verdict.ERROR.value]:
         remarks.append(f"{not_finite} of {counts.total()} answers are not finite.")
-    remarks += [evidence.explained or "", *evidence.remarks, _distance(evidence)]
-    found = evidence.found
+    remarks += [pair.explained or "", *pair.remarks, _distance(pair)]
+    found = pair.found
     searched, added = (0, 0) if found is None else (len(found.states) - found.added, found.added)
-    stored = min(evidence.stored, counts.total() - searched - added)
-    shown = evidence.shown
+    stored = min(pair.stored, counts.total() - searched - added)
+    shown = pair.shown
     return Record(
         system=system,
-        subject=subject,
+        subject=str(pair.subject),
         states=counts.total(),
         verdict=verdict,
         expected=expectation.verdict,
         backward_error=float(backward.max()) if len(backward) else None,
         relative_error=None if shown is None else shown[1].relative_error_at(LARGEST),
-        worst_state=evidence.failed_at if shown is None else shown[0].as_json(LARGEST),
-        seconds_per_state=float(np.median(evidence.seconds)) if evidence.seconds else None,
-        fastest_seconds_per_state=min(evidence.seconds, default=None),
+        worst_state=pair.failed_at if shown is None else shown[0].as_json(LARGEST),
+        seconds_per_state=float(np.median(pair.seconds)) if pair.seconds else None,
+        fastest_seconds_per_state=min(pair.seconds, default=None),
         message=" ".join(filter(None, remarks)),
-        failed=bool(evidence.failure) and not (evidence.unsupported or evidence.refused),
+        failed=bool(pair.failure) and not (pair.unsupported or pair.refused),
         median_backward_error=float(np.median(sample)) if len(sample) else None,
         percentile_99_backward_error=float(np.percentile(sample, 99)) if len(sample) else None,
         median_bounds=_bounds(sample, 0.5),
         percentile_99_bounds=_bounds(sample, 0.99),
         unstable_share=verdicts[Verdict.UNSTABLE.value] / max(1, verdicts.total()),
-        distribution=dict(evidence.distribution),
+        distribution=dict(pair.distribution),
         verdict_counts=dict(counts),
-        granted=evidence.granted,
-        in_balls=evidence.in_balls,
+        granted=pair.granted,
+        in_balls=pair.in_balls,
         expected_backward_error=expectation.limit,
         expected_median_backward_error=expectation.median_limit if len(sample) >= FEWEST_SAMPLED else math.inf,
         expected_share=expectation.share_limit if len(sample) >= FEWEST_SAMPLED else 1.0,
         expected_reason=expectation.reason,
         expected_link=expectation.link,
-        from_rigid=float(np.median(np.concatenate(evidence.from_rigid))) if evidence.from_rigid else None,
-        representative=None if shown is None else _representative(*shown, evidence, verdict),
+        from_rigid=float(np.median(np.concatenate(pair.from_rigid))) if pair.from_rigid else None,
+        representative=None if shown is None else _representative(*shown, pair, verdict),
         origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added},
     )
 
@@ -152,25 +178,95 @@ def _bounds(sample: Array, share: float) -> list[float]:
     return [] if ranks is None else [float(error) for error in np.partition(sample, ranks)[list(ranks)]]
 
 
-def _distance(evidence: Evidence) -> str:
+def _distance(pair: Pair) -> str:
     """How far a model whose constraints give is from rigid, as a sentence; "" for the others."""
-    if not evidence.from_rigid:
+    if not pair.from_rigid:
         return ""
-    distances = np.concatenate(evidence.from_rigid)
+    distances = np.concatenate(pair.from_rigid)
     return (
         "Held against what the file's softness of constraints declares, which is a property of the model: accelerations are "
         f"{np.median(distances):.2g} of their size from rigid ones (median; {distances.max():.2g} at most)."
     )
 
 
-def _representative(states: States, comparison: Comparison, evidence: Evidence, verdict: str) -> Representative | None:
+def _representative(states: States, comparison: Comparison, pair: Pair, verdict: str) -> Representative | None:
     """The state of a death; else the simplest state with the verdict that hypothesis found; else one, where the worst has another."""
-    if evidence.failed_at is not None:
-        return Representative(state=evidence.failed_at, backward_error=None)
-    found, index, worst = evidence.found, GRAVEST, states.as_json(LARGEST)
+    if pair.failed_at is not None:
+        return Representative(state=pair.failed_at, backward_error=None)
+    found, index, worst = pair.found, GRAVEST, states.as_json(LARGEST)
     if found is not None and found.simplest_failure is not None and found.comparison.verdicts[found.simplest_failure] == verdict:
         states, comparison, index = found.states, found.comparison, found.simplest_failure
     elif comparison.verdicts[GRAVEST] == comparison.verdicts[LARGEST]:
         return None
     error, state = float(comparison.backward_error[index]), states.as_json(index)
     return None if state == worst else Representative(state=state, backward_error=None if math.isnan(error) else error)
+
+
+Pairs = Sequence[Pair]
+
+
+def answering(pairs: Iterable[Pair]) -> list[Pair]:
+    """The pairs that can be asked and have not failed."""
+    return [pair for pair in pairs if pair.assignment is not None and not pair.failure]
+
+
+@dataclass
+class SystemProgress:
+    """A system, or a variant of its models, while it is compared.
+
+    Attributes:
+        models: by format, those that a subject reads; why not, where one cannot be used.
+        seconds: per certified state of each batch. compilation_seconds: of the certified kernel; None before the first batch.
+    """
+
+    name: str
+    pairs: dict[str, Pair]
+    mechanism: Mechanism | None = None
+    models: dict[str, ModelFile | str] = field(default_factory=dict)
+    seconds: list[float] = field(default_factory=list)
+    compilation_seconds: float | None = None
+
+    def fail(self, failure: str) -> None:
+        """Nothing of it can be asked, for a file cannot be used."""
+        for pair in self.pairs.values():
+            pair.fail(failure, refused=True)
+
+
+LOST_DIGITS = "digits are lost as the condition of M, or the distance of its links, explains, and no number of the file does"
+
+
+def record_of(settings: Settings, expectations: Expectations, name: str, pair: Pair) -> Record:
+    """The record of a pair of system ``name``, with the expectations of its quantity."""
+    expectation = expectations.of(settings.library.label(name), pair.subject)
+    if expectation is AGREES and pair.unsupported and engine_files(settings.library)[pair.subject.engine].elsewhere:
+        # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
+        expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
+    is_of_file = not settings.library.validated_models(name)
+    if is_of_file and expectation is AGREES and pair.verdict == Verdict.UNSTABLE and pair.explained == "":
+        # A user's file is the truth itself, of which lost digits are an explanation, as ``harness compare`` has it.
+        expectation = structs.replace(AGREES, verdict=Verdict.UNSTABLE.value, reason=LOST_DIGITS)
+    record = judge(name, pair, expectation)
+    few = settings.state is not None or settings.states < DEFAULT_STATES
+    if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
+        # So few states need not meet the one that the expectation is about.
+        record = judge(name, pair, AGREES)
+    if pair.unsupported and record.message.startswith(NOT_OFFERED):
+        # What nobody claims to compute needs no entry that excuses it.
+        reason = record.message.removeprefix(NOT_OFFERED)
+        record = replace(record, expected=Verdict.UNSUPPORTED.value, expected_reason=reason)
+
+    options = [*settings.replay_options, *quantity_options(pair.quantity)]
+    if record.worst_state is not None:
+        again = replay_command(name, record.subject, record.worst_state, options)
+    else:
+        command = ["harness", "check", name, "--subject", record.subject, *options]
+        again = shlex.join([*command, "--states", str(settings.states), "--seed", str(settings.seed)])
+    shown = record.representative
+    return replace(
+        record,
+        quantity=pair.quantity,
+        replay=again,
+        representative=shown and replace(shown, replay=replay_command(name, record.subject, shown.state, options)),
+        origins=record.origins if settings.state is None else {},
+        componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,
+    )

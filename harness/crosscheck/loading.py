@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from harness.certify.sampling import sample_in_blocks
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import Expectations
-from harness.crosscheck.progress import Pair, Pairs, System
+from harness.crosscheck.judgement import Pair, Pairs, SystemProgress
 from harness.crosscheck.settings import Settings, stored_states
 from harness.engines import Subject, engine_files, is_native
 from harness.errors import InvalidModel, InvalidRequest
@@ -44,7 +44,7 @@ def why_no_model(settings: Settings, expectations: Expectations, name: str, subj
     return "" if subject.format in settings.stand_ins else expectations.why_no_model(settings.library, name, subject)
 
 
-def assign(settings: Settings, expectations: Expectations, system: System, mechanism: Mechanism, pair: Pair) -> None:
+def assign(settings: Settings, expectations: Expectations, system: SystemProgress, mechanism: Mechanism, pair: Pair) -> None:
     """Give a pair what it is asked with, or the reason why it cannot be asked."""
     file = engine_files(settings.library)[pair.subject.engine]
     model = system.models.get(pair.subject.format)
@@ -60,7 +60,7 @@ def assign(settings: Settings, expectations: Expectations, system: System, mecha
         pair.assignment = Assignment(settings.library, pair.subject, mechanism, model, system.name, pair.quantity)
 
 
-def batches_of(settings: Settings, system: System, mechanism: Mechanism, sampled: int) -> Iterator[States]:
+def batches_of(settings: Settings, system: SystemProgress, mechanism: Mechanism, sampled: int) -> Iterator[States]:
     """The states of a system, of which so many are sampled, batch by batch; what is stored stands before the first block of the sample.
 
     Raises:

@@ -17,10 +17,8 @@ from typing import Any
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import asked_features, describe_system
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.judgement import LARGEST
+from harness.crosscheck.judgement import LARGEST, Pair, Pairs, SystemProgress, answering, record_of
 from harness.crosscheck.loading import assign, batches_of, chosen_names, led_together, natives_among, orphans, readers_among, why_no_model
-from harness.crosscheck.progress import Pair, Pairs, System, answering
-from harness.crosscheck.recording import record_of
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.static_audit import find_differences, judge_differences, load_expected_differences
@@ -75,7 +73,7 @@ class CrossCheck(Inquiries):
         if not settings.names:
             for orphan in orphans(library):
                 self.report(orphan)
-        self._systems = [System(name, {pair.key: pair for pair in self._pairs_of(name, without)}) for name in self.names]
+        self._systems = [SystemProgress(name, {pair.key: pair for pair in self._pairs_of(name, without)}) for name in self.names]
         self.steps = sum(len(system.pairs) for system in self._systems)
         if not self.steps:
             formats = " and ".join(library.formats_of(self.names[0]))
@@ -108,7 +106,7 @@ class CrossCheck(Inquiries):
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._compared(system) for system in self._systems]
 
-    def _compared(self, system: System) -> Inquiry[None]:
+    def _compared(self, system: SystemProgress) -> Inquiry[None]:
         """The cross-check of one system, from its files to its records."""
         settings, library, seed = self.settings, self.settings.library, self.settings.seed
         # A variant is there for what readers make of it, as any state shows.
@@ -183,7 +181,7 @@ class CrossCheck(Inquiries):
         if self._moves and mechanism is not None and mechanism.name == library.label(system.name):
             self._found.systems.append(describe_system(mechanism, system.seconds, system.compilation_seconds))
 
-    def _load(self, system: System, sampled: int) -> Inquiry[None]:
+    def _load(self, system: SystemProgress, sampled: int) -> Inquiry[None]:
         """The mechanism of a system, with the points of its sample in the cache, and the models that its subjects read."""
         library, name, stand_ins = self.settings.library, system.name, self.settings.stand_ins
         expectations = self._expectations[ACCELERATIONS]
@@ -208,7 +206,7 @@ class CrossCheck(Inquiries):
         for (model_format, path), outcome in zip(paths.items(), read, strict=True):
             system.models[model_format] = self._failure_of(system, model_format, outcome, path) or outcome.value
 
-    def _failure_of(self, system: System, what: str | None, outcome: Outcome, path: Any) -> str:
+    def _failure_of(self, system: SystemProgress, what: str | None, outcome: Outcome, path: Any) -> str:
         """Why a file could not be loaded; whatever it makes the harness do, it is the file that has to be mended."""
         failure = self.failure(outcome)
         if outcome.crash is not None:
@@ -217,7 +215,7 @@ class CrossCheck(Inquiries):
             self.report(InvalidInput(path, None, failure))
         return failure
 
-    def _asked_at(self, system: System, states: States) -> Inquiry[None]:
+    def _asked_at(self, system: SystemProgress, states: States) -> Inquiry[None]:
         """Ask every subject at a batch of states, and take what it answers."""
         pairs = answering(system.pairs.values())
         found = yield from self._together(system, pairs, "the reference", compare_all, states)
@@ -243,7 +241,7 @@ class CrossCheck(Inquiries):
             pair.seconds += answers.seconds
             pair.from_rigid += [answers.from_rigid] if len(answers.from_rigid) else []
 
-    def _together(self, system: System, pairs: Pairs, what: str, function: Callable[..., Any], *rest: Any) -> Inquiry[Any]:
+    def _together(self, system: SystemProgress, pairs: Pairs, what: str, function: Callable[..., Any], *rest: Any) -> Inquiry[Any]:
         """The value of one task for several pairs; without those that it dies of, which fail. None where nobody is left.
 
         Where its process dies, the culprit is the one that the task's note names, and the state it died at is looked for. Where there is
@@ -275,7 +273,7 @@ class CrossCheck(Inquiries):
             pairs = answering(pairs)
         return None
 
-    def _explain(self, system: System, pair: Pair) -> Inquiry[None]:
+    def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves = is_default(pair.quantity)
         if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from harness.comparison.expected import Expectations
+    from harness.comparison.collection import ExpectedOutcomes
     from harness.results.comparison import FilesComparison
 
 # States per file where --harness-states says nothing.
@@ -25,8 +25,7 @@ def register(config: pytest.Config) -> None:
     Raises:
         pytest.UsageError: it holds none, or its expectations cannot be used.
     """
-    from harness.comparison.collection import find_files
-    from harness.comparison.expected import load_expectations
+    from harness.comparison.collection import find_files, load_expectations
     from harness.errors import InvalidInput
 
     folder = config.invocation_params.dir / config.getoption("--harness-robots")
@@ -43,7 +42,7 @@ def register(config: pytest.Config) -> None:
 class _Robots:
     """Compares each file once, however many of its tests are selected."""
 
-    def __init__(self, config: pytest.Config, paths: list[Path], expectations: Expectations) -> None:
+    def __init__(self, config: pytest.Config, paths: list[Path], expectations: ExpectedOutcomes) -> None:
         self.config, self.expectations = config, expectations
         self._paths = {path.resolve() for path in paths}
         self._found: dict[Path, FilesComparison] = {}
@@ -53,13 +52,13 @@ class _Robots:
 
     def comparison(self, path: Path) -> FilesComparison:
         """What is found on a file."""
-        from harness.comparison.study import RobotComparison, Settings
+        from harness.comparison.study import ComparisonSettings, RobotComparison
         from harness.study import run_study
         from harness.workers import Workers
 
         option = self.config.getoption
         if path not in self._found:
-            study = RobotComparison(Settings([path], option("--harness-states") or _STATES, option("--harness-seed")))
+            study = RobotComparison(ComparisonSettings([path], option("--harness-states") or _STATES, option("--harness-seed")))
             with Workers(option("--harness-workers") or 1, time_limit=option("--harness-time-limit")) as pool:
                 for _ in run_study(study, pool):
                     pass
@@ -75,8 +74,8 @@ class RobotFile(pytest.File):
         self.robots = robots
 
     def collect(self) -> Iterator[RobotItem]:
-        from harness.comparison.asking import robot_subjects
         from harness.comparison.collection import format_of
+        from harness.comparison.robot_library import robot_subjects
 
         model_format = format_of(self.path)
         for subject in robot_subjects():

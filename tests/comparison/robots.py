@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.comparison.asking import engines_of_files
 from harness.comparison.judgement import judge
 from harness.comparison.meshes import compiled_meshes
+from harness.comparison.robot_library import engines_of_files
 from harness.comparison.study import question_of
 from harness.comparison.truth import Meant, meant
 from harness.results.comparison import SubjectRecord

@@ -10,7 +10,7 @@ from comparison.robots import FILES, meant_by
 
 from harness.comparison import judgement
 from harness.comparison.accounting import fold
-from harness.comparison.asking import engines_of_files
+from harness.comparison.robot_library import engines_of_files
 from harness.comparison.truth import read_as
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import Reading, with_joints

@@ -12,9 +12,8 @@ import toy_engine
 from comparison.robots import FILES
 from support import BUILT_IN, InThisProcess
 
-from harness.comparison.asking import FilesLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
-from harness.comparison.robot_library import RobotLibrary
-from harness.comparison.study import RobotComparison, Settings
+from harness.comparison.robot_library import FilesLibrary, RobotLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
+from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.engines import describe_engines, load_engine, runs_elsewhere
 from harness.engines.adapters.pinocchio.robot import PinocchioRun
 from harness.engines.request import Refused
@@ -99,7 +98,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]:
-    study = RobotComparison(Settings([path], states=8, subjects=subjects))
+    study = RobotComparison(ComparisonSettings([path], states=8, subjects=subjects))
     for _ in run_study(study, InThisProcess()):
         pass
     assert not study.faults

@@ -8,8 +8,8 @@ import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
 
 from harness.comparison import equalities
-from harness.comparison.asking import engines_of_files
 from harness.comparison.equalities import judge_equalities
+from harness.comparison.robot_library import engines_of_files
 from harness.report.comparison import sections
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord
 from harness.verdict import AGREEMENT, Verdict

@@ -17,8 +17,8 @@ from catalogue import BUILT_IN
 from support import InThisProcess, harness
 
 from harness.certify.declared_motion import DeclaredMotion
-from harness.comparison.asking import engines_of_files
 from harness.comparison.gap_study import By, GapSettings, GapStudy
+from harness.comparison.robot_library import engines_of_files
 from harness.errors import InvalidRequest
 from harness.files.rules.step_rule import Part, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap

@@ -7,8 +7,8 @@ from pathlib import Path
 from comparison.robots import meant_by, record_of
 
 from harness.certify.compare import compare
-from harness.comparison.asking import engines_of_files
 from harness.comparison.judgement import judge
+from harness.comparison.robot_library import engines_of_files
 from harness.comparison.truth import read_as
 from harness.engines.request import EngineAnswers
 from harness.report.comparison import subject_lines, survey_overview

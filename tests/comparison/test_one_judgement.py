@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from support import InThisProcess, completed, cross_checked
 
-from harness.comparison.asking import ask_engine, engine_of
 from harness.comparison.judgement import judge
-from harness.comparison.robot_library import RobotLibrary
-from harness.comparison.study import RobotComparison, question_of
-from harness.comparison.study import Settings as ComparisonSettings
+from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of
+from harness.comparison.study import ComparisonSettings, RobotComparison, question_of
 from harness.comparison.truth import Meant, reference_of
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings

@@ -14,7 +14,7 @@ from comparison.robots import FILES, edited, meant_by
 from robot_files import EVERYTHING
 
 from harness.comparison import judgement
-from harness.comparison.asking import FilesLibrary, ask_engine, engine_of, engines_of_files
+from harness.comparison.robot_library import FilesLibrary, ask_engine, engine_of, engines_of_files
 from harness.comparison.study import question_of
 from harness.engines import describe_engines
 from harness.engines.adapters.adam import with_origins

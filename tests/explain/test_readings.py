@@ -11,8 +11,8 @@ from support import BUILT_IN
 
 from harness.certify.far_links import FarLinks
 from harness.comparison import judgement
-from harness.comparison.asking import engines_of_files
 from harness.comparison.judgement import ILL_CONDITIONED
+from harness.comparison.robot_library import engines_of_files
 from harness.explain.changes.readings import find_readings
 from harness.verdict import AGREEMENT, Verdict
 

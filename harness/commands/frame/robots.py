@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 def find_differing_lines(bracket: Bracket, path: str, suspects: Iterable[Path], states: int) -> None:
     """Hold files against the robot at ``path``, print which of their lines differ, and end the command; no engine is asked."""
-    from harness.comparison.study import STATES, RobotComparison, Settings
+    from harness.comparison.study import STATES, ComparisonSettings, RobotComparison
     from harness.report.comparison import pair_sections
 
-    settings = Settings((Path(path), *suspects), min(states, STATES), bracket.seed, bracket.floating_base, stances=())
+    settings = ComparisonSettings((Path(path), *suspects), min(states, STATES), bracket.seed, bracket.floating_base, stances=())
     study = RobotComparison(settings, "diagnosis")
     found = compare_robots(bracket, study, pair_sections)
     bracket.finish(study.problems, study.crashed, found.as_expected)
@@ -29,10 +29,10 @@ def find_differing_lines(bracket: Bracket, path: str, suspects: Iterable[Path], 
 
 def show_robot(bracket: Bracket, path: str, html_path: str | None) -> None:
     """Print what the file at ``path`` is and what no body of it can have, write the same as a page, and end the command."""
-    from harness.comparison.study import RobotComparison, Settings
+    from harness.comparison.study import ComparisonSettings, RobotComparison
     from harness.report.comparison import file_sections, render
 
-    study = RobotComparison(Settings((Path(path),), 1, floating_base=bracket.floating_base, stances=()), "reading")
+    study = RobotComparison(ComparisonSettings((Path(path),), 1, floating_base=bracket.floating_base, stances=()), "reading")
     bracket.begin(1, "show")
     found = compare_robots(bracket, study, file_sections)
     leave_page(html_path, lambda: render(bracket.run, Path(path).name, file_sections(found)))

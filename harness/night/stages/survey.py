@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from harness.comparison.collection import find_files
-from harness.comparison.study import RobotComparison, Settings
+from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.night.stage import NightChoice, Stage, Steps, UnitFound
 from harness.report.comparison import subject_lines
 from harness.results.comparison import FilesComparison, survey_profile
@@ -23,7 +23,7 @@ def _units(choice: NightChoice) -> list[str]:
 
 
 def _steps(choice: NightChoice, path: str) -> Steps:
-    study = RobotComparison(Settings((Path(path),), STATES, choice.settings.seed, pairwise=False), NAME)
+    study = RobotComparison(ComparisonSettings((Path(path),), STATES, choice.settings.seed, pairwise=False), NAME)
     yield study
     return UnitFound(result=study.result(), problems=study.faults, crashed=study.crashed)
 
