@@ -91,7 +91,7 @@ def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mech
     ranges = mechanism.position_ranges, mechanism.rate_ranges, mechanism.force_ranges
     identity = [repr(mechanism.key), repr(ranges), str(subject), str(installed_version(load_engine(library, subject.engine))), model.text]
     digest = hashlib.sha256("\0".join(identity).encode())
-    digest.update(sources_digest("files", "engines", "equations", "robots", "certify", "crosscheck"))
+    digest.update(sources_digest("files", "engines", "programs", "lagrange", "trees", "certify", "crosscheck"))
     digest.update(hashlib.sha256(engine_file.read_bytes()).digest())
     return cache_directory() / "superfluous" / f"{digest.hexdigest()[:40]}.json"
 
