@@ -49,7 +49,9 @@ class Model:
     def forward_dynamics(self, q, v, tau):
         {answer}
 
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     {requires}
     formats = ("mjcf",)
 

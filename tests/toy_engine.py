@@ -55,7 +55,9 @@ class Model:
         nothing = np.zeros_like(v)
         return Terms(toy_engine.mass(q)[:, :, None], nothing, toy_engine.weight(q), toy_engine.friction(v), tau)
 
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     requires = ("toy_engine", "toy-engine")
     formats = ("urdf",)
     oldest = {"urdf": "1.0"}

@@ -11,21 +11,7 @@ from harness.certify.compare import Certified, Comparison
 from harness.certify.quantities import Quantity, Truth, TruthBasis, find_quantities
 from harness.certify.quantities.accelerations import AccelerationTruth, softened, softness_of
 from harness.certify.reference import ReferenceKernel
-from harness.engines import (
-    EQUATIONS,
-    ConstraintLaw,
-    Model,
-    NotOffered,
-    Subject,
-    constraint_laws,
-    factorises_mass_matrix,
-    linear_velocity_in_body,
-    load_engine,
-    load_model,
-    runs_elsewhere,
-    step_rules,
-    unit_roundoff,
-)
+from harness.engines import EQUATIONS, ConstraintLaw, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
 from harness.engines.audit import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
@@ -101,7 +87,7 @@ def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
 
 def frame_of(assignment: Assignment) -> bool:
     """True if the subject's answers need the truth with linear velocities in the body's frame."""
-    in_body = linear_velocity_in_body(load_engine(assignment.library, assignment.subject.engine))
+    in_body = load_engine(assignment.library, assignment.subject.engine).linear_velocity_in_body
     return in_body and bool(assignment.mechanism.charts_in_body)
 
 
@@ -143,7 +129,7 @@ def _basis(assignment: Assignment, declared: ModelFile | None) -> tuple[TruthBas
     """The basis of a quantity that takes numbers of a file, and what of it the truth of a mechanism depends on."""
     quantity, mechanism, read = assignment.asked, assignment.mechanism, assignment.model
     engine = load_engine(assignment.library, assignment.subject.engine)
-    in_body, precision, factorises = frame_of(assignment), unit_roundoff(engine), factorises_mass_matrix(engine)
+    in_body, precision, factorises = frame_of(assignment), engine.unit_roundoff, engine.factorises_mass_matrix
     system = assignment.system or mechanism.name
     if quantity.is_of_file and assignment.library.validated_models(system):
         declared = declared or declared_model(assignment.library, system)
@@ -152,8 +138,8 @@ def _basis(assignment: Assignment, declared: ModelFile | None) -> tuple[TruthBas
     if read is not None and mechanism.constraints is not None:
         for file in filter(None, (declared, read)):
             require_constraints(file, mechanism)
-        laws = constraint_laws(engine, read) if quantity.has_laws else {}
-    rules = step_rules(engine, read) if read is not None and quantity.has_step_rules else ()
+        laws = engine.constraint_laws(read) if quantity.has_laws else {}
+    rules = engine.step_rules(read) if read is not None and quantity.has_step_rules else ()
     softening = _softening(laws, read) if read is not None and laws else None
     is_about_tree = bool(getattr(engine, "takes_inertias_about_tree", False))
     basis = TruthBasis(mechanism, declared, read, in_body, softening, rules, precision, factorises, is_about_tree)

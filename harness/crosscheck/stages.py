@@ -22,7 +22,7 @@ from harness.certify.compare import Certified, Comparison, compare
 from harness.certify.quantities import Truth
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.tasks import Note
-from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, load_engine, unit_roundoff
+from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, load_engine
 from harness.errors import InvalidInput
 from harness.programs.loops.machine_code import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
@@ -146,7 +146,7 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
 
 def declared_precision(assignment: Assignment) -> str:
     """A sentence where the subject's engine declares that it computes in another precision than float64, "" where it does not."""
-    roundoff = unit_roundoff(load_engine(assignment.library, assignment.subject.engine))
+    roundoff = load_engine(assignment.library, assignment.subject.engine).unit_roundoff
     if roundoff == UNIT_ROUNDOFF:
         return ""
     bits = round(-math.log2(roundoff))

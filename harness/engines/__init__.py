@@ -12,7 +12,7 @@ their own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -125,31 +125,9 @@ def accelerations(model: Model, states: States) -> Array:
     return answer_of(model, "forward_dynamics", (states.q, v, states.tau, *time), v.shape)
 
 
-def linear_velocity_in_body(engine: Engine) -> bool:
-    """True where the engine gives the linear velocity of a free joint in the body's own frame."""
-    return bool(getattr(engine, "linear_velocity_in_body", False))
-
-
-def factorises_mass_matrix(engine: Engine | Model) -> bool:
-    """True where an engine or a model declares that accelerations are solved for by a factorisation of M, which may lose digits."""
-    return bool(getattr(engine, "factorises_mass_matrix", False))
-
-
-def unit_roundoff(engine: Engine) -> float:
-    """Of the numbers that an engine computes with: that of float64, or what it declares."""
-    return float(getattr(engine, "unit_roundoff", 2.0**-53))
-
-
-def constraint_laws(engine: Engine, file: ModelFile) -> Mapping[str, ConstraintLaw]:
-    """The laws that an engine documents for the constraints of a file, by name; those without one are held rigid."""
-    laws: Callable[[ModelFile], Mapping[str, ConstraintLaw]] | None = getattr(engine, "constraint_laws", None)
-    return {} if laws is None else laws(file)
-
-
-def step_rules(engine: Engine, file: ModelFile) -> tuple[StepRule, ...]:
-    """The rules that an engine documents of its integrators, of a file; none of one that integrates nothing."""
-    rules: Callable[[ModelFile], tuple[StepRule, ...]] | None = getattr(engine, "step_rules", None)
-    return () if rules is None else rules(file)
+def factorises_mass_matrix(model: Model) -> bool:
+    """True where a model declares that its accelerations are solved for by a factorisation of M, which may lose digits."""
+    return bool(getattr(model, "factorises_mass_matrix", False))
 
 
 def subjects(library: Library) -> list[Subject]:

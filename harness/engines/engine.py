@@ -38,6 +38,7 @@ class Engine:
             condition.
         unit_roundoff: of the numbers that it computes with. One that computes in float32 says 2.0**-24: it is asked at states rounded
             to float32, and judged in data roundoffs of float32.
+        has_soft_constraints: whether it documents that it does not hold constraints rigid; ``constraint_laws`` says how.
 
     Of any robot's file:
         call: the user's code for each format, on one line; none for an engine that no user's file is handed to.
@@ -48,14 +49,15 @@ class Engine:
     """
 
     name = ""
-    requires: tuple[str, str]
-    formats: tuple[str, ...]
+    requires: tuple[str, str] = ("", "")
+    formats: tuple[str, ...] = ()
     optional = False
     oldest: Mapping[str, str] = {}
     companions: Mapping[str, Sequence[str]] = {}
     linear_velocity_in_body = False
     factorises_mass_matrix = False
     unit_roundoff = 2.0**-53
+    has_soft_constraints = False
     call: Mapping[str, str] = {}
     supplied: Mapping[str, str] = {}
     takes_inertias_about_tree = False

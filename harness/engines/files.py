@@ -12,17 +12,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from harness.engines.elsewhere.engine import EngineElsewhere
+from harness.engines.engine import Engine
 from harness.environments.folders import environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
 from harness.version import version_of
 from harness.workers import Outcome, Task, Workers
-
-if TYPE_CHECKING:
-    from harness.engines import Engine
 
 EQUATIONS = "equations"
 FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
@@ -136,11 +134,11 @@ def _describe(library: Library, name: str, note: object = None) -> dict[str, Any
     return {
         "requires": (engine.requires[0], engine.requires[1]),
         "formats": tuple(dict.fromkeys(engine.formats)),
-        "of_users": tuple(getattr(engine, "call", ())),
+        "of_users": tuple(engine.call),
         "version": installed_version(engine),
-        "optional": bool(getattr(engine, "optional", False)),
-        "oldest": dict(getattr(engine, "oldest", {})),
-        "companions": {versions: tuple(those) for versions, those in getattr(engine, "companions", {}).items()},
+        "optional": engine.optional,
+        "oldest": dict(engine.oldest),
+        "companions": {versions: tuple(those) for versions, those in engine.companions.items()},
     }
 
 
@@ -221,12 +219,14 @@ def _problem_of(engine: Any) -> str:
     """Why ``ENGINE`` is no ``Engine``; "" where it is one."""
     if engine is None:
         return "defines no ENGINE"
-    requires, formats = getattr(engine, "requires", None), getattr(engine, "formats", None)
+    if not isinstance(engine, Engine):
+        return f"ENGINE is a {type(engine).__name__}, expected an object of a class that derives from harness.engines.Engine"
+    requires, formats = engine.requires, engine.formats
     if not (isinstance(requires, tuple | list) and len(requires) == 2 and all(isinstance(name, str) and name for name in requires)):
         return f'ENGINE has requires = {requires!r}; expected the names of the module and of the distribution, as ("mujoco", "mujoco")'
     if not (isinstance(formats, tuple | list) and formats and all(name in FORMATS for name in formats)):
         return f'ENGINE has formats = {formats!r}; expected one or more of {", ".join(FORMATS)}, as ("mjcf",)'
-    return "" if callable(getattr(engine, "load", None)) else "ENGINE has no method load"
+    return ""
 
 
 def runs_elsewhere(engine: Engine) -> bool:

@@ -25,7 +25,7 @@ from harness.certify.quantities.accelerations import AccelerationTruth, referenc
 from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.crosscheck.tasks import Note
-from harness.engines import NotOffered, Subject, Unsupported, factorises_mass_matrix, linear_velocity_in_body, load_engine
+from harness.engines import NotOffered, Subject, Unsupported, load_engine
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.one_number import Projection, explaining_directions
@@ -69,7 +69,7 @@ def measure(case_name: str, subject: Subject, quantity: str, engines: Library, n
         answered.append(point_of(case, value, truth, subject, engines, quantity))
     points = [point for point, _ in answered]
     if any(point.verdict == Verdict.UNSTABLE for point in points):
-        points = explained(taken, answered, linear_velocity_in_body(load_engine(engines, subject.engine)))
+        points = explained(taken, answered, load_engine(engines, subject.engine).linear_velocity_in_body)
     return row_of(
         case,
         subject,
@@ -152,7 +152,7 @@ def _truth_at(point: TruePoint, assignment: Assignment, declared: ModelFile | No
         truth = truth_of(assignment, declared)
         return truth, truth.evaluate(point.states)
     engine = load_engine(assignment.library, assignment.subject.engine)
-    return AccelerationTruth(point.mechanism, factorises=factorises_mass_matrix(engine)), point.reference
+    return AccelerationTruth(point.mechanism, factorises=engine.factorises_mass_matrix), point.reference
 
 
 def _unstable_bound(certified: Certified, index: int) -> float | None:

@@ -19,7 +19,7 @@ from harness.certify.manifold import closed, distances
 from harness.certify.quantities.accelerations import reference_kernel
 from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
-from harness.engines import EQUATIONS, Subject, constraint_laws, linear_velocity_in_body, load_engine
+from harness.engines import EQUATIONS, Subject, load_engine
 from harness.files.model_file import ModelFile, read_model
 from harness.hard.cases import HardCase, hard_cases, library_of
 from harness.lagrange.derivation import load_mechanism
@@ -51,10 +51,10 @@ def true_points(case_name: str, subject: Subject, engines: Library) -> list[True
         InvalidModel: the case's models cannot be held against its mechanism.
     """
     engine = load_engine(engines, subject.engine)
-    in_body = linear_velocity_in_body(engine)
+    in_body = engine.linear_velocity_in_body
     case = hard_cases()[case_name]
     first = load_mechanism(library_of(case), case.system_at(case.values[0]))
-    if subject.format == EQUATIONS or first.constraints is None or not hasattr(engine, "constraint_laws"):
+    if subject.format == EQUATIONS or first.constraints is None or not engine.has_soft_constraints:
         return truth_along(case_name, in_body)
     return _declared(case, subject, engines, in_body)
 
@@ -111,7 +111,7 @@ def _declared(case: HardCase, subject: Subject, engines: Library, in_body: bool)
         if case.opened is None:
             points.append((states, truth, None))
             continue
-        laws = constraint_laws(load_engine(engines, subject.engine), model)
+        laws = load_engine(engines, subject.engine).constraint_laws(model)
         away = distances(at, states)
         own = np.tile(truth.parameter_values, (len(states), 1))
         for column, (name, _, _) in enumerate(truth.parameters):

@@ -18,7 +18,7 @@ from harness.certify.quantities import TruthBasis
 from harness.certify.quantities.steps import StepTruth, _product, describe
 from harness.certify.sampling import generic_sample, sample
 from harness.crosscheck.expected import load_expectations
-from harness.engines import Model, NotOffered, load_engine, step_rules
+from harness.engines import Model, NotOffered, load_engine
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.rules.step_rule import Part, StepRule
@@ -68,7 +68,7 @@ class Setting:
 
     def __init__(self, file: ModelFile, rules: Callable[[StepRule], StepRule] = lambda rule: rule) -> None:
         self.mechanism: Mechanism = mechanism_of(robot_of(file, 9.81))
-        self.truth = StepTruth(TruthBasis(self.mechanism, file, file, False, step_rules=tuple(map(rules, step_rules(MUJOCO, file)))))
+        self.truth = StepTruth(TruthBasis(self.mechanism, file, file, False, step_rules=tuple(map(rules, MUJOCO.step_rules(file)))))
         self.model = MUJOCO.load(file, self.mechanism.joints, 9.81)
 
     def judged(self, states: States | None = None) -> tuple[set[str], float, str]:
@@ -93,7 +93,7 @@ def test_integrators_follow_their_rules_with_and_without_damping(name: str, damp
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_integrators_follow_their_rules_on_every_tree(modelled_name: str) -> None:
     mechanism, file = load_mechanism(BUILT_IN, modelled_name), model_of(modelled_name)
-    truth = StepTruth(TruthBasis(mechanism, file, file, False, step_rules=step_rules(MUJOCO, file)))
+    truth = StepTruth(TruthBasis(mechanism, file, file, False, step_rules=MUJOCO.step_rules(file)))
     model, states = MUJOCO.load(file, mechanism.joints, mechanism.gravity), sample(mechanism, STATES, SEED)
     found = compare(truth.evaluate(states), truth.answers(model, states))
     known = load_expectations(BUILT_IN, "steps").entries.get((modelled_name, "mujoco/mjcf"))
@@ -113,7 +113,7 @@ def test_what_is_solved_by_iteration_ends_finite() -> None:
     """With a tolerance of 0 MuJoCo's ``discrete`` divides zero by zero at some of these states."""
     mechanism, file = load_mechanism(BUILT_IN, "flyball_governor"), model_of("flyball_governor")
     states = sample(mechanism, 400, 0)
-    model, rule = MUJOCO.load(file, mechanism.joints, mechanism.gravity), step_rules(MUJOCO, file)[-1]
+    model, rule = MUJOCO.load(file, mechanism.joints, mechanism.gravity), MUJOCO.step_rules(file)[-1]
     assert np.isfinite(model.step(states.q, states.v, states.tau, rule.length, rule.name)).all()  # type: ignore[attr-defined]
 
 
@@ -259,25 +259,25 @@ def test_dampers_across_branches_are_explicit_in_implicitfast() -> None:
 def test_the_flag_eulerdamp_and_the_step_length_are_those_of_the_file() -> None:
     plain = damped(model_of("double_pendulum"), DAMPING)
     file = parse_model(plain.path, plain.text.replace("<flag", '<flag eulerdamp="disable"', 1), "mjcf")
-    assert {rule.name: rule for rule in step_rules(MUJOCO, file)}["Euler"].implicit == frozenset()
+    assert {rule.name: rule for rule in MUJOCO.step_rules(file)}["Euler"].implicit == frozenset()
     assert Setting(file).judged()[0] == {"agrees"}
     loop = model_of("four_bar")
     text = loop.text.replace("<option", '<option timestep="0.01"', 1)
-    assert {rule.length for rule in step_rules(MUJOCO, parse_model(loop.path, text, "mjcf"))} == {0.01}
+    assert {rule.length for rule in MUJOCO.step_rules(parse_model(loop.path, text, "mjcf"))} == {0.01}
 
 
 def test_numbers_that_do_not_move_as_the_energies_say_are_no_truth() -> None:
     declared = model_of("arm_2r")
     wrong = parse_model(declared.path, declared.text.replace('mass="3"', 'mass="3.0000001"'), "mjcf")
     mechanism = load_mechanism(BUILT_IN, "arm_2r")
-    truth = StepTruth(TruthBasis(mechanism, wrong, wrong, False, step_rules=step_rules(MUJOCO, wrong)))
+    truth = StepTruth(TruthBasis(mechanism, wrong, wrong, False, step_rules=MUJOCO.step_rules(wrong)))
     with pytest.raises(InvalidModel, match=r"arm_2r.xml.*data roundoffs from those of the energies, expected up to 64"):
         truth.evaluate(generic_sample(mechanism, 5, SEED))
 
 
 def test_what_has_no_declared_map_is_not_offered() -> None:
     loop, floating = load_mechanism(BUILT_IN, "four_bar"), load_mechanism(BUILT_IN, "free_body")
-    rules = step_rules(MUJOCO, model_of("four_bar"))
+    rules = MUJOCO.step_rules(model_of("four_bar"))
     cases = {
         "compared by harness compare --steps": TruthBasis(floating, None, None, False),
         "documents no integrator": TruthBasis(floating, model_of("free_body"), model_of("free_body"), False),

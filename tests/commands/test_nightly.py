@@ -25,7 +25,9 @@ class Model:
     def forward_dynamics(self, q, v, tau):
         return self.model.forward_dynamics(q, v, tau) * (1 + float(os.environ['ULPS']) * 2.0**-52)
 
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     requires, formats = ("mujoco", "mujoco"), ("mjcf",)
 
     def load(self, source, joints, gravity):

@@ -102,7 +102,9 @@ WRONG_ENGINE = """
 from harness.crosscheck.scene import with_parameters
 from harness.engines.adapters.lagrange import LagrangeModel
 
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     requires = ("heyoka", "heyoka")
     formats = ("equations",)
     factorises_mass_matrix = True

@@ -23,7 +23,7 @@ from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
 from harness.crosscheck.assignment import Assignment
 from harness.diagnosis.subject import Scope, diagnose_subject
-from harness.engines import Subject, linear_velocity_in_body, load_engine
+from harness.engines import Subject, load_engine
 from harness.errors import InvalidModel
 from harness.explain.base_parameters import are_parallel, base_parameters
 from harness.explain.changes import NUMBER, Change
@@ -59,7 +59,7 @@ class Case:
         self.engine = load_engine(BUILT_IN, NATIVE[model_format])
         self.model = read_model(BUILT_IN.model_path(name, model_format), model_format)
         self.states = diagnostic_states(self.mechanism, 0)
-        self.kernel = ReferenceKernel(self.mechanism, linear_velocity_in_body(self.engine))
+        self.kernel = ReferenceKernel(self.mechanism, self.engine.linear_velocity_in_body)
         self.reference: Reference = self.kernel.evaluate(self.states)
 
     def watch(self, text: str | None = None) -> Watch:

@@ -14,7 +14,7 @@ import sympy as sp
 from planar_loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
 
 from harness.arrays import Array
-from harness.engines import ConstraintLaw, InverseWeight, Unsupported, constraint_laws, load_engine
+from harness.engines import ConstraintLaw, InverseWeight, Unsupported, load_engine
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import LoopConstraints, Solver
 from harness.files.model_file import ModelFile, parse_model, read_model
@@ -52,7 +52,7 @@ def answers(engine: str, file: ModelFile, joints: Sequence[str], states: Sequenc
 
 
 def laws_of(file: ModelFile, engine: str = "mujoco") -> Mapping[str, ConstraintLaw]:
-    return constraint_laws(load_engine(LIBRARY, engine), file)
+    return load_engine(LIBRARY, engine).constraint_laws(file)
 
 
 def weights_of(file: ModelFile, laws: Mapping[str, ConstraintLaw]) -> Mapping[InverseWeight, float]:

@@ -25,7 +25,7 @@ from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import ANGLES, generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited
-from harness.engines import Subject, linear_velocity_in_body, load_engine
+from harness.engines import Subject, load_engine
 from harness.engines.adapters.pinocchio.forces import ForceElements, joint_places
 from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, read_model
 from harness.lagrange.derivation import load_mechanism
@@ -483,7 +483,7 @@ def cases() -> dict[tuple[str, bool], Case]:
 
 @pytest.fixture
 def case(modelled_mechanism: Mechanism, modelled_system: System, subject: Subject, cases: dict[tuple[str, bool], Case]) -> Case:
-    in_body = linear_velocity_in_body(load_engine(Library.built_in(), subject.engine)) and bool(modelled_mechanism.charts_in_body)
+    in_body = load_engine(Library.built_in(), subject.engine).linear_velocity_in_body and bool(modelled_mechanism.charts_in_body)
     return cases.setdefault((modelled_mechanism.name, in_body), Case(modelled_mechanism, modelled_system, in_body))
 
 

@@ -19,7 +19,7 @@ from support import harness, harness_in_a_process, make_library
 from harness.bench.methods import find_derivative_methods
 from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.certify.sampling import random_sample
-from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects, unit_roundoff
+from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects
 from harness.engines.rotations import BALL, FREE, Columns, rotation
 from harness.environments.folders import find_environments
 from harness.files.model_file import read_model
@@ -44,7 +44,9 @@ class Model:
         q, tau = q.astype(np.float32), tau.astype(np.float32)
         return (tau / np.float32(6) - np.float32({gravity} / 2) * np.sin(q)).astype(np.float64)
 
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     requires = ("numpy", "numpy")
     formats = ("urdf",)
     {declaration}
@@ -82,7 +84,7 @@ def test_an_optional_engine_has_an_extra_and_declares_what_is_needed(name: str) 
     engine = load_engine(BUILT_IN, name)
     assert engine.requires[1] in extras
     assert set(engine.formats) <= {"urdf", "mjcf"}
-    assert unit_roundoff(engine) == (2.0**-24 if name.endswith("float32") else UNIT_ROUNDOFF)
+    assert engine.unit_roundoff == (2.0**-24 if name.endswith("float32") else UNIT_ROUNDOFF)
 
 
 @pytest.mark.costly

@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.certify.compare import compare
 from harness.certify.reference import Reference, ReferenceKernel
 from harness.certify.sampling import generic_sample
-from harness.engines import linear_velocity_in_body, load_engine
+from harness.engines import load_engine
 from harness.errors import InvalidModel
 from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake, mended_mistakes
@@ -99,7 +99,7 @@ def bench(name: str, model_format: str) -> tuple[Watch, Reference]:
     """The format's own engine on a sound model, and the truth at the same states."""
     mechanism, engine = load_mechanism(BUILT_IN, name), load_engine(BUILT_IN, NATIVE[model_format])
     states = generic_sample(mechanism, 32, 3)
-    reference = ReferenceKernel(mechanism, linear_velocity_in_body(engine)).evaluate(states)
+    reference = ReferenceKernel(mechanism, engine.linear_velocity_in_body).evaluate(states)
     return watch(engine, mechanism, healthy(name, model_format), states), reference
 
 

@@ -53,7 +53,9 @@ class Model:
         M, force = terms["mass"], tau + terms["passive"] - terms["velocity"] - terms["gravity"]
         {body}
 
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     requires = ("numpy", "numpy")
     formats = ("equations",)
     factorises_mass_matrix = True

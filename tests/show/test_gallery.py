@@ -15,7 +15,9 @@ from harness.results.history import History
 from harness.show.gallery import Gallery
 
 DYING = """
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     requires = ("numpy", "numpy")
     formats = ("mjcf",)
 

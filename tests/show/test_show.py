@@ -169,7 +169,9 @@ def test_what_the_engines_hold_is_compared_joint_by_joint(library: Path) -> None
 FATAL_ENGINE = """
 import os
 
-class Engine:
+from harness.engines import Engine
+
+class Engine(Engine):
     requires = ("{module}", "numpy")
     formats = ("mjcf",)
 

@@ -27,7 +27,6 @@ from harness.engines import (
     Unsupported,
     accelerations,
     engine_files,
-    factorises_mass_matrix,
     load_engine,
     select_subjects,
     subjects_beside,
@@ -144,10 +143,10 @@ class FaultBench:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
         reference = self._reference(subject, source if isinstance(source, ModelFile) else None)
         expected = self._expected.of(self._name, subject)
-        comparison = compare(reference, answers, factorises_mass_matrix(engine))
+        comparison = compare(reference, answers, engine.factorises_mass_matrix)
         require_sound(path, self._name, subject, comparison, expected)
         if watched:
-            self.readers.append(Reader(reference, watched, factorises_mass_matrix(engine), subject=subject, engine=engine))
+            self.readers.append(Reader(reference, watched, engine.factorises_mass_matrix, subject=subject, engine=engine))
         else:
             self.others[str(subject)] = gravest(comparison.verdicts.tolist())
         return ""

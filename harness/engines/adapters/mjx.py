@@ -220,6 +220,7 @@ class MjxEngine(Engine):
     formats = ("mjcf",)
     optional = True
     factorises_mass_matrix = True
+    has_soft_constraints = True
     reader = "mujoco"
     takes_inertias_about_tree = True
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}

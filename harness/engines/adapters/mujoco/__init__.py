@@ -28,6 +28,7 @@ class MujocoEngine(Engine):
     formats = ("mjcf", "urdf")
     oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")
     factorises_mass_matrix = True
+    has_soft_constraints = True
     supplied: Mapping[str, str] = {
         "urdf": (
             "gravity, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file, "
