@@ -171,7 +171,7 @@ class TermTruth:
 def compare_terms(truth: TermTruth, model: Model, subject: str, factorises: bool = False) -> TermComparison:
     """Judge every term that ``model`` states.
 
-    The kernel of ``truth`` has the model's frames; see ``harness.engines.linear_velocity_in_body``. ``factorises`` as of
+    The kernel of ``truth`` has the model's frames; see ``harness.engines.Engine``. ``factorises`` as of
     ``harness.certify.compare.compare``.
     """
     verdicts = {
