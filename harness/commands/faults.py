@@ -166,34 +166,15 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
     if not caught:
         say("no live numbers: no model was walked")
         return
-    table = Table.of(
-        caught,
-        {
-            "system": "system",
-            "subject": "subject",
-            "where": lambda found: f"{found.file}:{found.place.line}",
-            "number": "number",
-            Column("value", "given"): "value",
-            Column("smallest caught", "error"): "smallest",
-            Column("theory", "error"): "theory",
-            Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
-        },
-    )
-    print_rows(table)
+    columns: dict[Column | str, Any] = {"system": "system", "subject": "subject", "where": lambda found: f"{found.file}:{found.place.line}"}
+    columns |= {"number": "number", Column("value", "given"): "value"}
+    columns |= {Column("smallest caught", "error"): "smallest", Column("theory", "error"): "theory"}
+    columns[Column("ratio", "rounded")] = lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise")
+    print_rows(Table.of(caught, columns))
     say("", "the number of each model that hides the largest error:")
     pairs = [list(own) for _, own in itertools.groupby(caught, key=attrgetter("system", "subject"))]
-    print_rows(
-        Table.of(
-            [max(own, key=lambda found: found.smallest) for own in pairs],
-            {
-                "system": "system",
-                "subject": "subject",
-                "number": "number",
-                Column("smallest caught", "error"): "smallest",
-                Column("theory", "error"): "theory",
-            },
-        )
-    )
+    hiding = Table.of([max(own, key=lambda found: found.smallest) for own in pairs], columns)
+    print_rows(hiding.without("where", "value", "ratio"))
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
     of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
