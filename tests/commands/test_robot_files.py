@@ -19,7 +19,7 @@ from harness.trees.robot import read_robot
 
 HERE = Path(__file__).parent.parent
 TWO_LINKS, MIMIC = HERE / "comparison" / "files" / "arm.urdf", HERE / "comparison" / "files" / "mimic.urdf"
-ARM = HERE / "robots" / "files" / "arm.urdf"
+ARM = HERE / "trees" / "files" / "arm.urdf"
 # Pinocchio's reader passes over the frame with all that it holds.
 FRAMED = """<mujoco>
   <worldbody>
