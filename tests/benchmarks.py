@@ -22,10 +22,6 @@ import sympy as sp
 from harness.bench import measuring
 from harness.bench.growth import arms
 from harness.bench.methods import select_methods
-from harness.certify.manifold import closed
-from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth
-from harness.certify.reference import PRECISIONS, ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, load_model
 from harness.files.model_file import read_model
@@ -38,6 +34,10 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
+from harness.truth.constraints.manifold import closed
+from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
+from harness.truth.reference import PRECISIONS, ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 LIBRARY = Library.built_in()
 # Of constraints the other programs know nothing; their bar is below.

@@ -19,11 +19,11 @@ import psutil
 import pytest
 import worker_tasks as work
 
-from harness.certify.sampling import BLOCK
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
 from harness.library import Library
+from harness.truth.sampling import BLOCK
 from harness.workers import Scheduler, Task, Workers
 
 SYSTEMS = ("double_pendulum", "cart_pendulum", "spring_damper", "arm_3r")

@@ -10,13 +10,13 @@ import flint
 import mpmath
 import numpy as np
 
-from harness.certify.manifold import enclosed
-from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.constraint_forces import MULTIPLIERS, by_reduction, constrained_program
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import upper_triangle
 from harness.programs.states import States
+from harness.truth.constraints.manifold import enclosed
+from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 
 # Of the balls, which leave 40 digits; and of mpmath, whose central differences with STEP leave as many.
 BITS = 192

@@ -76,10 +76,10 @@ def test_every_contract_is_kept() -> None:
         (
             "The report imports nothing that computes",
             "report.charts",
-            "certify.compare",
-            "harness.report.charts -> harness.certify.compare",
+            "truth.compare",
+            "harness.report.charts -> harness.truth.compare",
         ),
-        ("No cycle of imports", "certify.compare", "certify.reference", ".compare -> .reference"),
+        ("No cycle of imports", "truth.compare", "truth.reference", ".compare -> .reference"),
     ],
 )
 def test_a_planted_import_is_refused_by_name(copied: Path, contract: str, module: str, imported: str, named: str) -> None:

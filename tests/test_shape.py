@@ -293,7 +293,7 @@ JOURNEY = """
 import sys
 from pathlib import Path
 import harness
-from harness.certify.sampling import generic_sample
+from harness.truth.sampling import generic_sample
 from harness.crosscheck.stages import compare_all
 from harness.crosscheck.tasks import Assignment
 from harness.engines import Subject

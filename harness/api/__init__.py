@@ -20,11 +20,11 @@ from harness.library import Library, nearest
 from harness.results.records import ACCELERATIONS, Records, is_default
 
 if TYPE_CHECKING:
-    from harness.certify.compare import Comparison
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.results.comparison import FilesComparison
     from harness.results.cross_check import Cause
+    from harness.truth.compare import Comparison
     from harness.workers import Workers
 
 Names = str | Path | Sequence[str | Path]
@@ -90,7 +90,7 @@ def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
         harness.errors.InvalidRequest: a name that nothing has.
     """
-    from harness.certify.quantities import select_quantities
+    from harness.truth.quantities import select_quantities
 
     settings = _settings(names, options)
     chosen = select_quantities([quantities] if isinstance(quantities, str) else quantities)
@@ -109,10 +109,10 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
         harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
         harness.errors.InvalidRequest: as ``check``; a robot, and another quantity than accelerations.
     """
-    from harness.certify.quantities import require_quantity
     from harness.comparison.wanted import wanted_diagnosis
     from harness.crosscheck.assignment import refuse_robots
     from harness.study import run_study
+    from harness.truth.quantities import require_quantity
 
     require_quantity(quantity)
     settings = _settings([name], options)

@@ -15,13 +15,13 @@ from harness.library import Library
 if TYPE_CHECKING:
     import sympy as sp
 
-    from harness.certify.compare import Certified, Comparison
-    from harness.certify.equation_values import EquationValues
-    from harness.certify.quantities.derivatives import DerivativeTruth
-    from harness.certify.reference import Reference, ReferenceKernel
     from harness.lagrange.equations import EquationsOfMotion
     from harness.programs.mechanisms.mechanism import Mechanism
     from harness.programs.states import States
+    from harness.truth.compare import Certified, Comparison
+    from harness.truth.equation_values import EquationValues
+    from harness.truth.quantities.derivatives import DerivativeTruth
+    from harness.truth.reference import Reference, ReferenceKernel
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ class LoadedSystem:
 
     @cached_property
     def _equation_values(self) -> EquationValues:
-        from harness.certify.equation_values import EquationValues
+        from harness.truth.equation_values import EquationValues
 
         return EquationValues(self._kernel)
 
@@ -228,21 +228,21 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        from harness.certify.compare import compare
+        from harness.truth.compare import compare
 
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
         return compare(self._kernel.evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)
 
     @cached_property
     def _kernel(self) -> ReferenceKernel:
-        from harness.certify.reference import ReferenceKernel
+        from harness.truth.reference import ReferenceKernel
 
         return ReferenceKernel(self.mechanism)
 
     @cached_property
     def _derivatives(self) -> DerivativeTruth:
-        from harness.certify.quantities.derivatives import FORWARD, DerivativeTruth
         from harness.engines import NotOffered
+        from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
 
         try:
             return DerivativeTruth(FORWARD, self.mechanism, linear_velocity_in_body=False)

@@ -3,7 +3,7 @@
 Cost is per state and takes in neither loading nor conversion; error is the backward error against the
 certified reference at the same states; where an engine documents that it solves another problem, against that one.
 
-``harness.certify.compare`` says what an error is.
+``harness.truth.compare`` says what an error is.
 
 A way is a finding of its engine where answers are not finite, or further from their truth than data roundoff explains, and the engine
 alone can reproduce it. What it reads as its own residual is compared with what a way that is right reads at the same states.
@@ -20,13 +20,13 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.measuring import Effort, cost_of_each, measure, shared_fields
 from harness.bench.methods import Method, Prepared
-from harness.certify.compare import Certified, Comparison, compare
-from harness.certify.quantities.accelerations import AccelerationTruth
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import Truths
 from harness.crosscheck.tasks import Note
 from harness.results.benchmark import AccelerationCost, EngineFinding
+from harness.truth.compare import Certified, Comparison, compare
+from harness.truth.quantities.accelerations import AccelerationTruth
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT, Verdict
 
 # Residuals at the same states tell two ways apart where their medians differ by more than that factor.

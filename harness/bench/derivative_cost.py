@@ -2,7 +2,7 @@
 states by how many are asked for at once.
 
 An error is relative: the length of the error of a matrix over the length of the matrix. Columns have the norm by which
-``harness.certify.quantities.derivatives`` judges them, each taken at the unit of its coordinate that moves with the kinetic energy of
+``harness.truth.quantities.derivatives`` judges them, each taken at the unit of its coordinate that moves with the kinetic energy of
 one half joule. A step is best where the median over the states is least.
 """
 
@@ -17,13 +17,13 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.measuring import Effort, cost_of_each, measure
 from harness.bench.methods import DerivativeMethod
-from harness.certify.compare import Certified
-from harness.certify.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.programs.states import States
 from harness.results.benchmark import DerivativeCost
+from harness.truth.compare import Certified
+from harness.truth.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth
+from harness.truth.sampling import generic_sample
 
 # States at which errors are measured.
 STATES = 32

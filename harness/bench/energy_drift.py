@@ -17,7 +17,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.motion_cost import ROUNDINGS_PER_STEP
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
@@ -30,6 +29,7 @@ from harness.programs.mechanisms.energies import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram
 from harness.results.benchmark import Drift
+from harness.truth.sampling import generic_sample
 
 # Size of the steps, and the longest that one integrator may take [s].
 STEP, LONGEST = 1e-3, 120.0

@@ -16,14 +16,14 @@ import numpy as np
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.measuring import Effort, measure
 from harness.bench.methods import Method
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.library import Library
 from harness.results.benchmark import Growth
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 FAMILY = "chain"
 # Where a state costs this many times what the cheapest costs, at most half is the call's own.

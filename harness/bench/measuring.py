@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from harness.certify.compare import Comparison, Flags
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.study import sentence
+from harness.truth.compare import Comparison, Flags
 
 Way = TypeVar("Way")
 Cost = TypeVar("Cost")

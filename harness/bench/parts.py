@@ -24,7 +24,6 @@ from harness.bench.motion_cost import motion_costs
 from harness.bench.quantity_cost import SIZES, quantity_costs
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
-from harness.certify.quantities import find_quantities, select_quantities
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import asked_of, select_subjects
@@ -32,6 +31,7 @@ from harness.library import MECHANISMS, ROBOTS, Library
 from harness.motion.integrators import integrators, kind_of
 from harness.results.benchmark import Benchmark, Yardstick
 from harness.results.records import ACCELERATIONS
+from harness.truth.quantities import find_quantities, select_quantities
 
 COUNT, CALLS = 4096, 10
 

@@ -14,15 +14,15 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.acceleration_cost import MINIMUM_COUNT
 from harness.bench.measuring import Effort, cost_of_each, measure, shared_fields
-from harness.certify.compare import compare
-from harness.certify.quantities import Quantity
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import Truths
 from harness.crosscheck.tasks import Note
 from harness.engines import Subject, load_engine, runs_elsewhere
 from harness.results.benchmark import QuantityCost
+from harness.truth.compare import compare
+from harness.truth.quantities import Quantity
+from harness.truth.sampling import generic_sample
 
 # Numbers of states that are asked for at once.
 SIZES = (1, 10, 100, 1000, 10_000)

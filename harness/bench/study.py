@@ -17,7 +17,6 @@ from harness.bench.parts import (
     parts_of,
     vary_action,
 )
-from harness.certify.quantities import select_quantities
 from harness.crosscheck.scene import Scene
 from harness.engines import engine_files, known_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
@@ -26,6 +25,7 @@ from harness.motion.integrators import integrators, kind_of
 from harness.results.benchmark import Benchmark
 from harness.results.records import ACCELERATIONS
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.truth.quantities import select_quantities
 from harness.workers import Outcome
 
 # By what methods compute, what asks for it.

@@ -52,8 +52,8 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
       harness check --library mine --subject mujoco/mjcf --json out.json
       harness check robot.urdf --floating-base
     """
-    from harness.certify.quantities import select_quantities
     from harness.crosscheck.settings import Settings
+    from harness.truth.quantities import select_quantities
 
     refuse_alone(bracket, "check", asked.names, asked.stand_ins)
     bracket.choose_library(asked.names)

@@ -50,7 +50,6 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
       harness diagnose arm_2r --quantity mass_matrix --urdf edited.urdf
       harness diagnose robot.urdf --mjcf robot.xml
     """
-    from harness.certify.quantities import require_quantity
     from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
     from harness.crosscheck.assignment import refuse_robots
     from harness.crosscheck.run import CrossCheck
@@ -58,6 +57,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     from harness.diagnosis.causes import find_differences
     from harness.errors import InvalidInput, InvalidRequest
     from harness.explain.pattern import infer_from_records
+    from harness.truth.quantities import require_quantity
     from harness.verdict import Verdict
 
     require_quantity(asked.quantity)

@@ -1,6 +1,6 @@
 """Robots: what plain and aided engines make of a file beside its certified truth, why, and whether several files say the same.
 
-May use ``diagnosis``, ``crosscheck``, ``certify`` and what is below them. Results are plain data of ``harness.results.comparison``.
+May use ``diagnosis``, ``crosscheck``, ``truth`` and what is below them. Results are plain data of ``harness.results.comparison``.
 
 Start with ``study``, which asks everything of a file in worker processes. ``truth`` says what an engine is asked and should answer,
 ``judgement`` explains an answer by the readings of ``harness.explain.changes``, which ``accounting`` takes together; ``sameness``

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.certify.compare import compare
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, read_as
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import Reading
 from harness.results.comparison import FELT, Effect
 from harness.trees.robot import Robot
+from harness.truth.compare import compare
 from harness.verdict import AGREEMENT
 
 # Readings that may not hold at once; with ten readings there are 55 ways.

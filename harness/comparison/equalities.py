@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import compare
-from harness.certify.reference import Reference, ReferenceKernel
 from harness.comparison.accounting import fold
 from harness.comparison.robot_library import ask_engine
 from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of, request_of, spread
@@ -35,6 +33,8 @@ from harness.results.comparison import EqualitiesRecord, EqualityPart
 from harness.trees.constraints.tied import TiedTree, tied_tree
 from harness.trees.inverse_weights import inverse_weights_of
 from harness.trees.robot import Robot
+from harness.truth.compare import compare
+from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
 
 # Equalities whose effect is said; each takes the file's being loaded once more.

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.declared_motion import DeclaredMotion
 from harness.files.rules.step_rule import StepRule
 from harness.programs.evaluation import values
 from harness.programs.program import upper_triangle
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Share
 from harness.trees.stepping.step_forces import StepForces
+from harness.truth.balls.declared_motion import DeclaredMotion
 
 CAUSES = (DYNAMICS, INTEGRATOR, STEP)
 # Bits of what is worked out of ends: more than any end is known to.

@@ -15,9 +15,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison, compare
-from harness.certify.far_links import FAR_LINKS, FarLinks
-from harness.certify.reference import Reference
 from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
 from harness.comparison.truth import Meant, read_as, reference_of
 from harness.engines import Engine
@@ -28,6 +25,9 @@ from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
 from harness.trees.robot import Robot
+from harness.truth.compare import Comparison, compare
+from harness.truth.far_links import FAR_LINKS, FarLinks
+from harness.truth.reference import Reference
 from harness.verdict import AGREEMENT, Verdict
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import compare
 from harness.comparison.matching import match, renamed_to
 from harness.comparison.numbers import OtherShape, different_numbers, place_text, ranked
 from harness.comparison.quantities import JOINT_NUMBERS, FileQuantity, Key, quantities
@@ -28,6 +27,7 @@ from harness.results.comparison import FileDifference, PairRecord
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.canonical import CanonicalNode, canonical
 from harness.trees.robot import Robot
+from harness.truth.compare import compare
 from harness.verdict import Verdict
 
 

@@ -9,9 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Flags
-from harness.certify.reference import Reference, ReferenceKernel, energy_norm
-from harness.certify.sampling import sample
 from harness.comparison.same_states import SameStates
 from harness.engines import request
 from harness.engines.request import Aid, AskedJoint, Request
@@ -22,6 +19,9 @@ from harness.storage import Kept
 from harness.trees.bodies.bounds import bounded
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
+from harness.truth.compare import Flags
+from harness.truth.reference import Reference, ReferenceKernel, energy_norm
+from harness.truth.sampling import sample
 
 
 def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:

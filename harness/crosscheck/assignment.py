@@ -7,10 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.arrays import Array
-from harness.certify.compare import Certified, Comparison
-from harness.certify.quantities import Quantity, Truth, TruthBasis, find_quantities
-from harness.certify.quantities.accelerations import AccelerationTruth, softened, softness_of
-from harness.certify.reference import ReferenceKernel
 from harness.engines import EQUATIONS, ConstraintLaw, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
 from harness.engines.audit import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
@@ -21,6 +17,10 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS, quantity_words
 from harness.storage import Kept
+from harness.truth.compare import Certified, Comparison
+from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
+from harness.truth.quantities.accelerations import AccelerationTruth, softened, softness_of
+from harness.truth.reference import ReferenceKernel
 
 
 @dataclass(frozen=True)

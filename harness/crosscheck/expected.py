@@ -23,12 +23,12 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
-from harness.certify.quantities import find_quantities
 from harness.engines import Subject, engine_files, known_subjects
 from harness.environments.folders import split_name
 from harness.errors import InvalidInput
 from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.results.records import ACCELERATIONS, quantity_words
+from harness.truth.quantities import find_quantities
 from harness.verdict import SEVERITY, Verdict
 
 Text = Annotated[str, msgspec.Meta(min_length=1)]

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.certify.quantities.accelerations import beside_gaps, gaps_of
-from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, declared_model, load_audited, reference_kernel_of
 from harness.crosscheck.tasks import Note
 from harness.engines import accelerations, load_engine
@@ -22,6 +20,8 @@ from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, 
 from harness.explain.model_side import explaining_numbers
 from harness.explain.one_number import Projection, explaining_directions
 from harness.files.text.scan import Watch, tag, written
+from harness.truth.quantities.accelerations import beside_gaps, gaps_of
+from harness.truth.reference import Reference
 
 # At rest and moving, of which each state adds six equations a joint; and how many numbers that explain are named.
 STATES_OF_QUANTITIES, NAMED = 32, 3

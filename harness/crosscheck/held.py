@@ -2,7 +2,7 @@
 
 Every joint stands at zero. ``harness.crosscheck.held_quantities`` says what is compared, and in which ulps differences are measured.
 Constraints are not: what they leave open, and the accelerations under them, are compared at each state
-(``harness.certify.quantities.accelerations``).
+(``harness.truth.quantities.accelerations``).
 """
 
 from __future__ import annotations

@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Certified, Comparison
-from harness.certify.sampling import strategy
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import Certified, Comparison
+from harness.truth.sampling import strategy
 from harness.verdict import SEVERITY, Verdict
 
 # States of a block. Hypothesis takes 1 to 4 ms for its draw; certifying a state in a block costs a tenth of certifying it alone.

@@ -12,7 +12,6 @@ import numpy as np
 from msgspec import structs
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import AGREES, Expectation, Expectations
 from harness.crosscheck.hypothesis_search import Found
@@ -25,6 +24,7 @@ from harness.programs.states import States
 from harness.results.hard_states import replay_command
 from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
 from harness.results.records import ACCELERATIONS, Record, Representative, quantity_options, quantity_words
+from harness.truth.compare import Comparison
 from harness.verdict import Verdict, gravest
 
 # A smaller sample says nothing of a median or a share.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from harness.certify.sampling import sample_in_blocks
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import Expectations
 from harness.crosscheck.judgement import Pair, Pairs, SystemProgress
@@ -15,6 +14,7 @@ from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.sampling import sample_in_blocks
 
 
 def orphans(library: Library) -> Iterator[InvalidModel]:

@@ -18,8 +18,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Certified, Comparison, compare
-from harness.certify.quantities import Truth
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.tasks import Note
 from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, load_engine
@@ -28,6 +26,8 @@ from harness.programs.loops.machine_code import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.study import sentence
+from harness.truth.compare import Certified, Comparison, compare
+from harness.truth.quantities import Truth
 from harness.verdict import Verdict
 
 # Begins the message of a subject whose engine does not claim to compute a quantity.

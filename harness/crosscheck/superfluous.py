@@ -20,8 +20,6 @@ import msgspec
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantities.accelerations import gaps_of
-from harness.certify.sampling import random_sample
 from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine, runs_elsewhere
 from harness.engines.audit import audit
 from harness.errors import InvalidModel
@@ -33,6 +31,8 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
+from harness.truth.quantities.accelerations import gaps_of
+from harness.truth.sampling import random_sample
 
 if TYPE_CHECKING:
     from harness.crosscheck.assignment import Assignment
@@ -91,7 +91,7 @@ def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mech
     ranges = mechanism.position_ranges, mechanism.rate_ranges, mechanism.force_ranges
     identity = [repr(mechanism.key), repr(ranges), str(subject), str(installed_version(load_engine(library, subject.engine))), model.text]
     digest = hashlib.sha256("\0".join(identity).encode())
-    digest.update(sources_digest("files", "engines", "programs", "lagrange", "trees", "certify", "crosscheck"))
+    digest.update(sources_digest("files", "engines", "programs", "lagrange", "trees", "truth", "crosscheck"))
     digest.update(hashlib.sha256(engine_file.read_bytes()).digest())
     return cache_directory() / "superfluous" / f"{digest.hexdigest()[:40]}.json"
 

@@ -10,8 +10,6 @@ import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from harness.certify.componentwise import componentwise_error
-from harness.certify.sampling import keep_points, random_sample
 from harness.crosscheck.assignment import Assignment, judge_of, load_audited, reference_kernel_of
 from harness.crosscheck.superfluous import SEED, STATES, superfluous
 from harness.engines import (
@@ -25,6 +23,8 @@ from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.cross_check import SuperfluousPart
+from harness.truth.componentwise import componentwise_error
+from harness.truth.sampling import keep_points, random_sample
 from harness.verdict import Verdict
 
 Note = Callable[[str], None]

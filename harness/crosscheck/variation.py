@@ -17,11 +17,11 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison
-from harness.certify.manifold import closed
-from harness.certify.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, special_values
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import Comparison
+from harness.truth.constraints.manifold import closed
+from harness.truth.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, special_values
 
 # Orders of magnitude over which numbers near zero are drawn, and by which a neighbour may be moved.
 DECADES_DRAWN = 8.0

@@ -9,10 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from harness.certify.compare import compare
-from harness.certify.quantities import find_quantities
-from harness.certify.quantities.accelerations import reference_kernel
-from harness.certify.sampling import sample
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.settings import Settings
@@ -29,6 +25,10 @@ from harness.results.cross_check import Cause
 from harness.results.records import Record
 from harness.study import Inquiries, Inquiry, Part, ask
 from harness.trees.mechanism import accelerations
+from harness.truth.compare import compare
+from harness.truth.quantities import find_quantities
+from harness.truth.quantities.accelerations import reference_kernel
+from harness.truth.sampling import sample
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Task, Workers
 

@@ -12,9 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from harness.certify.compare import errors_in_roundoffs
-from harness.certify.quantities.accelerations import beside_gaps, gaps_of
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.explanation import explain_difference
 from harness.crosscheck.tasks import Note
@@ -29,6 +26,9 @@ from harness.explain.textbook_side import TextbookSide, diagnose_textbook, textb
 from harness.library import Library, member_of
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
+from harness.truth.compare import errors_in_roundoffs
+from harness.truth.quantities.accelerations import beside_gaps, gaps_of
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 
 # Positions at which terms are compared, of a mechanism of up to so many velocities; their cost grows with the cube of those.

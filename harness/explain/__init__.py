@@ -1,6 +1,6 @@
 """The change of a model or of its truth that explains an engine's answers: what may be wrong, and which of it is.
 
-May use ``certify`` and what is below it. No study stands here: a cross-check, a comparison of files and a campaign of planted faults ask
+May use ``truth`` and what is below it. No study stands here: a cross-check, a comparison of files and a campaign of planted faults ask
 for the same explanations.
 
 Start with ``changes``: what may be wrong, as data found by name. ``search`` finds the change that explains; ``model_side`` asks an engine

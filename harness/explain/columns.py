@@ -18,16 +18,16 @@ from functools import cached_property
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Certified, Flags
-from harness.certify.quantities.accelerations import answers_with_gaps
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.engines import Engine, Model, Unsupported
 from harness.explain.changes import NUMBER, Change
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import Place, Watch
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import Certified, Flags
+from harness.truth.quantities.accelerations import answers_with_gaps
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 
 # Of the central differences, relative to a value's scale: their error is about u / DIFFERENCE, or DIFFERENCE^2.

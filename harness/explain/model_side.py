@@ -14,8 +14,6 @@ from functools import partial
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Certified, compare
-from harness.certify.reference import Reference
 from harness.explain.base_parameters import BaseParameters, base_parameters
 from harness.explain.changes import NUMBER, Change
 from harness.explain.changes.mistakes import mended_mistakes
@@ -27,6 +25,8 @@ from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, T
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import Place, Watch, find_elements, tag, with_values, written
+from harness.truth.compare import Certified, compare
+from harness.truth.reference import Reference
 from harness.verdict import AGREEMENT, Verdict
 
 # Of directions that explain the errors of all states, those are reported that are all but as significant as the strongest.

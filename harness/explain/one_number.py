@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.reference import ROUNDINGS, Reference
 from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.truth.reference import ROUNDINGS, Reference
 from harness.verdict import AGREEMENT
 
 # Least multiple of its standard error that a change has if it is no chance. Rounding errors reach 4 over a few hundred numbers.

@@ -22,12 +22,12 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Certified, compare
 from harness.explain.base_parameters import are_parallel
 from harness.explain.changes import NUMBER, PARAMETER, Change
 from harness.explain.columns import ChangeColumn, Whitening, held_out
 from harness.explain.fit import as_well, fit, screen, settled
 from harness.explain.result import Conclusion, Diagnosis, TriedChange, digits_of
+from harness.truth.compare import Certified, compare
 from harness.verdict import AGREEMENT, Verdict
 
 # Evaluations of a model that a diagnosis may take.
@@ -56,7 +56,7 @@ class Limits:
     Attributes:
         evaluations: of changed texts, after which the best so far is reported.
         tolerance: the largest backward error that explains [data roundoffs].
-        factorises: as of ``harness.certify.compare.compare``; a number may then explain errors below the tolerance.
+        factorises: as of ``harness.truth.compare.compare``; a number may then explain errors below the tolerance.
     """
 
     evaluations: int = EVALUATIONS

@@ -5,7 +5,7 @@ rest, a damper once it moves. A term may show nothing while the accelerations do
 that the engine counts as none of these terms. The applied force is what an engine says it applies; the built-in ones
 say what they were given.
 
-``harness.certify.terms`` says what a data roundoff of each term is.
+``harness.truth.terms`` says what a data roundoff of each term is.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Flags, compare
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
 from harness.engines import Model, Terms, accelerations
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import Flags, compare
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 AT_REST, MOVING, LOADED = "at rest", "moving", "loaded"
@@ -172,7 +172,7 @@ def compare_terms(truth: TermTruth, model: Model, subject: str, factorises: bool
     """Judge every term that ``model`` states.
 
     The kernel of ``truth`` has the model's frames; see ``harness.engines.Engine``. ``factorises`` as of
-    ``harness.certify.compare.compare``.
+    ``harness.truth.compare.compare``.
     """
     verdicts = {
         name: gravest(compare(truth.accelerations[name], accelerations(model, batch), factorises).verdicts.tolist())

@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.reference import Reference, ReferenceKernel
 from harness.explain.changes import PARAMETER, Change
 from harness.explain.columns import ChangeColumn, Whitening, parameter_derivatives
 from harness.explain.result import Diagnosis, TriedChange, to_four_digits
@@ -26,6 +25,7 @@ from harness.explain.search import ChangeSearch, Limits, Side, Tried
 from harness.files.text.scan import Place
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.reference import Reference, ReferenceKernel
 
 # Instructions of the equations that all certified evaluations of a diagnosis may have together, and the bounds of their number.
 INSTRUCTIONS, LEAST_EVALUATIONS, MOST_EVALUATIONS = 200_000, 50, 600

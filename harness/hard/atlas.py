@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from harness.certify.quantities import select_quantities
 from harness.crosscheck.tasks import Note
 from harness.engines import NotOffered, Subject, engine_files, select_subjects
 from harness.errors import InvalidRequest
@@ -20,6 +19,7 @@ from harness.library import Library
 from harness.registry import select
 from harness.results.atlas import Atlas, HardRow
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.truth.quantities import select_quantities
 
 
 class AtlasStudy(Inquiries):

@@ -17,8 +17,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison
-from harness.certify.sampling import HUGE_ANGLES
 from harness.crosscheck import hypothesis_search
 from harness.crosscheck.assignment import Assignment, judge_of
 from harness.crosscheck.hypothesis_search import note_of, objective
@@ -26,6 +24,8 @@ from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import Comparison
+from harness.truth.sampling import HUGE_ANGLES
 from harness.verdict import SEVERITY, Verdict
 
 SMALLEST_POPULATION = 4

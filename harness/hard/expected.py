@@ -15,10 +15,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from harness.certify.quantities import find_quantities
 from harness.crosscheck.expected import Entry, Text, read_entries
 from harness.results.atlas import HardReason, HardRow
 from harness.results.records import ACCELERATIONS, quantity_words
+from harness.truth.quantities import find_quantities
 from harness.verdict import SEVERITY, Verdict
 
 PATH = Path(__file__).with_suffix(".toml")

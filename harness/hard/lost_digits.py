@@ -21,12 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import compare, farthest_block
-from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, frame_of, judge_of, reference_kernel_of
 from harness.programs.mechanisms.kernel import MechanismKernel
 from harness.programs.program import OUTPUTS, right_hand_side
 from harness.programs.states import States
+from harness.truth.compare import compare, farthest_block
+from harness.truth.reference import Reference
 from harness.verdict import Verdict
 
 MASS_MATRIX, VELOCITY, GRAVITY_TERM, PASSIVE, NONE = "mass matrix", "velocity", "gravity", "passive", "none"

@@ -19,10 +19,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Certified, Comparison, compare, farthest_block
-from harness.certify.quantities import Truth, find_quantities
-from harness.certify.quantities.accelerations import AccelerationTruth, reference_kernel
-from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.crosscheck.tasks import Note
 from harness.engines import NotOffered, Subject, Unsupported, load_engine
@@ -37,6 +33,10 @@ from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import ACCELERATIONS, quantity_words
+from harness.truth.compare import Certified, Comparison, compare, farthest_block
+from harness.truth.quantities import Truth, find_quantities
+from harness.truth.quantities.accelerations import AccelerationTruth, reference_kernel
+from harness.truth.reference import ReferenceKernel
 from harness.verdict import Verdict, gravest
 from harness.workers import Crash
 

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from harness.certify.quantities import find_quantities, require_quantity
 from harness.crosscheck import tasks
 from harness.crosscheck.assignment import Assignment, judge_of, refuse_robots
 from harness.crosscheck.expected import load_expectations
@@ -38,6 +37,7 @@ from harness.results.hard_states import FoundState, keep, merged, path_of, repla
 from harness.results.records import ACCELERATIONS, quantity_options
 from harness.results.search import FoundCase, SearchResult
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.truth.quantities import find_quantities, require_quantity
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
 from harness.workers import Crash, Outcome, Task

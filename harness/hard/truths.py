@@ -15,9 +15,6 @@ from itertools import groupby
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.manifold import closed, distances
-from harness.certify.quantities.accelerations import reference_kernel
-from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.engines import EQUATIONS, Subject, load_engine
 from harness.files.model_file import ModelFile, read_model
@@ -26,6 +23,9 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.constraints.manifold import closed, distances
+from harness.truth.quantities.accelerations import reference_kernel
+from harness.truth.reference import Reference
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.manifold import closed, closes, rows_left
-from harness.certify.sampling import ANGLES
 from harness.motion.first_order import displacement
 from harness.motion.taylor import Path, Taylor
 from harness.programs.machine_code import load_heyoka
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.constraints.manifold import closed, closes, rows_left
+from harness.truth.sampling import ANGLES
 
 HORIZON = 20.0
 # Error beyond which the reference is no truth any more: the motion is chaotic.

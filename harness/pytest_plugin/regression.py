@@ -67,8 +67,8 @@ class _Choice:
     @cached_property
     def quantities(self) -> list[str]:
         """The quantities asked for, by default accelerations."""
-        from harness.certify.quantities import select_quantities
         from harness.errors import InvalidRequest
+        from harness.truth.quantities import select_quantities
 
         try:
             return select_quantities(self.named)

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, load_audited
 from harness.crosscheck.held import differences, held_by, written
 from harness.crosscheck.settings import Settings
@@ -20,6 +19,7 @@ from harness.library import Library
 from harness.results.records import Record
 from harness.results.run_changes import READING, TERMS, RunChange, run_changes
 from harness.study import Inquiries, Inquiry, Part, ask
+from harness.truth.sampling import generic_sample
 from harness.verdict import SEVERITY, Verdict
 
 # States at which terms are compared.

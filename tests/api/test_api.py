@@ -17,9 +17,9 @@ from catalogue import BUILT_IN
 from support import InThisProcess
 
 import harness
-from harness.certify.sampling import generic_sample
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.lagrange.derivation import load_system
+from harness.truth.sampling import generic_sample
 
 
 @pytest.fixture(autouse=True)

@@ -17,8 +17,6 @@ from harness.bench.measuring import Effort
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.study import BenchmarkStudy
-from harness.certify.quantities.accelerations import AccelerationTruth
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.files.text.attributes import with_attributes
@@ -27,6 +25,8 @@ from harness.motion.integrators import kind_of
 from harness.programs.states import States
 from harness.results.benchmark import AccelerationCost, EngineFinding
 from harness.study import run_study
+from harness.truth.quantities.accelerations import AccelerationTruth
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 from harness.workers import Workers
 

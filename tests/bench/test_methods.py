@@ -18,9 +18,6 @@ from harness.bench.growth import exponent, growth, robot_growth
 from harness.bench.measuring import Effort
 from harness.bench.methods import Method, Prepared, find_methods, select_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
-from harness.certify.compare import compare
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.errors import InvalidRequest
@@ -29,6 +26,9 @@ from harness.library import Library
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.results.benchmark import AccelerationCost
+from harness.truth.compare import compare
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 
 LIBRARY = Library.built_in()

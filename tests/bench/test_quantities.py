@@ -15,8 +15,6 @@ from harness.bench.measuring import Effort
 from harness.bench.parts import QUANTITIES, THOROUGHNESS, BenchmarkSettings, parts_of
 from harness.bench.quantity_cost import EngineCalls, quantity_costs
 from harness.bench.study import BenchmarkStudy
-from harness.certify.quantities import find_quantities
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import compare_all
@@ -25,6 +23,8 @@ from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.report import benchmarks
 from harness.results.benchmark import QuantityCost
+from harness.truth.quantities import find_quantities
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 
 LIBRARY = Library.built_in()

@@ -10,8 +10,8 @@ import pytest
 from lxml import etree
 from support import Done, harness, make_library
 
-from harness.certify.quantities import find_quantities, further_quantities
 from harness.results.trend import MEDIAN
+from harness.truth.quantities import find_quantities, further_quantities
 
 # MuJoCo's answers, scaled: an error of so many units in the last place as a variable says, which a process that keeps engines reads.
 ENGINE = """

@@ -16,7 +16,6 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, harness
 
-from harness.certify.declared_motion import DeclaredMotion
 from harness.comparison.gap_study import By, GapSettings, GapStudy
 from harness.comparison.robot_library import engines_of_files
 from harness.errors import InvalidRequest
@@ -25,6 +24,7 @@ from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
 from harness.study import run_study
 from harness.trees.robot import read_robot
 from harness.trees.stepping.step_forces import step_forces
+from harness.truth.balls.declared_motion import DeclaredMotion
 
 BESIDE = ("first engine beside its rule", "second engine beside its rule")
 ONE_PERCENT = 0.01

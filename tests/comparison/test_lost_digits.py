@@ -6,7 +6,6 @@ from pathlib import Path
 
 from comparison.robots import meant_by, record_of
 
-from harness.certify.compare import compare
 from harness.comparison.judgement import judge
 from harness.comparison.robot_library import engines_of_files
 from harness.comparison.truth import read_as
@@ -14,6 +13,7 @@ from harness.engines.request import EngineAnswers
 from harness.report.comparison import subject_lines, survey_overview
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.trees.robot import read_robot
+from harness.truth.compare import compare
 from harness.verdict import AGREEMENT, Verdict
 
 # Two wheels on one axis: of the light one that carries the other, ABA keeps what is left of a difference.

@@ -9,13 +9,13 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed
 
-from harness.certify.quantities import Quantity, find_quantities, generalised_forces, motion
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.engines.adapters.mujoco import MujocoModel
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
+from harness.truth.quantities import Quantity, find_quantities, generalised_forces, motion
 
 ARM = BUILT_IN.model_path("puma_560", "urdf")
 FLOATING = BUILT_IN.model_path("quadrotor", "mjcf")

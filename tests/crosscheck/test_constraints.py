@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from catalogue import BUILT_IN
 
-from harness.certify.quantities.accelerations import beside_gaps, gaps_of, remark_on
-from harness.certify.sampling import generic_sample
 from harness.crosscheck import superfluous as superfluous_parts
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of, truth_of
 from harness.crosscheck.stages import Answers, compare_all
@@ -18,6 +16,8 @@ from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject
 from harness.errors import InvalidModel
 from harness.programs.states import States
+from harness.truth.quantities.accelerations import beside_gaps, gaps_of, remark_on
+from harness.truth.sampling import generic_sample
 
 PINOCCHIO, MUJOCO = Subject("pinocchio", "urdf"), Subject("mujoco", "mjcf")
 

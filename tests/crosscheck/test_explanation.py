@@ -11,8 +11,6 @@ import pytest
 from catalogue import BUILT_IN
 from support import cross_checked
 
-from harness.certify.compare import compare
-from harness.certify.reference import Reference
 from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.explanation import explain_lost_digits, written_columns
@@ -23,6 +21,8 @@ from harness.explain.one_number import Projection, explaining_directions
 from harness.files.model_file import parse_model
 from harness.files.text.scan import Watch
 from harness.programs.states import States
+from harness.truth.compare import compare
+from harness.truth.reference import Reference
 from harness.verdict import AGREEMENT, Verdict
 
 SEED = 3

@@ -14,7 +14,6 @@ import pytest
 from catalogue import BUILT_IN, MODELLED, MODELS, TREES
 
 from harness.arrays import Array
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.held import SOUND, Difference, differences
 from harness.crosscheck.held_quantities import OF_BODIES
 from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_native, load_engine, subjects
@@ -25,6 +24,7 @@ from harness.explain.changes.mistakes import mended_mistakes
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text import lines as quantities
 from harness.lagrange.derivation import load_mechanism
+from harness.truth.sampling import generic_sample
 
 READERS = [subject for subject in subjects(BUILT_IN) if subject.format != EQUATIONS]
 # Every bar of a chain is like the first ones.

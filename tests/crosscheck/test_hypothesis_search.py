@@ -14,9 +14,6 @@ import pytest
 from hypothesis import strategies as st
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import HUGE_ANGLES, sample
 from harness.crosscheck import hypothesis_search
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.hypothesis_search import BLOCK, Found, explore, search
@@ -28,6 +25,9 @@ from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.states import States
+from harness.truth.compare import Comparison
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import HUGE_ANGLES, sample
 from harness.verdict import Verdict
 
 BUILT_IN = Library.built_in()

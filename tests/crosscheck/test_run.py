@@ -14,7 +14,6 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed, cross_checked, make_library
 
-from harness.certify.reference import ReferenceKernel
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
@@ -23,6 +22,7 @@ from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import Record
 from harness.study import Part, Rounds, run_study
+from harness.truth.reference import ReferenceKernel
 from harness.workers import Crash, Outcome, Task, Workers
 
 ENGINE = """

@@ -19,7 +19,6 @@ from catalogue import BUILT_IN, TREES
 from click.testing import CliRunner
 
 from harness.arrays import Array
-from harness.certify.reference import Reference, ReferenceKernel
 from harness.cli import main
 from harness.crosscheck.assignment import Assignment
 from harness.diagnosis.subject import Scope, diagnose_subject
@@ -45,6 +44,7 @@ from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import Place, Watch, find_numbers, with_values
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.kernels import float64_kernel
+from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import AGREEMENT
 
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}

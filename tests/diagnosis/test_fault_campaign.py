@@ -15,8 +15,6 @@ from catalogue import BUILT_IN, is_tied
 from click.testing import CliRunner
 from support import make_library
 
-from harness.certify.compare import compare
-from harness.certify.reference import Reference
 from harness.cli import main
 from harness.diagnosis.faults import baseline
 from harness.diagnosis.faults import bench as fault_bench
@@ -31,6 +29,8 @@ from harness.explain.model_side import Diagnosis, diagnose
 from harness.explain.pattern import Inference
 from harness.files.model_file import ModelFile, read_model
 from harness.files.text.scan import Element, Number, Place, find_elements, find_numbers
+from harness.truth.compare import compare
+from harness.truth.reference import Reference
 from harness.verdict import Verdict
 
 KINDS = ("number", "damping", "friction", "parallel_axis", "units")

@@ -22,9 +22,6 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 from support import cross_checked, make_library
 
-from harness.certify.compare import compare
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import sample
 from harness.cli import main
 from harness.crosscheck import tasks
 from harness.crosscheck.expected import AGREES
@@ -43,6 +40,9 @@ from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.results.records import Record
+from harness.truth.compare import compare
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import sample
 from harness.verdict import gravest
 
 LIBRARY = Library.built_in()

@@ -21,9 +21,6 @@ import pytest
 import sympy as sp
 from catalogue import TREES
 
-from harness.certify.compare import compare
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import ANGLES, generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, load_engine
 from harness.engines.adapters.pinocchio.forces import ForceElements, joint_places
@@ -41,6 +38,9 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, upper_triangle
 from harness.programs.states import States
+from harness.truth.compare import compare
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import ANGLES, generic_sample
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -500,7 +500,7 @@ def test_inverse_dynamics_undo_forward_dynamics(case: Case, probe: Probe) -> Non
 
     Solving M x = b by L D L' leaves |b - M x|_i <= a few u sqrt(M_ii) sum_j sqrt(M_jj) |x_j| (Higham, theorem
     10.4, with |L| D |L'| bounded by Cauchy-Schwarz), however ill-conditioned M is. The other forces enter by
-    their sizes, centripetal ones by twice the kinetic energy (see ``harness.certify.reference``).
+    their sizes, centripetal ones by twice the kinetic energy (see ``harness.truth.reference``).
     """
     states = case.states
     terms = case.terms

@@ -17,8 +17,6 @@ import pytest
 from support import harness, harness_in_a_process, make_library
 
 from harness.bench.methods import find_derivative_methods
-from harness.certify.quantities.accelerations import AccelerationTruth
-from harness.certify.sampling import random_sample
 from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects
 from harness.engines.rotations import BALL, FREE, Columns, rotation
 from harness.environments.folders import find_environments
@@ -27,6 +25,8 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.records import ACCELERATIONS
+from harness.truth.quantities.accelerations import AccelerationTruth
+from harness.truth.sampling import random_sample
 from harness.workers import Workers
 
 BUILT_IN = Library.built_in()

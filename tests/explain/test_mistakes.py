@@ -13,9 +13,6 @@ import pytest
 from catalogue import BUILT_IN, IN_CI, is_tied
 
 from harness.arrays import Array
-from harness.certify.compare import compare
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.engines import load_engine
 from harness.errors import InvalidModel
 from harness.explain.changes import Change
@@ -26,6 +23,9 @@ from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import Watch, find_elements, find_numbers
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES
+from harness.truth.compare import compare
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 
 MISTAKES = {mistake.name: mistake for mistake in mended_mistakes()}

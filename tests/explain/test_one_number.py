@@ -9,12 +9,12 @@ import pytest
 from catalogue import BUILT_IN, STATES
 
 from harness.arrays import Array
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.one_number import NumberDirection, Projection, explaining_directions
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 
 N, NV = 60, 3

@@ -9,11 +9,11 @@ import pytest
 from comparison.robots import FILES, edited, line_of, meant_by, record_of
 from support import BUILT_IN
 
-from harness.certify.far_links import FarLinks
 from harness.comparison import judgement
 from harness.comparison.judgement import ILL_CONDITIONED
 from harness.comparison.robot_library import engines_of_files
 from harness.explain.changes.readings import find_readings
+from harness.truth.far_links import FarLinks
 from harness.verdict import AGREEMENT, Verdict
 
 EXPLAINED = [

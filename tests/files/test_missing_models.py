@@ -15,9 +15,6 @@ import pytest
 from msgspec.structs import replace
 from support import complaints, cross_checked, harness, pytest_in_this_process, written_site
 
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.expected import AGREES, Expectations, load_expectations
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject, subjects
@@ -26,6 +23,9 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import Record
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 BUILT_IN = Library.built_in()
 ENTRY = '[[expected]]\nsystem = "bar_pendulum"\nsubject = "{subject}"\nverdict = "{verdict}"\nreason = "{reason}"\nlink = "a page"\n'

@@ -15,9 +15,6 @@ import pytest
 from catalogue import PLAIN, TREES
 from support import completed
 
-from harness.certify.compare import Comparison, compare
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.engines import EQUATIONS, Subject, load_engine, select_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard.atlas import AtlasStudy
@@ -30,6 +27,9 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import ACCELERATIONS
+from harness.truth.compare import Comparison, compare
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import generic_sample
 from harness.workers import Workers
 
 ENGINE = """

@@ -9,9 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.engines import Subject, load_engine
 from harness.errors import InvalidModel
 from harness.files.model_file import read_model
@@ -21,6 +18,9 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 from harness.verdict import Verdict
 
 CASES = list(hard_cases().values())

@@ -9,8 +9,6 @@ import pytest
 from catalogue import BUILT_IN, is_tied
 from support import where
 
-from harness.certify.compare import Comparison, compare
-from harness.certify.manifold import closed, closes, distances
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import Subject, accelerations, load_engine
 from harness.explain.pattern import subject_named
@@ -26,6 +24,8 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
+from harness.truth.compare import Comparison, compare
+from harness.truth.constraints.manifold import closed, closes, distances
 
 CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), library_of(case))]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from catalogue import BUILT_IN
 
-from harness.certify.compare import compare
-from harness.certify.quantities.accelerations import reference_kernel
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.pattern import subject_named
 from harness.hard.cases import hard_cases
@@ -18,6 +16,8 @@ from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import Answered, explained, point_of, row_of
 from harness.hard.truths import TruePoint, true_points
 from harness.results.atlas import HardRow
+from harness.truth.compare import compare
+from harness.truth.quantities.accelerations import reference_kernel
 from harness.verdict import AGREEMENT, Verdict
 
 EXPECTED = load_hard_expectations(PATH, list(hard_cases()), ["lagrange", "mujoco/mjcf", "pinocchio/urdf"])

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
 from harness.engines import select_subjects
 from harness.files.model_file import parse_model, read_model
@@ -20,6 +19,7 @@ from harness.files.text.scan import compact
 from harness.hard.reproducer import reproduce
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.truth.sampling import generic_sample
 
 # One of each kind of model: hinges, a written family, a ball joint, a free joint, springs between points, springs in joints.
 PAIRS = [

@@ -14,9 +14,6 @@ import pytest
 from support import InThisProcess, completed, make_library
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison
-from harness.certify.factorisation import condition_number, scaled_cholesky
-from harness.certify.sampling import HUGE_ANGLES, generic_sample
 from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
 from harness.crosscheck.variation import KEPT, shrink
 from harness.engines import select_subjects
@@ -32,6 +29,9 @@ from harness.programs.states import States
 from harness.results.hard_states import load_found, path_of
 from harness.results.search import as_lines
 from harness.study import run_study
+from harness.truth.balls.factorisation import condition_number, scaled_cholesky
+from harness.truth.compare import Comparison
+from harness.truth.sampling import HUGE_ANGLES, generic_sample
 from harness.verdict import Verdict
 from harness.workers import Workers
 

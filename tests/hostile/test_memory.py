@@ -14,11 +14,11 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed
 
-from harness.certify.compare import Comparison
-from harness.certify.sampling import generic_sample
 from harness.crosscheck import hypothesis_search, stages, tasks
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
+from harness.truth.compare import Comparison
+from harness.truth.sampling import generic_sample
 from harness.workers import Outcome, Task
 
 # Bytes for each state of a million, all subjects together.

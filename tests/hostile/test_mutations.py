@@ -19,7 +19,6 @@ import pytest
 from catalogue import BUILT_IN, MODELLED
 from support import harness
 
-from harness.certify.sampling import generic_sample
 from harness.crosscheck import assignment, stages
 from harness.crosscheck.assignment import Assignment
 from harness.engines import Subject
@@ -29,6 +28,7 @@ from harness.files.model_file import ROOT_TAGS, ModelFile, parse_model, read_mod
 from harness.files.text.joint_table import joint_rows, point_springs
 from harness.files.text.scan import Element, Number, edited, find_elements, find_numbers, with_values
 from harness.lagrange.derivation import load_mechanism
+from harness.truth.sampling import generic_sample
 from harness.workers import Task, Workers
 
 ENGINES = ("mujoco", "pinocchio")

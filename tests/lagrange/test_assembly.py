@@ -10,7 +10,6 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.sampling import generic_sample
 from harness.lagrange.assembly import lagrange_program, program_of
 from harness.lagrange.derivation import load_atlas, load_mechanism
 from harness.lagrange.equations import derive
@@ -22,6 +21,7 @@ from harness.programs.evaluation import jacobians
 from harness.programs.kernels import BallKernel
 from harness.programs.program import UNARY, StraightLineProgram
 from harness.programs.terms import Builder, matrix
+from harness.truth.sampling import generic_sample
 
 LIBRARY = Library.built_in()
 x, y = sp.symbols("x y")

@@ -12,9 +12,6 @@ from exact import mechanism_of
 from loops import CRANK_ROCKER, R, a, coupler, crank, d, follower, four_bar, spin, upright_disc, x, y, yaw
 
 from harness.arrays import Array
-from harness.certify.compare import compare
-from harness.certify.manifold import closed
-from harness.certify.reference import Reference, ReferenceKernel, energy_norm
 from harness.lagrange.constraint import Constraint
 from harness.lagrange.euler_angles import Attitude
 from harness.lagrange.system import TIME
@@ -24,6 +21,9 @@ from harness.programs.mechanisms.constraints import Constraints
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.programs.states import States
+from harness.truth.compare import compare
+from harness.truth.constraints.manifold import closed
+from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 
 SYSTEMS = {"four bar": four_bar(), "upright disc": upright_disc()}
 LAW = Softness(impedance=0.9, stiffness=2770.0, damping=105.0, inverse_mass=0.5)

@@ -15,9 +15,6 @@ import sympy as sp
 from support import is_zero
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.errors import InvalidSystem
 from harness.lagrange.derivation import derive_mechanism, load_atlas, load_mechanism
 from harness.lagrange.euler_angles import Attitude, body_rates, rotation, sines_and_cosines
@@ -26,6 +23,9 @@ from harness.library import Library
 from harness.programs.mechanisms.kernel import Charts
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 LIBRARY = Library.built_in()
 SEQUENCES = ["".join(axes) for axes in itertools.product("xyz", repeat=3) if axes[0] != axes[1] != axes[2]]

@@ -10,7 +10,6 @@ import pytest
 from harness.bench.energy_drift import drifts
 from harness.bench.motion_cost import motion_costs
 from harness.bench.parts import BenchmarkSettings, _integrators, _motion, vary_action
-from harness.certify.manifold import closes
 from harness.crosscheck.scene import Scene
 from harness.lagrange.derivation import load_mechanism
 from harness.library import CONSTRAINED, MECHANISMS, Library
@@ -23,6 +22,7 @@ from harness.motion.trajectories import Start, drift
 from harness.programs.mechanisms.energies import EnergyKernel
 from harness.programs.states import States
 from harness.results.benchmark import MotionCost, MotionTruth, Order
+from harness.truth.constraints.manifold import closes
 
 LIBRARY = Library.built_in()
 HORIZON = 0.5

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.errors import InvalidRequest
@@ -17,6 +16,7 @@ from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator, equations, integrators, mujoco, pinocchio, select_integrators, variational
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Metric, Start, reference_motion
+from harness.truth.sampling import generic_sample
 
 LIBRARY = Library.built_in()
 # Largest difference of two motions of 200 steps, relative to the motion, that rounding explains.

@@ -9,9 +9,6 @@ import pytest
 
 from harness.bench.energy_drift import drifts, growth_of, verdict_of, without_dampers
 from harness.bench.motion_cost import MotionJudge, measured_order, motion_costs, work_along
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
@@ -20,6 +17,9 @@ from harness.motion.integrators import integrators
 from harness.motion.integrators.equations import EULER_CROMER, RUNGE_KUTTA
 from harness.motion.integrators.mujoco import RUNGE_KUTTA as MUJOCO_RUNGE_KUTTA
 from harness.results.benchmark import MotionCost, MotionTruth, Order
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 LIBRARY = Library.built_in()
 Measured = tuple[MotionTruth, list[MotionCost], list[Order]]

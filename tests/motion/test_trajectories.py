@@ -9,8 +9,6 @@ import flint
 import numpy as np
 import pytest
 
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
@@ -23,6 +21,8 @@ from harness.programs.mechanisms.energies import EnergyKernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import StraightLineProgram
 from harness.programs.states import States
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 LIBRARY = Library.built_in()
 # Systems of the text that the harness began with; none of them is chaotic from its start. The bead on the cycloid passes where the

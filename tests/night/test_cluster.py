@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from support import harness, make_library
 
-from harness.certify.quantities import find_quantities
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
+from harness.truth.quantities import find_quantities
 
 
 def verdicts(folder: Path) -> list[tuple[str, str, str, str, int, float | None]]:

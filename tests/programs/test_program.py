@@ -18,13 +18,13 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from support import program_from
 
-from harness.certify.sampling import generic_sample
 from harness.lagrange.derivation import load_mechanism
 from harness.lagrange.expressions import assemble
 from harness.library import Library
 from harness.programs.kernels import BallKernel, Float64Kernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import OUTPUTS, StraightLineProgram
+from harness.truth.sampling import generic_sample
 
 X, Y, P = INPUTS = sp.symbols("x y p", real=True)
 LITERALS = [sp.Integer(0), sp.Integer(3), sp.Integer(-2), sp.Rational(1, 3), sp.Rational(-7, 5), sp.Float(0.1), sp.Float(-2.5), sp.pi]

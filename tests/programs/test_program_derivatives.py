@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.certify.sampling import generic_sample
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.derivatives import derivative_name, differentiate
 from harness.programs.evaluation import jacobians, values
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import StraightLineProgram
+from harness.truth.sampling import generic_sample
 
 OUTPUTS = ["velocity", "passive"]
 # Both sides round some thousand times, and cancel some digits.

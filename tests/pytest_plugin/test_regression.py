@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from support import HEAVY_ENGINE, make_library, pytest_in_this_process
 
-from harness.certify.quantities import further_quantities
+from harness.truth.quantities import further_quantities
 
 
 @pytest.fixture

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from support_constraints import BITS, DIGITS, ExactMotion, balls, by_both_ways, enclose_each_other
 
-from harness.certify.compare import compare
-from harness.certify.manifold import closes, enclosed
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample, sample_in_blocks
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import compare
+from harness.truth.constraints.manifold import closes, enclosed
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import sample, sample_in_blocks
 from harness.verdict import AGREEMENT
 
 LOOPS = (

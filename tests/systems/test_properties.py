@@ -19,8 +19,6 @@ import pytest
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.lagrange.derivation import load_system
 from harness.lagrange.euler_angles import body_rates, sines_and_cosines
 from harness.lagrange.expressions import assemble
@@ -33,6 +31,8 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, upper_triangle
 from harness.programs.states import States
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 COUNT = 6
 BITS = 320

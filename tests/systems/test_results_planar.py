@@ -17,11 +17,11 @@ import sympy as sp
 from support import is_zero, linearised
 from sympy.physics.mechanics import dynamicsymbols
 
-from harness.certify.reference import ReferenceKernel
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.equations import EquationsOfMotion, derive
 from harness.library import Library
 from harness.programs.states import States
+from harness.truth.reference import ReferenceKernel
 
 
 def load(name: str) -> tuple[EquationsOfMotion, SimpleNamespace, dict[sp.Symbol, float]]:

@@ -10,15 +10,15 @@ import mpmath
 import numpy as np
 import pytest
 
-from harness.certify.manifold import closed, closes
-from harness.certify.reference import Reference, ReferenceKernel, energy_norm
-from harness.certify.sampling import sample
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.constraint_forces import by_reduction, constrained_program
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
+from harness.truth.constraints.manifold import closed, closes
+from harness.truth.reference import Reference, ReferenceKernel, energy_norm
+from harness.truth.sampling import sample
 
 BUILT_IN = Library.built_in()
 SEED = 23

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.certify.manifold import closed, closes
-from harness.certify.reference import ReferenceKernel
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.constraints.manifold import closed, closes
+from harness.truth.reference import ReferenceKernel
 
 NAMES = ("x", "y", "yaw", "lean", "pitch", "rear", "steer", "front")
 REAR_RADIUS = 0.3

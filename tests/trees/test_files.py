@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.certify.compare import compare
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import sample
 from harness.files.tree import Given
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import LeftOut, Robot, read_robot
+from harness.truth.compare import compare
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import sample
 
 FILES = Path(__file__).parent / "files"
 NAMES = ("arm.urdf", "humanoid.urdf", "humanoid.xml", "quadruped.xml")

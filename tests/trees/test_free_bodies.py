@@ -14,9 +14,6 @@ from free_bodies import free_bodies
 from robot_files import EVERYTHING, URDF_WITH_EVERYTHING
 
 from harness.arrays import Array
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.engines import answer_of, load_engine
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.tree import Tree
@@ -27,6 +24,9 @@ from harness.programs.states import States
 from harness.trees.quantities.reactions import have_same_points, reactions_program
 from harness.trees.recursion import recursion_program
 from harness.trees.robot import read_robot, tree_of
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 STATES = 5
 BITS = 192

@@ -12,14 +12,14 @@ import pytest
 from catalogue import BUILT_IN, MODELS, is_tied
 from free_bodies import FreeBodies, free_bodies
 
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.states import States
 from harness.trees.constraints.tied import independent_rows
 from harness.trees.robot import tree_of
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import sample
 
 STATES = 5
 BITS = 192

@@ -9,11 +9,11 @@ import mujoco
 import pytest
 from support_robots import by_mujoco, by_pinocchio
 
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import sample
 
 FILES = Path(__file__).parent / "files"
 STATES = 30

@@ -13,9 +13,6 @@ from catalogue import BUILT_IN, MODELS, is_tied
 from robot_files import EVERYTHING, URDF_WITH_EVERYTHING
 
 from harness.arrays import Array
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import generic_sample
 from harness.engines import load_engine
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
@@ -26,6 +23,9 @@ from harness.trees.mechanism import accelerations as by_recursion
 from harness.trees.mechanism import accelerations_of
 from harness.trees.recursion import recursion_program
 from harness.trees.robot import read_robot, tree_of
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import generic_sample
 
 STATES = 10
 BITS = 192

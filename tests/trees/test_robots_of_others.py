@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from support_robots import by_mujoco, by_pinocchio, only_single_axes
 
-from harness.certify.compare import compare
-from harness.certify.reference import ReferenceKernel
-from harness.certify.sampling import sample
 from harness.comparison.meshes import compiled_meshes
 from harness.errors import InvalidModel
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
+from harness.truth.compare import compare
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import sample
 
 pytestmark = pytest.mark.robots
 

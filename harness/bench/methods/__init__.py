@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.crosscheck.scene import Scene
 from harness.library import MECHANISMS
 from harness.programs.states import States
 from harness.registry import Registry, select
+from harness.truth.quantities.accelerations import AccelerationTruth
 
 Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]
 

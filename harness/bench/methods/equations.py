@@ -17,8 +17,6 @@ from typing import Any
 import numpy as np
 
 from harness.bench.methods import Accelerations, Method, Prepared
-from harness.certify.quantities.accelerations import reference_kernel
-from harness.certify.reference import Reference
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.lagrange.derivation import load_system
@@ -30,6 +28,8 @@ from harness.programs.mechanisms.constraint_forces import ACCELERATIONS, reduced
 from harness.programs.mechanisms.kernel import Charts
 from harness.programs.program import StraightLineProgram, position_count, right_hand_side
 from harness.programs.states import States
+from harness.truth.quantities.accelerations import reference_kernel
+from harness.truth.reference import Reference
 
 # Python needs minutes to derive and to compile more.
 MOST_INSTRUCTIONS_PRINTED = 5000

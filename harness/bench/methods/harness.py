@@ -12,12 +12,12 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
-from harness.certify.compare import compare
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, accelerations
 from harness.library import CONSTRAINED, MECHANISMS
 from harness.programs.states import States
+from harness.truth.compare import compare
 
 CHECKED = "the engine's accelerations with their conversions, compared with references at hand"
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
-from harness.certify.quantities.accelerations import AccelerationTruth
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, Unsupported
@@ -21,6 +20,7 @@ from harness.engines.adapters.mujoco import MujocoModel
 from harness.files.text.scan import compact
 from harness.library import CONSTRAINED, MECHANISMS
 from harness.programs.states import States
+from harness.truth.quantities.accelerations import AccelerationTruth
 
 
 def _forward(scene: Scene, states: States) -> Prepared:

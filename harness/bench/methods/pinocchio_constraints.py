@@ -18,7 +18,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
-from harness.certify.quantities.accelerations import AccelerationTruth, softened
 from harness.crosscheck.scene import Scene
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import ACCURATE, LoopConstraints, Solver
@@ -26,6 +25,7 @@ from harness.files.text.scan import compact
 from harness.library import CONSTRAINED
 from harness.programs.mechanisms.constraint_forces import Softness
 from harness.programs.states import States
+from harness.truth.quantities.accelerations import AccelerationTruth, softened
 
 
 def _solved(solver: Solver, scene: Scene, states: States, is_declared: bool = False) -> Prepared:

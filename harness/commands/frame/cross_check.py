@@ -63,8 +63,8 @@ def _document(found: CrossCheckResult) -> Mapping[str, Any]:
 
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
     """The cross-check of all quick quantities but accelerations, after that of these, of the subjects whose accelerations are sound."""
-    from harness.certify.quantities import find_quantities
     from harness.crosscheck.run import CrossCheck
+    from harness.truth.quantities import find_quantities
 
     if settings.state is not None:
         return None

@@ -24,8 +24,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.compare import Comparison, compare
-from harness.certify.reference import Reference, energy_norm
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.explanation import written_columns
 from harness.engines import Subject
@@ -33,6 +31,8 @@ from harness.errors import InvalidInput
 from harness.explain.columns import Whitening
 from harness.explain.one_number import Projection, explaining_directions
 from harness.files.text.scan import Watch, largest_change
+from harness.truth.compare import Comparison, compare
+from harness.truth.reference import Reference, energy_norm
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 # Lost digits are no wrong answer.
@@ -49,7 +49,7 @@ FURTHEST = 2.0**20
 class Baseline:
     """One subject's answers, to the unchanged model and to changed texts of it, at n states with certified accelerations.
 
-    ``factorises`` as of ``harness.certify.compare.compare``.
+    ``factorises`` as of ``harness.truth.compare.compare``.
     """
 
     reference: Reference

@@ -11,10 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from harness.certify.compare import compare
-from harness.certify.quantities.accelerations import answers_with_gaps, beside_gaps, gaps_of
-from harness.certify.reference import Reference, ReferenceKernel
-from harness.certify.sampling import sample
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
@@ -41,6 +37,10 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.compare import compare
+from harness.truth.quantities.accelerations import answers_with_gaps, beside_gaps, gaps_of
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.sampling import sample
 from harness.verdict import Verdict, gravest
 
 # Stages whose refusal comes before any acceleration.

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.certify.sampling import generic_sample
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.engines import Model
 from harness.files.model_file import ModelFile, parse_model, read_model
@@ -33,6 +32,7 @@ from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.registry import Registry
+from harness.truth.sampling import generic_sample
 
 POINTS = 30
 # States at each point; the worst of them counts.

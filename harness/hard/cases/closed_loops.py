@@ -9,12 +9,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
-from harness.certify.sampling import generic_sample
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import Solver
 from harness.hard.cases import STATES, HardCase, Theory, Values, anywhere, decades, posed, shares, with_columns
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.sampling import generic_sample
 
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 7.1 and 10.1"
 _HUNT = "Hunt, Kinematic Geometry of Mechanisms, section 2.1; Bayo, Avello, Nonlinear Dynamics 5 (1994), on chains of four-bars"

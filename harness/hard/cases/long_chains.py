@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.certify.sampling import generic_sample
 from harness.hard.cases import STATES, HardCase, Theory, with_columns
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.truth.sampling import generic_sample
 
 SIZES = (2, 3, 4, 6, 8, 12, 16, 24, 40, 64)
 SEEDS = 3

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from harness.certify.quantities import further_quantities
 from harness.comparison.wanted import wanted_diagnosis
 from harness.crosscheck.loading import orphans
 from harness.crosscheck.run import CrossCheck
@@ -21,6 +20,7 @@ from harness.results.cross_check import CrossCheckResult
 from harness.results.night import Case, case_of
 from harness.results.trend import Cell, readings_of_records
 from harness.show.gallery import Gallery
+from harness.truth.quantities import further_quantities
 from harness.workers import Workers
 
 NAME = "cross-check"

@@ -1,7 +1,7 @@
 """The closing of constraints, as loops are written: the way along a branch in float64, and the proof in double-double.
 
-A state stands in each lane. The program has the rows' residual and Jacobian for its outputs. ``harness.certify.manifold`` says which way
-is gone, and ``harness.certify.configurations`` what is proved.
+A state stands in each lane. The program has the rows' residual and Jacobian for its outputs. Which way is gone, and what is
+proved, say ``manifold`` and ``configurations`` of ``harness.truth.constraints``.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class Norms(Rows):
 
     Attributes:
         norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|. condition: (n,) of M scaled to unit diagonal.
-        radius: (n,) of the errors' bounds. motion, instability: (n,) see ``harness.certify.reference.Reference``.
+        radius: (n,) of the errors' bounds. motion, instability: (n,) see ``harness.truth.reference.Reference``.
     """
 
     norm_factor: Array

@@ -1,0 +1,87 @@
+"""The componentwise backward error of an answer: by how many half ulps the inputs must move, each by itself, to give the answer.
+
+It is the smallest t such that, to first order, inputs moved by at most t half ulps each, and an answer rounded by at most t half
+ulps in each component, explain the error:
+
+    minimise t  subject to  sum_k D_k u y_k + u diag(|a|) w = a - a*,  |y_k| <= t, |w_i| <= t,  D_k = dqdd/dz_k |z_k|,
+
+a linear program. The backward error of ``harness.truth.compare`` sets a norm of the error against a sum of norms, and in the
+kinetic-energy norm a light link counts for little beside a heavy one. Here each direction of the error must be explained by data
+that move it. Hence the former is at most t (1 + sum_i |a_i| |e_i|_M / sum_k |D_k|_M), whose second term is the rounded answer's.
+
+Sources: Oettli, Prager, Compatibility of approximate solution of linear equations with given error bounds, Numer. Math. 6
+(1964); Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 7.1 (componentwise backward error).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.programs.numbers import SMALLEST_SCALE
+from harness.programs.states import States
+from harness.truth.balls.factorisation import forward_substitute
+from harness.truth.balls.reverse_mode import columns_in_balls
+from harness.truth.reference import PRECISIONS, Reference, ReferenceKernel
+
+# Of the largest component of an error: what solving for it by least squares may leave.
+_NEGLIGIBLE = 1e-6
+
+
+def componentwise_error(kernel: ReferenceKernel, state: States, reference: Reference, answer: Array, beyond: float = 0.0) -> float:
+    """The componentwise backward error of ``answer``, (nv,), at ``state``, whose one ``reference`` is [half ulps of the inputs].
+
+    NaN where the state is not certified, the answer is not finite, or the error is certainly not ``beyond``: to see that costs
+    a tenth of a millisecond, where importing the solver costs most of a second.
+    """
+    if not (reference.certified.all() and np.isfinite(answer).all()):
+        return math.nan
+    state = kernel.asked_at(state)
+    [(chart, _)] = kernel.by_chart(state)
+    inputs = kernel.mechanism.inputs(state)[:, 0]
+    scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
+    columns, _ = columns_in_balls(chart.program, inputs.tolist(), scales.tolist(), PRECISIONS)
+    factor = reference.norm_factor[0]
+    moved = forward_substitute(factor.T[:, :, None], columns[:, :, None])[:, :, 0]
+    rounded = factor * np.maximum(np.abs(answer), SMALLEST_SCALE)
+    error = factor @ ((answer - reference.high[0]) - reference.low[0])
+    data, changes = np.hstack([moved, rounded]), error / kernel.unit_roundoff
+    # In units in which the data move no row by more than one, none disappears beside another.
+    sizes = np.abs(data).sum(axis=1)
+    data, changes = data / sizes[:, None], changes / sizes
+    return math.nan if least_squares_bound(data, changes) <= beyond else smallest_bound(data, changes)
+
+
+def least_squares_bound(columns: Array, error: Array) -> float:
+    """max_k |y_k| of the shortest y with columns y = error: at least ``smallest_bound``, and at most the root of k times that."""
+    found, *_ = np.linalg.lstsq(columns, error, rcond=None)
+    residual = np.abs(columns @ found - error).max()
+    return float(np.abs(found).max()) if residual <= _NEGLIGIBLE * np.abs(error).max() else math.inf
+
+
+def smallest_bound(columns: Array, error: Array) -> float:
+    """The smallest max_k |y_k| with columns y = error, for columns (n, k) of rank n and error (n,).
+
+    Raises:
+        RuntimeError: the solver gives up.
+    """
+    from scipy.optimize import linprog
+
+    largest, count = np.abs(error).max(), columns.shape[1]
+    if largest == 0:
+        return 0.0
+    limits = np.hstack([np.vstack([np.eye(count), -np.eye(count)]), -np.ones((2 * count, 1))])
+    found = linprog(
+        np.append(np.zeros(count), 1.0),
+        A_ub=limits,
+        b_ub=np.zeros(2 * count),
+        A_eq=np.hstack([columns, np.zeros((len(columns), 1))]),
+        b_eq=error / largest,
+        bounds=[(None, None)] * count + [(0.0, None)],
+        method="highs",
+    )
+    if not found.success:
+        raise RuntimeError(f"the linear program of the componentwise backward error: {found.message}")
+    return float(found.fun * largest)

@@ -1,0 +1,192 @@
+"""Quantities that engines compute, each a ``Quantity`` declared in a module of this package.
+
+A quantity has a ``Truth``: certified values in blocks (``Certified``), by which answers are judged.
+"""
+
+from __future__ import annotations
+
+import functools
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+
+from harness.arrays import Array
+from harness.engines import Model
+from harness.errors import InvalidRequest
+from harness.files.model_file import ModelFile
+from harness.files.rules.step_rule import StepRule
+from harness.library import nearest
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
+from harness.registry import Registry
+from harness.storage import Kept
+from harness.trees.constraints.rows import untied
+from harness.trees.mechanism import RobotMechanism
+from harness.trees.quantities.reactions import have_same_points
+from harness.trees.robot import Robot, robot_of
+from harness.truth.compare import Certified, Comparison, compare, farthest_block
+
+# Stands for every quantity.
+ALL = "all"
+
+
+@dataclass(frozen=True)
+class TruthBasis:
+    """Mechanism, files and engine that the truth of a quantity is founded on.
+
+    Attributes:
+        mechanism: whose joints q, v and tau follow.
+        declared: the model file whose numbers are the truth for all that read another of the same mechanism.
+        read: the model file that the engine reads. Both are None for a robot, whose mechanism brings the robot of its one file.
+        linear_velocity_in_body: the frame in which it gives the linear velocity of a free joint.
+        softened: makes of a mechanism under the constraints of ``declared`` the one whose constraints give as the engine declares of
+            ``read``; None where it holds them rigid.
+        step_rules: of the integrators that the engine documents.
+        unit_roundoff: of the numbers that the engine computes with. factorises: whether it declares that it factorises M.
+        is_about_tree: whether it declares that it forms inertias about the centre of a whole tree.
+    """
+
+    mechanism: Mechanism
+    declared: ModelFile | None
+    read: ModelFile | None
+    linear_velocity_in_body: bool
+    softened: Callable[[Mechanism], Mechanism] | None = None
+    step_rules: tuple[StepRule, ...] = ()
+    unit_roundoff: float = UNIT_ROUNDOFF
+    factorises: bool = False
+    is_about_tree: bool = False
+
+    def robot_of(self, file: ModelFile | None) -> Robot:
+        """The robot of ``declared`` or of ``read``."""
+        if file is not None:
+            return _ROBOTS.get((file.text, self.mechanism.gravity), lambda: robot_of(file, self.mechanism.gravity))
+        assert isinstance(self.mechanism, RobotMechanism)
+        return self.mechanism.robot
+
+    @property
+    def has_other_points(self) -> bool:
+        """Whether points of joints are elsewhere by the numbers of ``read`` than by those of ``declared``."""
+        if self.declared is None or self.read is None or self.declared.text == self.read.text:
+            return False
+        joints = tuple(dict.fromkeys(self.mechanism.joints))
+        own, other = (untied(self.robot_of(file).tree, joints) for file in (self.declared, self.read))
+        key = self.declared.text, self.read.text, self.mechanism.gravity, joints
+        return not _SAME_POINTS.get(key, lambda: have_same_points(own, other, joints))
+
+
+# By the text of a file, and of two.
+_ROBOTS: Kept[Robot] = Kept(16)
+_SAME_POINTS: Kept[bool] = Kept(64)
+
+
+class Truth(ABC):
+    """The certified values of a quantity; made once, asked for many batches.
+
+    Attributes:
+        blocks: the name of each block, as a report says it; none for a quantity of one block that needs no other name.
+        rigid: the truth that answers are compared with too, for how far they are from it; None for most.
+    """
+
+    blocks: Sequence[str]
+    rigid: Truth | None = None
+
+    @property
+    @abstractmethod
+    def key(self) -> Hashable:
+        """Equal for truths that have the same values at every state."""
+
+    @property
+    def is_compiled(self) -> bool:
+        """False where the first evaluation in this process takes longer than those that follow."""
+        return True
+
+    @abstractmethod
+    def evaluate(self, states: States) -> Certified:
+        """The values at ``states``."""
+
+    @abstractmethod
+    def answers(self, model: Model, states: States) -> Array:
+        """Those of an engine, in the shape of the certified ones.
+
+        Raises:
+            harness.engines.NotOffered: the engine does not offer them.
+            harness.engines.InvalidAnswer: it returns something else.
+        """
+
+    def may_lose_digits(self, model: Model) -> bool:
+        """True where an answer that lost digits to an ill-conditioned M is ``unstable``, not wrong."""
+        return False
+
+    def judge(self, certified: Certified, states: States, answers: Array, model: Model) -> Comparison:
+        """The judgement of a model's answers by the certified values at the same states."""
+        return compare(certified, answers)
+
+    def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
+        """A sentence on answers that disagree, "" where there is nothing to say; here the block that is farthest off."""
+        return f"Farthest off is the {self.blocks[farthest_block(certified, answers)]}"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity.
+
+    Attributes:
+        name: for the command line and the records.
+        truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
+            ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
+        is_of_file: whether the truth takes the numbers of a declared model file.
+        has_laws, has_step_rules: whether it asks the engine that reads the file for its laws of constraints, or its rules of steps.
+        is_default: whether it is the one that is meant where none is named, which every engine claims to compute.
+        is_quick: whether a check that names no quantity compares it as well, at a few states.
+        is_searched: whether a check searches for the states at which answers are worst.
+        is_asked_again: whether a check times several calls and holds their answers against each other.
+        group: the name that stands for it and others of its kind, as "derivatives"; "" for none.
+    """
+
+    name: str
+    truth: Callable[[TruthBasis], Truth]
+    is_of_file: bool = True
+    has_laws: bool = False
+    has_step_rules: bool = False
+    is_default: bool = False
+    is_quick: bool = True
+    is_searched: bool = False
+    is_asked_again: bool = False
+    group: str = ""
+
+
+_REGISTRY = Registry(__name__, Quantity, "quantity")
+
+
+@functools.cache
+def find_quantities() -> Mapping[str, Quantity]:
+    """Every quantity that a module of this package holds, by name, the default one first."""
+    return dict(sorted(_REGISTRY.all().items(), key=lambda item: (not item[1].is_default, item[0])))
+
+
+def further_quantities() -> list[Quantity]:
+    """All but the default one."""
+    return [quantity for quantity in find_quantities().values() if not quantity.is_default]
+
+
+def select_quantities(names: Sequence[str]) -> list[str]:
+    """The quantities of these names, each once and in the order of ``find_quantities``; the default one for no names.
+
+    A name may be that of a group, or ``ALL``.
+
+    Raises:
+        InvalidRequest: there is no such quantity.
+    """
+    known = find_quantities().values()
+    for name in names:
+        require_quantity(name, [*dict.fromkeys(one.group for one in known if one.group), ALL])
+    chosen = [one.name for one in known if {one.name, one.group, ALL} & set(names)]
+    return chosen or [one.name for one in known if one.is_default]
+
+
+def require_quantity(name: str, groups: Sequence[str] = ()) -> None:
+    """Raises InvalidRequest where there is no such quantity, nor one of the ``groups``."""
+    known = [*find_quantities(), *groups]
+    if name not in known:
+        raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")

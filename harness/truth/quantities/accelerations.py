@@ -1,0 +1,246 @@
+"""Accelerations: one block, whose length is the kinetic-energy norm.
+
+They are those of the equations of a mechanism. *Rigid* truth holds constraints exactly. Where an engine declares that it solves another
+problem, in which constraints give by numbers of the model file, its answers are held against that *declared* problem, and how far they
+are from rigid is a property of the model.
+
+Beside them stand gaps: what a model's constraints leave open where its system closes them. Where a loop is held on the ground stands in
+no Jacobian. So an engine that holds constraints rigid has the right accelerations of a loop that closes elsewhere, until it moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines import ConstraintLaw, Model, accelerations, factorises_mass_matrix
+from harness.errors import InvalidModel
+from harness.files.model_file import ModelFile
+from harness.programs.mechanisms.constraint_forces import Softness, softened_program
+from harness.programs.mechanisms.constraints import Constraints
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
+from harness.results.records import ACCELERATIONS as NAME
+from harness.storage import Kept
+from harness.trees.inverse_weights import inverse_weights
+from harness.trees.mechanism import RobotMechanism
+from harness.truth.compare import Comparison, compare
+from harness.truth.constraints.manifold import rows_left
+from harness.truth.far_links import FarLinks
+from harness.truth.quantities import Quantity, Truth, TruthBasis
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.verdict import AGREEMENT, Verdict
+
+# Weight of a row that data leave no room at all, as where all joints stand at zero: what is open there counts, and zero times it is zero.
+_LARGEST = 2.0**900
+# The rows of each constraint, (n, rows), by name; none where a model has no constraints, or its engine does not say them.
+Gaps = Mapping[str, Array]
+
+
+def gaps_of(model: Model, states: States) -> Gaps:
+    """What the constraints of a model leave at ``states``, in the order of their names."""
+    of_model = getattr(model, "gaps", None)
+    found = {} if of_model is None else of_model(states.q)
+    return {name: found[name] for name in sorted(found)}
+
+
+def with_gaps(answers: Array, gaps: Gaps) -> Array:
+    """Accelerations, (n, nv), and behind them the rows of all constraints."""
+    return np.hstack([answers, *gaps.values()])
+
+
+def answers_with_gaps(model: Model, states: States) -> Array:
+    """``with_gaps`` of what a model answers at ``states``."""
+    return with_gaps(accelerations(model, states), gaps_of(model, states))
+
+
+def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
+    """The reference of answers with gaps: all rows are zero, and one data roundoff of a constraint counts as one of the accelerations."""
+    if not gaps:
+        return reference
+    n, nv = reference.high.shape
+    units = _units(mechanism, states, gaps)
+    with np.errstate(divide="ignore"):
+        counts = {name: np.minimum(reference.data_roundoff / unit, _LARGEST) for name, unit in units.items()}
+    weights = np.hstack([np.repeat(counts[name][:, None], rows.shape[1], axis=1) for name, rows in gaps.items()])
+    factor = np.zeros((n, nv + weights.shape[1], nv + weights.shape[1]))
+    factor[:, :nv, :nv] = reference.norm_factor
+    own = np.arange(nv, factor.shape[1])
+    factor[:, own, own] = weights
+    none = np.zeros_like(weights)
+    high, low = (np.hstack([part, none]) for part in (reference.high, reference.low))
+    return replace(reference, high=high, low=low, norm_factor=factor)
+
+
+def compare_with_gaps(
+    reference: Reference, mechanism: Mechanism, states: States, answers: Array, gaps: Gaps, factorises: bool
+) -> Comparison:
+    """``harness.truth.compare.compare`` of accelerations, (n, nv), and of what the model's constraints leave open beside them."""
+    return compare(beside_gaps(reference, mechanism, states, gaps), with_gaps(answers, gaps), factorises)
+
+
+def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
+    """A sentence on the constraint that is open by more than data explain, where it is widest; "" where none is."""
+    units = _units(mechanism, states, gaps) if gaps else {}
+    sizes = {name: np.linalg.norm(rows, axis=1) for name, rows in gaps.items()}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        largest = {name: float(np.nan_to_num(size / units[name], nan=0.0).max(initial=0.0)) for name, size in sizes.items()}
+    name = max(largest, key=lambda name: largest[name], default="")
+    if not name or not largest[name] > AGREEMENT:
+        return ""
+    return f"Constraint {name!r} is open by {sizes[name].max():.3g} where the system closes it ({largest[name]:.3g} data roundoffs)"
+
+
+def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]:
+    """The data roundoff of each constraint, (n,), of the length of its rows."""
+    constraints = mechanism.constraints
+    assert constraints is not None
+    _, by_data = rows_left(mechanism, states)
+    owners = np.array(constraints.rows[: constraints.holonomic])
+    return {name: np.linalg.norm(by_data[:, : constraints.holonomic][:, owners == name], axis=1) for name in gaps}
+
+
+@dataclass(frozen=True, eq=False)
+class AccelerationTruth(Truth):
+    """Equations, the frame of the linear velocity of free joints, and the precision of whom they judge; equal where these are.
+
+    Attributes:
+        linear_velocity_in_body: whether that is the body's frame, not the joint's.
+        unit_roundoff: of the numbers that an engine computes with.
+        factorises: whether the engine declares that it factorises M.
+        far_links: of a user's file, whose engine forms inertias about the centre of a whole tree; None of all others.
+        rigid: the truth that holds rigid what gives here; None where nothing does.
+    """
+
+    mechanism: Mechanism
+    linear_velocity_in_body: bool = False
+    unit_roundoff: float = UNIT_ROUNDOFF
+    factorises: bool = False
+    rigid: AccelerationTruth | None = None
+    far_links: FarLinks | None = None
+    blocks = ()
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Truth``."""
+        return self.mechanism.key, self.linear_velocity_in_body, self.unit_roundoff
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, AccelerationTruth) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    @property
+    def kernel(self) -> ReferenceKernel:
+        """The certified kernel, compiled once per process."""
+        return _KERNELS.get(self.key, lambda: ReferenceKernel(self.mechanism, self.linear_velocity_in_body, self.unit_roundoff))
+
+    @property
+    def is_compiled(self) -> bool:
+        """See ``Truth``."""
+        return self.key in _KERNELS
+
+    def evaluate(self, states: States) -> Reference:
+        """See ``Truth``."""
+        return self.kernel.evaluate(states)
+
+    def answers(self, model: Model, states: States) -> Array:
+        """See ``Truth``."""
+        return accelerations(model, states)
+
+    def may_lose_digits(self, model: Model) -> bool:
+        """True if the engine factorises M, or declares it of the model that it has loaded."""
+        return self.factorises or factorises_mass_matrix(model)
+
+    def judge(self, certified: Any, states: States, answers: Array, model: Model) -> Comparison:
+        """See ``Truth``; what the model's constraints leave open counts beside the accelerations.
+
+        An answer is unstable too where the links of a user's file are too far from one another for what its engine documents.
+        """
+        gaps = gaps_of(model, states)
+        found = compare(beside_gaps(certified, self._own, states, gaps), with_gaps(answers, gaps), self.may_lose_digits(model))
+        disagree = found.verdicts == Verdict.DISAGREES.value
+        if self.far_links is None or not disagree.any():
+            return found
+        lost = disagree & self.far_links.explain(certified, states, answers)
+        return replace(found, verdicts=np.where(lost, Verdict.UNSTABLE.value, found.verdicts))
+
+    def describe(self, certified: Any, states: States, answers: Array, model: Model) -> str:
+        """See ``Truth``: the constraint that is open by more than data explain, where one is."""
+        return remark_on(self._own, states, gaps_of(model, states))
+
+    @property
+    def _own(self) -> Mechanism:
+        return self.mechanism if self.rigid is None else self.rigid.mechanism
+
+
+def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
+    """The certified kernel of a mechanism's own equations, compiled once per process."""
+    return AccelerationTruth(mechanism, linear_velocity_in_body and bool(mechanism.charts_in_body)).kernel
+
+
+def _truth(basis: TruthBasis) -> AccelerationTruth:
+    about = basis.linear_velocity_in_body, basis.unit_roundoff, basis.factorises
+    mechanism, far_links = basis.mechanism, None
+    if basis.is_about_tree and isinstance(mechanism, RobotMechanism):
+        far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
+    rigid = AccelerationTruth(mechanism, *about, far_links=far_links)
+    return rigid if basis.softened is None else AccelerationTruth(basis.softened(basis.mechanism), *about, rigid)
+
+
+_KERNELS: Kept[ReferenceKernel] = Kept(64)
+_FAR_LINKS: Kept[FarLinks] = Kept(64)
+ACCELERATIONS = Quantity(
+    NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, is_searched=True, is_asked_again=True
+)
+
+
+def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], model: ModelFile) -> list[Softness]:
+    """The law of each row of a mechanism's constraints near which it stays, by the laws that an engine declares of a model file.
+
+    Raises:
+        InvalidModel: the rows of a constraint weigh differently in the file, and the mechanism has not as many; or they have no weight.
+    """
+    try:
+        weights = inverse_weights(model, (part for law in laws.values() for row in law.weights or () for part in row))
+    except ValueError as error:
+        problem = f"its constraints have no weight: {error}; correct the masses, inertias or places"
+        raise InvalidModel(model.path, model.root_line, problem) from error
+    rows = []
+    for name in constraints.names:
+        law, count = laws[name], constraints.rows.count(name)
+        inverse_masses: list[float | None] = [None] * count
+        if law.weights is not None:
+            own = [sum(weights[part] for part in row) for row in law.weights]
+            if len(own) != count and len(set(own)) > 1:
+                line = next(one.line for one in model.constraints if one.name == name)
+                raise InvalidModel(model.path, line, f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
+            inverse_masses = list(own if len(own) == count else [own[0]] * count)
+        impedance = law.impedance.at(0.0)
+        # R = (1 - d) / d A is no less than the engine's least number.
+        least = law.least_regularisation * impedance / (1 - impedance)
+        rows += [
+            Softness(impedance, law.stiffness, law.damping, mass if mass is None else max(mass, least), law.has_curvature)
+            for mass in inverse_masses
+        ]
+    return rows
+
+
+def softened(mechanism: Mechanism, rows: Sequence[Softness]) -> Mechanism:
+    """The mechanism whose constraints give by ``rows``, one law for each row, whose numbers are its last parameters."""
+
+    def write() -> Mechanism:
+        assert mechanism.constraints is not None
+        program, numbers = softened_program(mechanism.constraints, rows)
+        return replace(mechanism, program=program, parameters=(*mechanism.parameters, *((name, value, "") for name, value in numbers)))
+
+    return _SOFTENED.get((mechanism.key, tuple(rows)), write)
+
+
+_SOFTENED: Kept[Mechanism] = Kept(64)

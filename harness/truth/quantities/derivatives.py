@@ -1,0 +1,171 @@
+"""The derivatives of forward and inverse dynamics, by q, v and what is given besides.
+
+The truth comes from the energies: derivatives of the mechanism's own program, see
+``harness.programs.mechanisms.dynamics_derivatives``, which says
+along what positions move. No file and no engine takes part in it.
+
+A block is a column: what one coordinate, velocity or force does to all accelerations, or to all forces. Its length is the
+kinetic-energy norm |x|_M of accelerations, and |x| in the inverse of M of forces, in which metres and radians are comparable, as they are
+where accelerations are judged. Columns have units of their own, so that each is judged by itself: in a norm of the whole matrix what
+radians do would hide behind what metres do.
+
+Derivatives of inverse dynamics are asked for at the accelerations that tau causes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines import Model, NotOffered, answer_of
+from harness.programs.evaluation import values
+from harness.programs.mechanisms.dynamics_derivatives import (
+    forward_dynamics_derivatives,
+    inverse_dynamics_derivatives,
+    sizes_of_parts,
+    terms_of_forces,
+)
+from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.program import StraightLineProgram
+from harness.programs.states import States
+from harness.truth.blocks import QuantityKernel
+from harness.truth.compare import Certified
+from harness.truth.quantities import Quantity, Truth, TruthBasis
+from harness.truth.quantities._derivative_mistakes import describe
+from harness.truth.reference import Reference, ReferenceKernel
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """One of the two maps whose derivatives are taken.
+
+    Attributes:
+        method: of the engine's model. given, result: what it takes beside q and v, and what it gives, as a report names them.
+        write: the program of the derivatives of a chart.
+    """
+
+    method: str
+    given: str
+    result: str
+    write: Callable[[Mechanism, StraightLineProgram, bool], StraightLineProgram]
+
+    @property
+    def is_inverse(self) -> bool:
+        """True where accelerations are given."""
+        return self.given == "a"
+
+
+FORWARD = Dynamics("forward_dynamics_derivatives", "tau", "qdd", forward_dynamics_derivatives)
+INVERSE = Dynamics("inverse_dynamics_derivatives", "a", "tau", inverse_dynamics_derivatives)
+
+
+class DerivativeTruth(Truth):
+    """The certified derivatives of one mechanism, whose velocities are those of engines of one convention.
+
+    Raises:
+        NotOffered: constraints tie the coordinates.
+    """
+
+    def __init__(self, dynamics: Dynamics, mechanism: Mechanism, linear_velocity_in_body: bool) -> None:
+        if mechanism.constraints is not None:
+            raise NotOffered("its constraints tie the joints: no derivative along one of them alone is of a motion that they allow")
+        self.dynamics, self.mechanism, self.in_body = dynamics, mechanism, linear_velocity_in_body
+        self.rows = list(coordinate_names(mechanism))
+        self.parts = f"d({dynamics.result})/d(q)", f"d({dynamics.result})/d(v)", f"d({dynamics.result})/d({dynamics.given})"
+        self.blocks = [f"column of {part} for {name}" for part in self.parts for name in self.rows]
+        self._charts = Charts(mechanism.charts(linear_velocity_in_body))
+        self._reference = ReferenceKernel(mechanism, linear_velocity_in_body)
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Truth``."""
+        return self.dynamics.method, self.mechanism.key, self.in_body
+
+    def evaluate(self, states: States) -> Certified:
+        """Columns by q, v and the third vector, (n, 3 nv, nv)."""
+        reference = self._reference.evaluate(states)
+        factor, inputs = self._factor(reference), self._inputs(states, self._third(states, reference))
+        split = list(self._charts.split(states.q))
+        parts = [self._kernels[chart].evaluate(inputs[some], norm_factor=factor[some]) for chart, some in split]
+        found = Certified.concatenate(parts)[np.argsort(np.concatenate([some for _, some in split]))]
+        return replace(found, certified=found.certified & reference.certified)
+
+    def third(self, states: States) -> Array:
+        """What is given beside q and v, (n, nv): the applied forces, or the accelerations that they cause."""
+        return self._third(states, self._reference.evaluate(states)) if self.dynamics.is_inverse else states.tau
+
+    def answers(self, model: Model, states: States) -> Array:
+        """See ``Truth``."""
+        nv = self.mechanism.nv
+        time = (states.time,) if getattr(model, "takes_time", False) else ()
+        arguments = states.q, states.v, self.third(states), *time
+        return by_columns(answer_of(model, self.dynamics.method, arguments, (len(states), 3, nv, nv)))
+
+    def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
+        """See ``Truth``."""
+        return describe(self, states, certified, answers)
+
+    def of_terms(self, states: States) -> dict[str, Array]:
+        """What each term of the forces adds to the blocks, in float64, by its name; see ``terms_of_forces``."""
+        reference, nv = self._reference.evaluate(states), self.mechanism.nv
+        inputs, found = self._inputs(states, reference.high), dict[str, Array]()
+        factor = self._factor(reference)
+        # Of forward dynamics, -M^-1 times the derivatives of the forces.
+        inverse = np.linalg.inv(factor)
+        solved = np.broadcast_to(np.eye(nv), inverse.shape) if self.dynamics.is_inverse else -inverse @ inverse.transpose(0, 2, 1)
+        for chart, chosen in self._charts.split(states.q):
+            program = terms_of_forces(self.mechanism, self._charts.programs[chart], self.in_body)
+            for name, entries in values(program, np.ascontiguousarray(inputs[chosen].T)).items():
+                columns = found.setdefault(name, np.zeros((len(states), 3 * nv, nv)))
+                columns[chosen, : 2 * nv] = entries.T.reshape(-1, 2 * nv, nv) @ solved[chosen].transpose(0, 2, 1)
+        return found
+
+    @cached_property
+    def _kernels(self) -> dict[int, QuantityKernel]:
+        nv = self.mechanism.nv
+        blocks = np.arange(3 * nv * nv).reshape(3 * nv, nv).tolist()
+        found: dict[int, QuantityKernel] = {}
+        for chart, program in enumerate(self._charts.programs):
+            sizes = sizes_of_parts(self.mechanism, program, self.in_body, of_accelerations=self.dynamics.is_inverse)
+            found[chart] = QuantityKernel(self.dynamics.write(self.mechanism, program, self.in_body), blocks, sizes=sizes)
+        return found
+
+    def _factor(self, reference: Reference) -> Array:
+        """The factor of the norm of a column, (n, nv, nv)."""
+        factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(self.mechanism.nv))
+        return np.ascontiguousarray(np.linalg.inv(factor).transpose(0, 2, 1)) if self.dynamics.is_inverse else factor
+
+    def _third(self, states: States, reference: Reference) -> Array:
+        return reference.high if self.dynamics.is_inverse else states.tau
+
+    def _inputs(self, states: States, third: Array) -> Array:
+        """Inputs of the programs, (n, inputs)."""
+        return np.ascontiguousarray(self.mechanism.inputs(replace(states, tau=third)).T)
+
+
+def coordinate_names(mechanism: Mechanism) -> Iterator[str]:
+    """What each velocity is called: its joint, with the number of the velocity where the joint has several."""
+    for place, joint in enumerate(mechanism.joints):
+        several = mechanism.joints.count(joint) > 1
+        yield f"joint {joint!r}" + (f", velocity {place - mechanism.joints.index(joint) + 1}" if several else "")
+
+
+def by_columns(matrices: Array) -> Array:
+    """Matrices (n, 3, nv, nv) by columns, (n, 3 nv, nv)."""
+    return np.ascontiguousarray(matrices.transpose(0, 1, 3, 2).reshape(len(matrices), -1, matrices.shape[-1]))
+
+
+def _quantity(dynamics: Dynamics) -> Quantity:
+    def truth(basis: TruthBasis) -> DerivativeTruth:
+        return DerivativeTruth(dynamics, basis.mechanism, basis.linear_velocity_in_body)
+
+    # To write and to compile a program takes seconds, whatever the number of states.
+    return Quantity(dynamics.method, truth, is_quick=False, group="derivatives")
+
+
+FORWARD_DYNAMICS_DERIVATIVES, INVERSE_DYNAMICS_DERIVATIVES = _quantity(FORWARD), _quantity(INVERSE)

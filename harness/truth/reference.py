@@ -1,0 +1,283 @@
+"""The certified acceleration at the exact float64 inputs, and its data roundoff.
+
+Most states are certified in double-double with proven bounds, by ``harness.programs.loops.interpreter``, which gives the data roundoff
+too. What its bounds do not decide, and programs that it has no code for, are evaluated in balls and solved rigorously; precision
+doubles until the radius is negligible beside the data roundoff, which then comes from ``harness.truth.balls.reverse_mode``.
+
+Beside it stands the share of the motion: half an ulp of twice the kinetic energy, as a torque on every rotating
+coordinate. Engines work in Cartesian frames, in which centripetal forces and v x (m v) are formed and cancel; the
+equations have lost these terms to algebra, so no derivative shows them. Without this share a wheel that is carried
+along at 10 m/s, or a pendulum at its dead centre, would condemn every general algorithm. It depends on the observer, and
+``compare`` grants it only to an answer that would fail without it.
+
+Norms are kinetic-energy norms |x|_M = sqrt(x' M x), which make metres and radians comparable and do
+not depend on the choice of coordinates.
+
+The data roundoff of a robot is that of a mechanism whose parameters are the numbers of its file: half an ulp of each number as it stands
+there, once however many elements share it through a class. Numbers that are zero are exact.
+
+Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 7; Demmel, Underflow
+and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), for inputs near zero.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.programs.evaluation import jacobians
+from harness.programs.loops.encoding import Encoded, encode
+from harness.programs.loops.interpreter import Norms, Vectors, derivatives, evaluate, measure
+from harness.programs.mechanisms.kernel import Charts, Indices
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
+from harness.programs.states import States
+from harness.truth.balls.factorisation import (
+    condition_number,
+    forward_substitute,
+    norm_over_first_axis,
+)
+from harness.truth.balls.in_balls import MOST_IN_FLOAT64, BallSolver
+from harness.truth.balls.reverse_mode import columns_in_balls
+from harness.truth.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
+from harness.truth.constraints.manifold import closes
+from harness.truth.constraints.rank import free_size, rank_condition
+
+PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits that are tried one after the other beyond double-double
+# Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
+_ENOUGH = 2.0**-68
+_STATES_AT_ONCE = 2048
+# Of every entry of M that an unstable factorisation may lose.
+ROUNDINGS = 16
+
+
+@dataclass(frozen=True)
+class Reference(Certified):
+    """Certified accelerations, one block whose arrays have no axis of blocks: high and low (n, nv), the other lengths (n,) [sqrt(J)/s].
+
+    Attributes:
+        norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|.
+        sensitivity: sum over inputs z of |dqdd/dz z|_M. share: of the motion, the sum over rotating coordinates i of 2 T |M^-1 e_i|_M.
+        instability: 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
+            UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
+            are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
+    """
+
+    def lengths(self, vectors: Array) -> Array:
+        """(n,) energy norms of vectors (n, nv)."""
+        return energy_norm(self.norm_factor, vectors)
+
+    def why_undecided(self) -> Iterator[str]:
+        """See ``Certified``."""
+        for index in np.flatnonzero(~self.certified):
+            if not np.isfinite(self.high[index]).all():
+                yield f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits"
+            elif not np.isfinite(self.condition[index]):
+                yield "M is not certainly positive definite, so that data roundoff has no energy norm"
+            elif not np.isfinite(self.sensitivity[index]):
+                yield f"the equations have no derivative there that {PRECISIONS[-1]} bits would show, so that data roundoff is not known"
+            elif self.radius[index] <= CERTIFIED_RADIUS * self.sensitivity[index]:
+                yield "the state does not close the constraints: the branch of the assembly is lost on the way there"
+            else:
+                share = float(self.radius[index] / self.sensitivity[index]) if self.sensitivity[index] else math.inf
+                yield f"the radius is {share:.1e} of the sensitivity at {int(self.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
+
+    def for_unit_roundoff(self, unit_roundoff: float) -> Reference:
+        """The same truth for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
+        more = unit_roundoff / UNIT_ROUNDOFF
+        return replace(self, sensitivity=more * self.sensitivity, share=more * self.share, instability=more * self.instability)
+
+
+class ReferenceKernel:
+    """Certified accelerations of one mechanism; compile once, evaluate many batches.
+
+    ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint.
+    Each state is evaluated in the chart that is most regular there. For an engine that computes in float32, with ``unit_roundoff``
+    2^-24, the states are rounded to it first, and data roundoff is what half an ulp of float32 in every input does.
+    """
+
+    def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False, unit_roundoff: float = UNIT_ROUNDOFF) -> None:
+        self.mechanism = mechanism
+        self.unit_roundoff = unit_roundoff
+        self._choice = Charts(mechanism.charts(linear_velocity_in_body))
+        self._charts = [ChartKernel(mechanism, program) for program in self._choice.programs]
+
+    def evaluate(self, states: States, parameters: Array | None = None) -> Reference:
+        """The reference at ``states``; a state that cannot be certified is marked, never dropped.
+
+        ``parameters``, (n, number of parameters) in the mechanism's order and units, gives each state its own; by
+        default all have the mechanism's. Nothing is derived or compiled anew for them.
+        """
+        count = len(self.mechanism.parameters)
+        if parameters is None:
+            parameters = np.broadcast_to(np.array(self.mechanism.parameter_values, dtype=np.float64), (len(states), count))
+        if parameters.shape != (len(states), count):
+            raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")
+        starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
+        batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
+        states = self.asked_at(states)
+        found = Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
+        return found if self.unit_roundoff == UNIT_ROUNDOFF else found.for_unit_roundoff(self.unit_roundoff)
+
+    def derivatives(self, states: States, accelerations: Array, parameters: Array | None = None) -> Array:
+        """d(force - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64; ``parameters`` as of ``evaluate``."""
+        inputs = self.mechanism.inputs(states, parameters)
+        found = np.zeros((len(states), self.mechanism.nv, len(inputs)))
+        for chart, chosen in self.by_chart(states):
+            found[chosen] = chart.derivatives(np.ascontiguousarray(inputs.T[chosen]), np.ascontiguousarray(accelerations[chosen]))
+        return found
+
+    def asked_at(self, states: States) -> States:
+        """The states as an engine of this unit roundoff takes them."""
+        if self.unit_roundoff == UNIT_ROUNDOFF:
+            return states
+        return replace(states, **{name: getattr(states, name).astype(np.float32).astype(np.float64) for name in ("q", "v", "tau")})
+
+    def by_chart(self, states: States) -> Iterator[tuple[ChartKernel, Indices]]:
+        """The charts in use, each with the indices of the states at which it is the most regular one; at least one chart."""
+        for number, chosen in self._choice.split(states.q):
+            yield self._charts[number], chosen
+
+    def _evaluate(self, states: States, parameters: Array) -> Reference:
+        parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
+        if len(parts) == 1:
+            return parts[0][0] if self.mechanism.constraints is None else self._constrained(parts[0][0], states, parameters)
+        return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
+
+    def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
+        """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
+        # Without a configuration in which the constraints hold there is no motion to be asked for.
+        certified = found.certified & closes(self.mechanism, states, parameters)
+        constraints, inputs = self.mechanism.constraints, self.mechanism.inputs(states, parameters)
+        assert constraints is not None
+        free = free_size(constraints, inputs, states.tau, found.norm_factor)
+        cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free
+        return replace(found, certified=certified, instability=cancelling * rank_condition(constraints, inputs, found.norm_factor))
+
+
+class ChartKernel:
+    """The reference of one mechanism by one of its programs."""
+
+    def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
+        self.mechanism = mechanism
+        self.program = program
+        self.balls = BallSolver(mechanism, program)
+
+    @functools.cached_property
+    def encoded(self) -> Encoded | None:
+        """The program for the loops of ``harness.programs.loops.interpreter``; None where they cannot interpret it."""
+        return encode(self.program)
+
+    def evaluate(self, states: States, parameters: Array) -> Reference:
+        """The reference of a batch that fits into memory at once, each state with its row of ``parameters``."""
+        inputs = np.ascontiguousarray(self.mechanism.inputs(states, parameters).T)
+        scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
+        with np.errstate(all="ignore"):
+            found = self._filtered(states, inputs, scales)
+            # States that are not finite have no truth, at no precision.
+            left = np.flatnonzero(~(found.bits > 0) & np.isfinite(inputs).all(axis=1)) if found is not None else np.arange(len(states))
+            if found is not None and not len(left):
+                return found
+            in_balls = self._in_balls(states[left], parameters[left], inputs[left], scales[left])
+        if found is None:
+            return in_balls
+        for name, values in vars(in_balls).items():
+            getattr(found, name)[left] = values
+        return found
+
+    def derivatives(self, inputs: Array, accelerations: Array) -> Array:
+        """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64."""
+        if self.encoded is not None:
+            return derivatives(self.encoded, inputs, accelerations)[0]
+        nv, first = self.mechanism.nv, self.mechanism.nq + self.mechanism.nv
+        slopes = jacobians(self.program, np.ascontiguousarray(inputs.T))
+        applied = np.zeros((nv, inputs.shape[1], len(inputs)))
+        applied[range(nv), range(first, first + nv)] = 1.0
+        found = np.array(right_hand_side({name: list(slope) for name, slope in slopes.items()}, list(applied)))
+        for slope, (i, j) in zip(slopes["mass"], upper_triangle(nv), strict=True):
+            found[i] -= slope * accelerations[:, j]
+            if i != j:
+                found[j] -= slope * accelerations[:, i]
+        return found.transpose(2, 0, 1)
+
+    def _filtered(self, states: States, inputs: Array, scales: Array) -> Reference | None:
+        """What the loop finds; ``bits`` is 0 where that is not enough. None where there is no loop for the program."""
+        if self.encoded is None:
+            return None
+        found = evaluate(self.encoded, inputs, scales)
+        norms = self._norms(states, found.high, found.radius, found.terms, found.scale, found.factor)
+        is_known = self._is_believed(found.sensitivity, found.doubt, norms.condition) & (norms.condition < MOST_IN_FLOAT64)
+        bits = np.where(is_known & (norms.radius <= _ENOUGH * found.sensitivity), DOUBLE_DOUBLE, 0)
+        return Reference(
+            high=found.high,
+            low=found.low,
+            radius=norms.radius,
+            norm_factor=norms.norm_factor,
+            sensitivity=found.sensitivity,
+            share=norms.motion,
+            instability=norms.instability,
+            condition=norms.condition,
+            certified=bits > 0,
+            bits=bits,
+        )
+
+    def _in_balls(self, states: States, parameters: Array, inputs: Array, scales: Array) -> Reference:
+        """The reference by ball arithmetic, at rising precision."""
+        n, nv = len(states), self.mechanism.nv
+        high, low, radii = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv))
+        norm_factor, motion, instability, condition = np.empty((n, nv, nv)), np.empty(n), np.empty(n), np.empty(n)
+        bits, radius = np.zeros(n, dtype=np.int64), np.empty(n)
+        sensitivity, in_balls = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)
+        pending = np.arange(n)
+        for precision in PRECISIONS:
+            now = states[pending]
+            high[pending], low[pending], radii[pending], scale, factor, terms = self.balls.solve(now, parameters[pending], precision)
+            bits[pending] = precision
+            norms = self._norms(now, high[pending], radii[pending], terms, scale.T, factor.transpose(2, 0, 1))
+            norm_factor[pending], motion[pending], instability[pending] = norms.norm_factor, norms.motion, norms.instability
+            condition[pending] = norms.condition
+            found, is_known = self._sensitivity(inputs[pending], scales[pending], high[pending], scale, factor)
+            sensitivity[pending] = np.where(in_balls[pending], sensitivity[pending], found)
+            for index in pending[~is_known & ~in_balls[pending] & np.isfinite(inputs[pending]).all(axis=1)].tolist():
+                _, sensitivity[index] = columns_in_balls(self.program, inputs[index].tolist(), scales[index].tolist(), PRECISIONS)
+                in_balls[index] = True
+            radius[pending] = norms.radius
+            pending = pending[~(radius[pending] <= SOUGHT_RADIUS * sensitivity[pending]) & np.isfinite(now.q).all(axis=1)]
+            if not len(pending):
+                break
+        certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
+        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, condition, certified, bits)
+
+    def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
+        """Sensitivities in float64, (n,), at accelerations and factors of M that are known, and whether they can be believed."""
+        if self.encoded is None:
+            return np.full(len(inputs), np.nan), np.zeros(len(inputs), dtype=np.bool_)
+        columns, sizes = derivatives(self.encoded, inputs, accelerations, scale.T)
+        changes = (columns * scales[:, None]).transpose(1, 2, 0)
+        found = norm_over_first_axis(forward_substitute(factor, changes / scale[:, None])).sum(axis=0)
+        inverse = forward_substitute(factor, np.broadcast_to(np.eye(self.mechanism.nv)[:, :, None], factor.shape))
+        doubt = self.encoded.gamma * np.sqrt((inverse**2).sum(axis=(0, 1))) * (sizes * scales).sum(axis=1)
+        return found, self._is_believed(found, doubt, condition_number(factor))
+
+    def _is_believed(self, sensitivity: Array, doubt: Array, condition: Array) -> Flags:
+        # Substituting into the factor of M costs the root of its condition number.
+        lost = np.sqrt(condition) * UNIT_ROUNDOFF * self.mechanism.nv
+        return np.asarray((doubt <= MOST_DOUBT * sensitivity) & (lost <= MOST_DOUBT) & np.isfinite(sensitivity))
+
+    def _norms(self, states: States, accelerations: Array, radii: Array, terms: Array, scale: Array, factor: Array) -> Norms:
+        """Norms at the given accelerations, their radii, terms, and factors of M."""
+        separate = np.concatenate([states.tau[:, None], terms], axis=1)
+        rotating = np.array(self.mechanism.rotating, dtype=np.float64)
+        return measure(scale, factor, Vectors(accelerations, radii, states.v, separate), rotating, float(ROUNDINGS))
+
+
+def energy_norm(norm_factor: Array, vectors: Array) -> Array:
+    """|x|_M per state, for norm_factor (n, nv, nv) and vectors (n, nv)."""
+    # Reductions over the first axis of what numpy would lay out by states take four times as long.
+    return norm_over_first_axis(np.einsum("nij,nj->in", norm_factor, vectors, order="C"))
