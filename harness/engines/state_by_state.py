@@ -14,11 +14,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines.coordinates import FREE, Columns, cross_matrix, rotation
 from harness.engines.held import Terms
 from harness.engines.interface import NotOffered
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.request import Request, projected
-from harness.engines.rotations import FREE, Columns, cross_matrix, rotation
 from harness.files.facts import PointSpring
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD

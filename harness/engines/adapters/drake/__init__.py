@@ -21,9 +21,9 @@ from harness.engines import Engine, LoadedModel, NotOffered, Part, StepRule, Ter
 from harness.engines.adapters.drake.building import CONTINUOUS, FINALIZE, Building, building, built
 from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
 from harness.engines.adapters.drake.files import floating_bodies, refuse
+from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request
-from harness.engines.rotations import BALL, FREE
 from harness.engines.state_by_state import StateByState
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile

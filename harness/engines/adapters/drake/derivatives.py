@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.rotations import Columns, cross_matrix
+from harness.engines.coordinates import Columns, cross_matrix
 
 # Of one state, as Drake has it: q, v, and tau or accelerations, and the matrix that takes Drake's accelerations to those of the harness.
 Own = tuple[Array, Array, Array, Array]

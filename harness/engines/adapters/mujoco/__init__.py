@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from harness.engines import ConstraintLaw, Engine, StepRule
-from harness.engines.adapters.mujoco import equalities, law, robot, steps, urdf, versions
+from harness.engines.adapters.mujoco import law, robot, steps, urdf, versions
 from harness.engines.adapters.mujoco.model import MujocoModel as MujocoModel
 from harness.engines.request import Request
 from harness.files.equalities import Equality
@@ -66,13 +66,13 @@ class MujocoEngine(Engine):
         return steps.step_rules(file)
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
-        return law.laws_in(equalities.settings(root, model_format), constraints)
+        return law.laws_in(law.settings(root, model_format), constraints)
 
     def fuses(self, root: Any, model_format: str) -> bool:
-        return equalities.fuses(root, model_format)
+        return law.fuses(root, model_format)
 
     def own_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:
-        return steps.rules_in(equalities.settings(root, model_format))
+        return steps.rules_in(law.settings(root, model_format))
 
 
 ENGINE = MujocoEngine()

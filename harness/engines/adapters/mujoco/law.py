@@ -4,8 +4,8 @@ Stiffness and damping follow from ``solref``, the impedance from ``solimp``. Two
 and tendons leave J' v out, so that a coupling that is not linear is wrong by it however stiff it is; and a body that only slides along
 its axes, and carries none, has for its inverse weight 1/m instead of a mean over three directions.
 
-Source: MuJoCo documentation, Computation, section Solver parameters; MuJoCo 4.0, engine_core_constraint.c (getsolparam,
-mj_makeImpedance, mj_diagApprox, mj_Jdotv).
+Source: MuJoCo documentation, Computation, section Solver parameters; Modeling, URDF extensions; XML reference,
+``compiler/fusestatic``; MuJoCo 4.0, engine_core_constraint.c (getsolparam, mj_makeImpedance, mj_diagApprox, mj_Jdotv).
 """
 
 from __future__ import annotations
@@ -26,6 +26,18 @@ from harness.files.rules.constraint_law import ConstraintLaw, Impedance, Inverse
 LEAST_IMPEDANCE, MOST_IMPEDANCE, LEAST_NUMBER = 0.0001, 0.9999, 1e-15
 _TIMESTEP = 0.002
 _OF_BODIES: tuple[Literal["translation", "rotation"], ...] = ("translation", "rotation")
+
+
+def settings(root: etree._Element, model_format: str) -> etree._Element:
+    """The element in which compiler and options stand: that of a URDF's extension, where it has one."""
+    extension = root.find("mujoco") if model_format == "urdf" else root
+    return root if extension is None else extension
+
+
+def fuses(root: etree._Element, model_format: str) -> bool:
+    """Whether the compiler makes bodies that no joint moves one with their parents, which it does by itself in a URDF alone."""
+    told = [compiler.get("fusestatic") for compiler in settings(root, model_format).iterfind("compiler[@fusestatic]")]
+    return told[-1] == "true" if told else model_format == "urdf"
 
 
 def constraint_laws(file: ModelFile) -> dict[str, ConstraintLaw]:

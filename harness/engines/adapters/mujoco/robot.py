@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.adapters.mujoco.equalities import switch_on
 from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.robot_model import PARTS, aided, places_of, plain
 from harness.engines.adapters.mujoco.steps import step
@@ -26,6 +25,8 @@ from harness.engines.request import AskedJoint, Refused, Request, by_joint, proj
 from harness.files.joint_kinds import JointKind
 from harness.files.rules.step_rule import StepRule
 
+# Tags of a file by the names of MuJoCo's types of equality, where they are others.
+_TYPES = {"mimic": "joint"}
 _ELEMENT = re.compile(r"Element name '([^']*)'")
 
 
@@ -44,6 +45,22 @@ def read(request: Request) -> MujocoFile:
         named = _ELEMENT.search(words)
         raise Refused(words, named[1] if named else "") from error
     return MujocoFile(model, request, notes)
+
+
+def switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
+    """Let the equalities of these numbers act and no other; ``kinds`` are the tags of all that the file holds.
+
+    Raises:
+        ValueError: the compiled model has others.
+    """
+    import mujoco
+
+    found = [mujoco.mjtEq(int(one)).name.removeprefix("mjEQ_").lower() for one in model.eq_type]
+    wanted = [_TYPES.get(kind, kind) for kind in kinds]
+    if found != wanted:
+        raise ValueError(f"MuJoCo makes the equalities {', '.join(found) or 'none'} of the file's {', '.join(wanted)}")
+    model.eq_active0[:] = 0
+    model.eq_active0[list(numbers)] = 1
 
 
 class MujocoFile(LoadedFile):
