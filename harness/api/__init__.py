@@ -17,7 +17,7 @@ from harness.api.loaded_system import CertifiedValues as CertifiedValues
 from harness.api.loaded_system import Derivatives as Derivatives
 from harness.api.loaded_system import LoadedSystem as LoadedSystem
 from harness.library import Library, nearest
-from harness.results.records import ACCELERATIONS, Records, is_default
+from harness.results.records import ACCELERATIONS, Records, quantity_words
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -116,7 +116,7 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
 
     require_quantity(quantity)
     settings = _settings([name], options)
-    if not is_default(quantity):
+    if quantity_words(quantity):
         refuse_robots(settings.library, name, quantity)
     with _checked(settings, options, [quantity]) as ([study], pool):
         diagnoses = wanted_diagnosis(study, quantity)

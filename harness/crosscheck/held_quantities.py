@@ -23,6 +23,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint, HeldSpring
+from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
 from harness.files.text import lines as quantities
 
@@ -46,7 +47,7 @@ def _kinds(one: HeldJoint, other: HeldJoint, length: float) -> float:
 
 
 def _anchors(one: HeldJoint, other: HeldJoint, length: float) -> float:
-    if "slide" in (one.kind, other.kind):
+    if JointKind.SLIDE in (one.kind, other.kind):
         return 0.0
     apart = other.anchor - one.anchor
     # Zero for joints without an axis.

@@ -27,7 +27,7 @@ from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.cross_check import CrossCheckResult
-from harness.results.records import ACCELERATIONS, is_default
+from harness.results.records import ACCELERATIONS, quantity_words
 from harness.study import Inquiries, Inquiry, Part, ask, is_out_of_memory
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Outcome, Task
@@ -275,7 +275,7 @@ class CrossCheck(Inquiries):
 
     def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
-        moves = is_default(pair.quantity)
+        moves = not quantity_words(pair.quantity)
         if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES):
             # A run in which all is well imports nothing of it.
             from harness.crosscheck.explanation import explain

@@ -24,6 +24,7 @@ from harness.crosscheck.held_quantities import OF_BODIES, OF_JOINTS, OF_MODELS, 
 from harness.crosscheck.tasks import Note
 from harness.engines import HeldModel
 from harness.errors import InvalidInput
+from harness.files.joint_kinds import JointKind
 from harness.files.text.lines import JOINT
 from harness.library import Library, nearest
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -75,7 +76,7 @@ def _taken_for_lengths(mechanism: Mechanism, held: Mapping[str, HeldModel]) -> I
     What a velocity term of an angle rounds would condemn a sound engine.
     """
     for joint, coordinate, rotates in zip(mechanism.joints, mechanism.coordinates, mechanism.rotating, strict=True):
-        turning = [subject for subject, model in held.items() if joint in model.joints and model.joints[joint].kind == "hinge"]
+        turning = [subject for subject, model in held.items() if joint in model.joints and model.joints[joint].kind == JointKind.HINGE]
         if turning and not rotates:
             statement = f"joint {joint} is a hinge, and the system's file has {coordinate} for a length: name it in angles=({coordinate},)"
             yield _finding(mechanism.name, JOINT, joint, turning, statement)

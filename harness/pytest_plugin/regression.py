@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from harness.library import BUILT_IN_NAME
-from harness.results.records import is_default
+from harness.results.records import quantity_words
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -178,14 +178,14 @@ class _Regression:
         record, cause = self.record(item), self._cause(item)
         diagnosis = self._check_of(item)[0].settings.diagnosis(item.system, item.quantity)
         if cause is None:
-            return record.explanation if is_default(record.quantity) else f"{record.explanation}\n  the diagnosis: {diagnosis}"
+            return record.explanation if not quantity_words(record.quantity) else f"{record.explanation}\n  the diagnosis: {diagnosis}"
         of_cause = [f"  {cause.inference}", *(f"  {term}" for term in cause.terms), f"  cause: {cause.first_line}"]
         return "\n".join([record.explanation, *dict.fromkeys(of_cause), f"  the whole diagnosis: {diagnosis}"])
 
     def _cause(self, item: CrossCheckItem) -> Cause | None:
         """Why accelerations are not as expected; None of other quantities, of which the record itself says it."""
         check, _ = self._check_of(item)
-        if not is_default(item.quantity):
+        if quantity_words(item.quantity):
             return None
         if item.system not in self._causes:
             from harness.comparison.wanted import find_causes
@@ -242,7 +242,7 @@ class SystemFile(pytest.File):
                 for quantity in choice.quantities:
                     # The members of a family and variants share a file, so their tests carry the name too.
                     title = subject if name == self.path.stem else f"{name}:{subject}"
-                    title += "" if is_default(quantity) else f"[{quantity}]"
+                    title += "".join(f"[{name}]" for name in quantity_words(quantity))
                     about = {"system": name, "subject": subject, "quantity": quantity}
                     yield CrossCheckItem.from_parent(self, name=title, regression=regression, **about)
 

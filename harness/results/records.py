@@ -19,14 +19,9 @@ from harness.verdict import AGREEMENT, Verdict
 ACCELERATIONS = "accelerations"
 
 
-def is_default(quantity: str) -> bool:
-    """True for the quantity that is meant where none is named."""
-    return quantity == ACCELERATIONS
-
-
 def quantity_words(quantity: str) -> list[str]:
     """The name of a quantity, none for the one that is meant where none is named."""
-    return [] if is_default(quantity) else [quantity]
+    return [] if quantity == ACCELERATIONS else [quantity]
 
 
 def quantity_options(quantity: str) -> list[str]:
