@@ -12,11 +12,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.coordinates import multiplied, rotations
 from harness.engines.request import Aid, AskedJoint, BodyInertia, JointForces, Request, in_columns
-from harness.files.document.xml import parse_document
 from harness.files.facts import PointSpring
 from harness.files.joint_kinds import JointKind
-from harness.files.model_file import ROOT_TAGS, ModelFile
-from harness.files.reading import read
+from harness.files.model_file import ModelFile, meaning_of
 from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
 
 # Orientation as a unit quaternion (w, x, y, z), and origin [m].
@@ -66,7 +64,7 @@ def model_request(file: ModelFile, joints: Sequence[str], gravity: float) -> Req
 
     ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for a file that holds none.
     """
-    tree = read(parse_document(file.path, file.text, ROOT_TAGS[file.format])).tree
+    tree = meaning_of(file).tree
     known = {joint.name for joint in tree.joints}
     asked = asked_joints(tree, [name for name in dict.fromkeys(joints) if name in known])
     aid = replace(aid_of(tree, asked), gravity=np.array(file.gravity or (0.0, 0.0, -gravity)))

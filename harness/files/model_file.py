@@ -40,7 +40,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from harness.files.document.xml import Document, parse_document, read_document
+from harness.files.document.xml import Document, parse_document, read_text
 from harness.files.equalities import Equality
 from harness.files.facts import (
     Armature,
@@ -108,12 +108,18 @@ def read_model(path: Path, format: str) -> ModelFile:
         InvalidModel: the file cannot be read, or is not a well-formed, physical model.
         ValueError: no such format.
     """
-    return _validated(read_document(path, _root_tag(format)), format)
+    _root_tag(format)
+    return _validated(path, read_text(path), format)
 
 
 def parse_model(path: Path, text: str, format: str) -> ModelFile:
     """``read_model`` of a file at ``path`` that would hold ``text``; raises the same."""
-    return _validated(parse_document(path, text, _root_tag(format)), format)
+    return _validated(path, text, format)
+
+
+def document_of(model: ModelFile) -> Document:
+    """The elements of the file of a model, for whoever leaves them as they are; those of the last files are kept."""
+    return _document(model.path, model.text, model.format)
 
 
 def meaning_of(model: ModelFile) -> Meaning:
@@ -122,8 +128,13 @@ def meaning_of(model: ModelFile) -> Meaning:
 
 
 @lru_cache(maxsize=8)
+def _document(path: Path, text: str, format: str) -> Document:
+    return parse_document(path, text, _root_tag(format))
+
+
+@lru_cache(maxsize=8)
 def _meaning(path: Path, text: str, format: str) -> Meaning:
-    return read(parse_document(path, text, ROOT_TAGS[format]))
+    return read(_document(path, text, format))
 
 
 def _root_tag(format: str) -> str:
@@ -132,10 +143,11 @@ def _root_tag(format: str) -> str:
     return ROOT_TAGS[format]
 
 
-def _validated(document: Document, format: str) -> ModelFile:
+def _validated(path: Path, text: str, format: str) -> ModelFile:
+    document = _document(path, text, format)
     check_elements(document, format)
     check_parts(document, format)
-    reading = read(document)
+    reading = _meaning(path, text, format)
     check_reading(document, reading)
     tree = reading.tree
     in_order = sorted(tree.joints, key=lambda joint: joint.place.element if joint.place else 0)

@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from harness.files.document.xml import parse_document
 from harness.files.equalities import Polygon, Tendon, TendonLinkage
 from harness.files.joint_kinds import JointKind
-from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.model_file import ModelFile, document_of
 from harness.files.rules.constraint_law import InverseWeight
 from harness.files.tree import WORLD, Body, Given, Joint, Tree
 from harness.programs.evaluation import mass_matrix
@@ -180,7 +179,7 @@ def _fuses(model: ModelFile) -> bool:
     """True where MuJoCo makes bodies that no joint moves one with their parents; in a URDF with constraints it is told not to."""
     if model.format == "urdf":
         return False
-    root = parse_document(model.path, model.text, ROOT_TAGS[model.format]).root
+    root = document_of(model).root
     return [compiler.get("fusestatic") for compiler in root.iterfind("compiler[@fusestatic]")][-1:] == ["true"]
 
 

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, parse_any, read_any
+from harness.files.document.xml import read_any
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
 from harness.files.mjcf.meshes import CompileMeshes
-from harness.files.model_file import ModelFile
-from harness.files.reading import EXPECTED, GRAVITY, read
+from harness.files.model_file import ModelFile, meaning_of
+from harness.files.reading import EXPECTED, GRAVITY, Meaning, read
 from harness.files.tree import Given, Joint, SpringDampers, Tree
 from harness.files.urdf.kinds import BALL_CONSTRAINT
 from harness.files.urdf.reading import FLOATING_BASE
@@ -96,39 +96,52 @@ def read_robot(path: Path, *, floating_base: bool = False, gravity: float = GRAV
         InvalidModel: the file cannot be read, or something in it has no meaning: a number that is none, a joint without axis, links
             that are no tree, an element that makes bodies by the rules of one engine alone.
     """
-    return _robot(read_any(path, EXPECTED), floating_base, gravity, compile_meshes)
+    document = read_any(path, EXPECTED)
+    meaning = read(document, floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
+    return _robot(path, meaning, FLOATING_BASE if floating_base else "")
 
 
 def robot_of(model: ModelFile, gravity: float) -> Robot:
     """The robot in a validated model file; ``gravity`` as of ``read_robot``."""
-    return _robot(parse_any(model.path, model.text, EXPECTED), False, gravity)
+    return _robot(model.path, replace(meaning_of(model), tree=tree_of(model, gravity), spring_dampers=SpringDampers()))
 
 
 def tree_of(model: ModelFile, gravity: float) -> Tree:
     """The tree of a validated model file; ``gravity`` as of ``read_robot``."""
-    return robot_of(model, gravity).tree
+    meaning = meaning_of(model)
+    tree = _whole(meaning)
+    if meaning.format == "mjcf":
+        return tree
+    # The format holds none.
+    x, y, down = tree.gravity
+    assert isinstance(down, Given)
+    return replace(tree, gravity=(x, y, Given(-gravity, down.place, down.attribute, down.index)))
 
 
-def _robot(document: Document, floating_base: bool, gravity: float, compile_meshes: CompileMeshes | None = None) -> Robot:
-    reading = read(document, floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
-    for one in reading.unread:
+def _whole(meaning: Meaning) -> Tree:
+    """The tree with all that its file says of forces; raises InvalidModel where some of that is in no tree."""
+    for one in meaning.unread:
         raise InvalidModel(one.place.path, one.place.line, f"{one.what}, which is not read; {one.advice}")
-    tree = with_spring_dampers(reading.tree, reading.spring_dampers)
+    return with_spring_dampers(meaning.tree, meaning.spring_dampers)
+
+
+def _robot(path: Path, meaning: Meaning, floating_base: str = "") -> Robot:
+    tree = _whole(meaning)
     robot = Robot(
-        path=document.path,
-        format=reading.format,
+        path=path,
+        format=meaning.format,
         tree=tree,
-        joints=tuple(joint.name for joint in reading.moving),
-        left_out=reading.left_out,
+        joints=tuple(joint.name for joint in meaning.moving),
+        left_out=meaning.left_out,
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
-        floating_base=FLOATING_BASE if floating_base else "",
+        floating_base=floating_base,
         # No engine's reader reads Drake's constraints, which are among what is left out.
-        equalities=tuple(one for one in reading.equalities if one.kind != BALL_CONSTRAINT),
+        equalities=tuple(one for one in meaning.equalities if one.kind != BALL_CONSTRAINT),
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:
         found = f"has {robot.degrees_of_freedom} degrees of freedom; expected at most {MOST_DEGREES_OF_FREEDOM}"
-        raise InvalidModel(document.path, document.lines[document.root], found)
+        raise InvalidModel(path, tree.place.line if tree.place else None, found)
     return robot
 
 

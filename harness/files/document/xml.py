@@ -56,7 +56,7 @@ def read_document(path: Path, root_tag: str) -> Document:
         InvalidModel: not a readable file of well-formed XML in UTF-8 with that root, or beyond the
             limits above.
     """
-    return parse_document(path, _read_text(path), root_tag)
+    return parse_document(path, read_text(path), root_tag)
 
 
 def parse_document(path: Path, text: str, root_tag: str) -> Document:
@@ -76,7 +76,7 @@ def read_any(path: Path, expected: str) -> Document:
     Raises:
         InvalidModel: as ``read_document``.
     """
-    return parse_any(path, _read_text(path), expected, declare_prefixes=True)
+    return parse_any(path, read_text(path), expected, declare_prefixes=True)
 
 
 def parse_any(path: Path, text: str, expected: str, declare_prefixes: bool = False) -> Document:
@@ -137,7 +137,8 @@ def _written_by_family(path: Path, writer: Path, size: int) -> str:
     return text
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """The text of a file, or what the writer of a family gives for a member of it; raises InvalidModel where there is none."""
     member = member_of(path)
     if member is not None:
         return _written_by_family(path, *member)

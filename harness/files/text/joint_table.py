@@ -14,13 +14,13 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, literal_tag, parse_document, read_document
+from harness.files.document.xml import Document, literal_tag, read_document
 from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.defaults import resolved_text
 from harness.files.mjcf.options import KINDS, ORIENTATIONS
-from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring
+from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring, document_of
 from harness.files.urdf.kinds import OF_AXIS
 from harness.library import Library
 
@@ -50,7 +50,7 @@ COLUMNS = tuple(field.name for field in fields(JointRow))
 
 def joint_rows(model: ModelFile) -> list[JointRow]:
     """A row per moving joint, in document order."""
-    document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
+    document = document_of(model)
     rows = {"mjcf": _mjcf_row, "urdf": _urdf_row}[model.format]
     moving = set(model.joint_lines.items())
     return [
@@ -111,7 +111,7 @@ def point_springs(model: ModelFile) -> list[str]:
             for spring in model.force_elements
             if isinstance(spring, PointSpring)
         ]
-    document = parse_document(model.path, model.text, ROOT_TAGS[model.format])
+    document = document_of(model)
     return [f"line {document.lines[tendon]}: {_summary(tendon)}" for tendon in document.root.iterfind("tendon/*")]
 
 

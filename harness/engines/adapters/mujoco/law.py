@@ -16,10 +16,9 @@ from typing import Literal
 
 from lxml import etree
 
-from harness.files.document.xml import parse_document
 from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
 from harness.files.mjcf.options import is_on
-from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.model_file import ModelFile, document_of
 from harness.files.rules.constraint_law import ConstraintLaw, Impedance, InverseWeight
 
 # mjMINIMP, mjMAXIMP and mjMINVAL.
@@ -44,7 +43,7 @@ def constraint_laws(file: ModelFile) -> dict[str, ConstraintLaw]:
     """The law of each constraint by name; those of a URDF, which says nothing of it, are as soft as MuJoCo's defaults."""
     if not file.constraints:
         return {}
-    return laws_in(parse_document(file.path, file.text, ROOT_TAGS[file.format]).root, file.constraints)
+    return laws_in(document_of(file).root, file.constraints)
 
 
 def laws_in(root: etree._Element, constraints: Iterable[Equality]) -> dict[str, ConstraintLaw]:

@@ -24,9 +24,8 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.versions import require_declared_steps
 from harness.engines.interface import NotOffered
-from harness.files.document.xml import parse_document
 from harness.files.mjcf.options import is_on
-from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.model_file import ModelFile, document_of
 from harness.files.rules.step_rule import Part, StepRule
 
 # Of an iteration, relative.
@@ -41,7 +40,7 @@ _DAMPERS = frozenset({Part.JOINT_DAMPERS, Part.LINE_DAMPERS})
 
 def step_rules(file: ModelFile) -> tuple[StepRule, ...]:
     """The rules of all integrators at the step length of a file."""
-    return rules_in(parse_document(file.path, file.text, ROOT_TAGS[file.format]).root)
+    return rules_in(document_of(file).root)
 
 
 def rules_in(root: etree._Element) -> tuple[StepRule, ...]:

@@ -22,12 +22,12 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines.adapters.mujoco.versions import coefficients
-from harness.files.document.xml import Document, describe, literal_tag, parse_document
+from harness.files.document.xml import Document, describe, literal_tag
 from harness.files.equalities import Meeting
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
-from harness.files.model_file import ROOT_TAGS, JointSpring, ModelFile, PointSpring
+from harness.files.model_file import JointSpring, ModelFile, PointSpring, document_of
 
 # mjEPS: the principal inertia below which MuJoCo refuses the six numbers of an inertia matrix, though not the three principal ones.
 LEAST_OF_SIX = 1e-14
@@ -64,7 +64,7 @@ def read(file: ModelFile, gravity: float, joints: Collection[str] = ()) -> tuple
     """
     import mujoco
 
-    document = parse_document(file.path, file.text, ROOT_TAGS["urdf"])
+    document = document_of(file)
     refused = sorted((document.lines[element], f"{describe(element)} {why}") for element, why in _ignored(document.root, joints))
     if refused:
         raise Unsupported("MuJoCo's URDF reader: " + "; ".join(f"line {line}: {what}" for line, what in refused))

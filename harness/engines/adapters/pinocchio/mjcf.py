@@ -17,11 +17,11 @@ from lxml import etree
 
 from harness.engines import Unsupported
 from harness.engines.output import captured_standard_error
-from harness.files.document.xml import Document, describe, parse_document, shorten
+from harness.files.document.xml import Document, describe, shorten
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.defaults import childclass_of, of_class, resolved
 from harness.files.mjcf.options import ORIENTATIONS
-from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.model_file import ModelFile, document_of
 
 # Sections of which the reader takes the first as often as there are some.
 _ONCE = ("compiler", "default", "worldbody")
@@ -38,7 +38,7 @@ def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
     """
     import pinocchio
 
-    document = parse_document(file.path, file.text, ROOT_TAGS["mjcf"])
+    document = document_of(file)
     _refuse_ignored(file, document)
     # The reader wants a path. This one has no name that could outlive a process which the reader aborts.
     with tempfile.TemporaryFile() as content, captured_standard_error() as captured:
