@@ -172,13 +172,13 @@ class _Drawing:
                     if not shadow:
                         self.sheet.take([self.sheet.at(hub), self.sheet.at(end)])
         for name, joint in self.pose.joints.items():
-            if not shadow and joint.kind == "slide" and math.dist(self.sheet.at(joint.anchor), self.sheet.at(joint.moved)) > 0.5:
+            if not shadow and joint.kind is JointKind.SLIDE and math.dist(self.sheet.at(joint.anchor), self.sheet.at(joint.moved)) > 0.5:
                 self.sheet.line([self.sheet.at(joint.anchor), self.sheet.at(joint.moved)], "rail", _colour(self.pose.body_of[name]))
 
     def ground(self) -> None:
         """Hatching under the joints that stand on the world."""
         first = [_joints_of(self.pose, number)[0] for number, parent in enumerate(self.pose.parents) if parent == WORLD]
-        for x, y in {self.sheet.at(joint.anchor) for joint in first if joint.kind != "free"}:
+        for x, y in {self.sheet.at(joint.anchor) for joint in first if joint.kind is not JointKind.FREE}:
             self.sheet.line([(x - 16, y + 11), (x + 16, y + 11)], "ground")
             self.sheet.taken.append((x - 18, y, x + 18, y + 18))
             for step in range(-14, 17, 6):

@@ -65,15 +65,6 @@ def test_what_is_ambiguous_or_passed_over_is_no_silent_value(tmp_path: Path, nam
     assert any(joint.stiffness for joint in robot.tree.joints) == (name == "a spring with another element")
 
 
-@pytest.mark.parametrize("kind", ["Simple", "Differential"])
-def test_a_transmission_without_rotor_is_left_out_whatever_it_holds(tmp_path: Path, kind: str) -> None:
-    bare = (
-        TRANSMISSION.replace(ROTOR, "").replace("Simple", kind).replace('<joint name="pin"/>', '<joint name="pin"/><joint name="other"/>')
-    )
-    robot = robot_in(URDF.replace("</robot>", f"{bare}\n</robot>"), tmp_path)
-    assert [one.bears_on_motion for one in robot.left_out if one.what == "transmissions"] == [False]
-
-
 def test_what_is_read_is_read_alike(tmp_path: Path) -> None:
     text = URDF.replace("</robot>", f"{TRANSMISSION}\n{SPRING}\n</robot>")
     model, robot = parse_model(Path("model.urdf"), text, "urdf"), robot_in(text, tmp_path)
