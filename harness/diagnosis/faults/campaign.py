@@ -1,7 +1,7 @@
 """The fault campaign: mistakes are made in sound models, unknown to the check and the diagnosis.
 
 Every kind of mistake is made at every place where it applies: each number of a file is changed in sizes from
-``SIZES``, each structural hypothesis plants what it declares. A mistake that moves no acceleration is none. Of the
+``SIZES``, each declared mistake is planted wherever it can be made. A mistake that moves no acceleration is none. Of the
 others it is recorded whether they are caught, by a refusal or by the states of a check, whom the pattern of agreement
 blames, and, for as many as are asked for, what the diagnosis names.
 

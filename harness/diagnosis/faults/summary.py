@@ -32,7 +32,7 @@ class Fault:
         cleared: a party that the pattern would blame, had no change of the file explained what it answers.
         diagnosed: the size at which it was diagnosed; None where it was not. named, in_class: true where the diagnosis names one of
             the places first, or among those that explain as well. answer: its first line. seconds: it took.
-        known: false where no hypothesis of the diagnosis undoes a mistake of this kind. explained: true where a diagnosis holds some
+        known: false where no diagnosis looks for a mistake of this kind. explained: true where a diagnosis holds some
             change for the cause. right_value: whether the change that it names first gives the right number; None where none is
             named. stopped: whether it used up its evaluations.
     """
