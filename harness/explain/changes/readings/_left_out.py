@@ -35,12 +35,6 @@ def mimics(robot: Robot) -> Tree:
     return with_joints(robot.tree, freed)
 
 
-@law("tendons", "tendons")
-def tendons(robot: Robot) -> Tree:
-    tree = robot.tree
-    return replace(tree, springs=(), couplings=()) if tree.springs or tree.couplings else tree
-
-
 @law("tendons", "tendons", supplied=True)
 def point_springs(robot: Robot) -> Tree:
     return replace(robot.tree, springs=()) if robot.tree.springs else robot.tree

@@ -27,7 +27,7 @@ READINGS = (
     _left_out.springs("adam", _FORMATS, "The parser of adam reads no springs", _PARSER),
     _left_out.rotors("adam", _FORMATS, "The parser of adam reads no rotor inertias", _PARSER),
     _left_out.mimics("adam", _FORMATS, "The parser of adam takes a joint that mimics another for one that moves by itself", _PARSER),
-    _left_out.tendons("adam", _FORMATS, "The parser of adam reads no springs between points", _PARSER),
+    _left_out.point_springs("adam", _FORMATS, "The parser of adam reads no springs between points", _PARSER),
     _gravity(
         "adam",
         _FORMATS,

@@ -38,7 +38,7 @@ READINGS = (
         "DART has a joint that mimics another follow it by a constraint of its world, which computeForwardDynamics does not ask",
         "DART, dart/utils/urdf/DartLoader.cpp, and dart/constraint/MimicMotorConstraint.cpp",
     ),
-    _left_out.tendons("dartpy", _FORMATS, "DART's loader reads no springs between points", _LOADER),
+    _left_out.point_springs("dartpy", _FORMATS, "DART's loader reads no springs between points", _LOADER),
     _damped_implicitly(
         "dartpy",
         _FORMATS,

@@ -108,7 +108,8 @@ READINGS = (
         "https://github.com/RobotLocomotion/drake/pull/21967",
     ),
     _written_gravity("drake", ("mjcf",), "Drake's parser passes over the flag that switches gravity off, with a warning", _PARSER),
-    _left_out.tendons("drake", ("mjcf",), "Drake's parser passes over tendons, with a warning", _PARSER),
+    _left_out.point_springs("drake", ("mjcf",), "Drake's parser passes over tendons, with a warning", _PARSER),
+    _left_out.linear_tendons("drake", ("mjcf",), "Drake's parser passes over tendons on joints, with a warning", _PARSER),
     _left_out.springs(
         "drake",
         ("urdf", "mjcf"),

@@ -52,7 +52,7 @@ READINGS = (
         "The parser of iDynTree takes a joint that mimics another for one that moves by itself, without a message",
         "iDynTree, src/model_io/codecs/src/URDFParsingUtils and JointElement.cpp, which know no <mimic>",
     ),
-    _left_out.tendons(
+    _left_out.point_springs(
         "idyntree",
         _FORMATS,
         "The parser of iDynTree reads no springs between points",

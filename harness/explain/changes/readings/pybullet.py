@@ -202,5 +202,5 @@ READINGS = (
     _left_out.springs("pybullet", _FORMATS, "PyBullet reads no springs of joints", _READER),
     _left_out.rotors("pybullet", _FORMATS, "PyBullet reads no rotor inertias", _READER),
     _left_out.mimics("pybullet", _FORMATS, "PyBullet takes a joint that mimics another for one that moves by itself", _READER),
-    _left_out.tendons("pybullet", _FORMATS, "PyBullet reads no springs between points", _READER),
+    _left_out.point_springs("pybullet", _FORMATS, "PyBullet reads no springs between points", _READER),
 )
