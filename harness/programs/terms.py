@@ -3,6 +3,9 @@
 A ``Term`` is the value of one instruction of a program that a ``Builder`` holds: ``a + b`` adds an instruction, unless there is one like
 it. Sums and products with 0 and 1, of numbers, and of values with a changed sign are worked out at once, so that sparse matrices and
 their derivatives stay sparse. Vectors and matrices are numpy arrays of terms, whose ``+ - * / @`` are numpy's own.
+
+``a + -b`` is the instruction of ``a - b`` unless b is a difference itself, whose parts then change places: trees are written this way, so
+that what is turned and turned back meets its own negative.
 """
 
 from __future__ import annotations

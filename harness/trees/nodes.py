@@ -5,13 +5,13 @@ Source: Featherstone, Rigid Body Dynamics Algorithms, chapter 4 (trees and joint
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from harness.files.tree import WORLD, Body, Direction, Joint, Placement, Tree
 from harness.programs.terms import Term, Vector, cross
 from harness.trees.bodies.bounds import bounded
-from harness.trees.bodies.rigid import Rigid, Spatial, Weights, nothing, spatial
+from harness.trees.bodies.rigid import Rigid, Spatial, Weights, nothing, power, spatial
 from harness.trees.bodies.spatial import FileBuilder, Frame, about, angle, direction, of_quaternion, placed, rotation
 
 
@@ -218,3 +218,37 @@ def _node(builder: FileBuilder, coordinates: Coordinates, parent: int, at: Frame
             # The velocity is given in the parent's frame, which turns in the body's.
             bias = spatial(still, -cross(rates[3:], own.T @ rates[:3]))
     return Node(parent, Frame(turn, shift), joint, motions, columns, bias, nothing(builder))
+
+
+def composite_inertias(
+    nodes: Kinematics,
+    motions: Sequence[Sequence[Spatial]],
+    rigids: Sequence[Rigid],
+    frames: Sequence[Frame],
+    carried: Callable[[int, Spatial], Iterable[tuple[int, Spatial]]],
+) -> dict[tuple[int, int], Term]:
+    """The entries (i, j), i <= j, of the mass matrix that are not zero, with the reflected inertias of joints.
+
+    Of each node: ``motions``, the inertia of its bodies, and its frame in that of its parent, along the axes in which these are
+    given. ``carried`` has a force on a node as one on it and on each node before it, with their numbers.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms, section 6.2 (composite rigid bodies).
+    """
+    builder, composite = nodes.builder, list(rigids)
+    entries: dict[tuple[int, int], Term] = {}
+    for number in reversed(range(len(composite))):
+        node = nodes.nodes[number]
+        if node.parent >= 0:
+            composite[node.parent] = composite[node.parent] + composite[number].moved(frames[number])
+        for place, (motion, column) in enumerate(zip(motions[number], node.columns, strict=True)):
+            for at, force in carried(number, composite[number].momentum(motion)):
+                others = list(zip(motions[at], nodes.nodes[at].columns, strict=True))
+                for other, row in others[: place + 1] if at == number else others:
+                    # Joints that mimic another share its column: both products are part of its entry.
+                    times = builder.number(2 if row == column and at != number else 1)
+                    entry = min(row, column), max(row, column)
+                    entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
+        armature = node.armature
+        for column in node.columns:
+            entries[column, column] = entries[column, column] + armature
+    return entries

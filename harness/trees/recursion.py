@@ -9,7 +9,7 @@ Source: Featherstone, Rigid Body Dynamics Algorithms, sections 5.3 (recursive Ne
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.files.tree import Given, Pose, Tree
@@ -18,7 +18,7 @@ from harness.programs.terms import Matrix, Term, Vector, cross
 from harness.trees.bodies.rigid import Spatial, power, spatial
 from harness.trees.bodies.spatial import placed
 from harness.trees.joint_forces import Line, forces_of_joints, tension_between
-from harness.trees.nodes import Kinematics, Node, kinematics
+from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
 
 
 @dataclass(frozen=True)
@@ -122,26 +122,15 @@ def _gravity_terms(nodes: Kinematics) -> Vector:
 
 def _mass_matrix(nodes: Kinematics) -> list[Term]:
     """The upper triangle by rows."""
-    builder, composite = nodes.builder, [node.rigid for node in nodes.nodes]
-    entries: dict[tuple[int, int], Term] = {}
-    for number in reversed(range(len(nodes.nodes))):
-        node = nodes.nodes[number]
-        if node.parent >= 0:
-            composite[node.parent] = composite[node.parent] + composite[number].moved(node.frame)
-        for place, (motion, column) in enumerate(node.rates):
-            force, at, others = composite[number].momentum(motion), number, node.rates[: place + 1]
-            while at >= 0:
-                for other, row in others:
-                    # Of two nodes that share a column, both products are part of its entry.
-                    times = builder.number(2 if row == column and at != number else 1)
-                    entry = min(row, column), max(row, column)
-                    entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
-                force, at = _up(nodes.nodes[at], force), nodes.nodes[at].parent
-                others = nodes.nodes[at].rates
-        armature = node.armature
-        for column in node.columns:
-            entries[column, column] = entries[column, column] + armature
-    return [entries.get(pair, builder.zero) for pair in upper_triangle(nodes.nv)]
+
+    def carried(number: int, force: Spatial) -> Iterator[tuple[int, Spatial]]:
+        while number >= 0:
+            yield number, force
+            force, number = _up(nodes.nodes[number], force), nodes.nodes[number].parent
+
+    rigids = [node.rigid for node in nodes.nodes]
+    entries = composite_inertias(nodes, [node.motions for node in nodes.nodes], rigids, [node.frame for node in nodes.nodes], carried)
+    return [entries.get(pair, nodes.builder.zero) for pair in upper_triangle(nodes.nv)]
 
 
 def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: list[Line]) -> Vector:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from harness.programs.terms import Term, Vector, cross, length, sqrt
-from harness.trees.bodies.rigid import joined, power
+from harness.trees.bodies.rigid import Spatial, joined, power
 from harness.trees.bodies.spatial import Frame
 from harness.trees.joint_forces import forces_of_joints
+from harness.trees.nodes import composite_inertias
 from harness.trees.quantities.tree_motion import Block, TreeMotion, size_of
 from harness.trees.world_motion import Parts, World, parts_of_motion, root, size_of_wrench, weights, wrench
 
@@ -94,28 +95,16 @@ def generalised(world: World, numbers: Iterable[int], parts: Parts, that_cancel:
 def entries_of_mass(world: World) -> dict[tuple[int, int], Term]:
     """The entries (i, j), i <= j, of the mass matrix that are not zero, in one frame."""
     moving, builder = world.moving, world.kinematics.builder
-    composite = [joined(builder, (lump.about_origin(builder) for lump in one.lumps)) for one in moving]
-    entries: dict[tuple[int, int], Term] = {}
-    for number in reversed(range(len(moving))):
-        one = moving[number]
-        if one.node.parent >= 0:
-            carried = composite[number].moved(Frame(builder.identity, one.arm))
-            composite[one.node.parent] = composite[one.node.parent] + carried
-        for place, (own, column) in enumerate(one.rates):
-            moment, force = composite[number].momentum(own)
-            for before in world.up_from(number):
-                is_own = before is one
-                arm = one.position + -before.position
-                about = moment + cross(arm, force)
-                for other, row in one.rates[: place + 1] if is_own else before.rates:
-                    # Joints that mimic another share its column: both products are part of its entry.
-                    times = builder.number(2 if row == column and not is_own else 1)
-                    entry = min(row, column), max(row, column)
-                    entries[entry] = entries.get(entry, builder.zero) + times * power((about, force), other)
-        reflected = one.node.armature
-        for column in one.node.columns:
-            entries[column, column] = entries[column, column] + reflected
-    return entries
+
+    def carried(number: int, wrench: Spatial) -> Iterator[tuple[int, Spatial]]:
+        at, (moment, force) = number, wrench
+        for before in world.up_from(number):
+            yield at, (moment + cross(moving[number].position + -before.position, force), force)
+            at = before.node.parent
+
+    rigids = [joined(builder, (lump.about_origin(builder) for lump in one.lumps)) for one in moving]
+    frames = [Frame(builder.identity, one.arm) for one in moving]
+    return composite_inertias(world.kinematics, [one.motions for one in moving], rigids, frames, carried)
 
 
 def _lengths_of_columns(motion: TreeMotion) -> Vector:
