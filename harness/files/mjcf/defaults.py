@@ -46,8 +46,8 @@ def writings(element: etree._Element, name: str) -> Iterator[Written]:
     """
     if name in element.attrib:
         yield Written(str(element.get(name)), element)
-    # A free joint takes nothing from the defaults of joints.
-    if element.tag != "freejoint":
+    # A free joint takes nothing from the defaults of joints, and most files have none.
+    if element.tag != "freejoint" and _classes(element.getroottree().getroot()):
         yield from _in_class(element, class_of(element), name)
 
 

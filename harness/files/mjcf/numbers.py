@@ -55,10 +55,11 @@ class Attributes:
 
     def numbers(self, element: etree._Element, attribute: str, default: Sequence[float], check: Check | None = None) -> tuple[Given, ...]:
         """The numbers of an attribute, of which MuJoCo takes each from the first writing that is long enough to hold it."""
-        found = list(self._source.default(element, attribute, default))
-        for written in reversed(list(writings(element, attribute))):
-            numbers = self._source.read(written.owner, attribute, written.text, Numbers(0, len(default)))
-            found[: len(numbers)] = numbers
+        found: list[Given] = []
+        for written in writings(element, attribute):
+            found += self._source.read(written.owner, attribute, written.text, Numbers(0, len(default)))[len(found) :]
+        if len(found) < len(default):
+            found += self._source.default(element, attribute, default)[len(found) :]
         complaint = check(tuple(map(float, found))) if check else None
         if complaint:
             self._source.refuse(element, f"{describe(element)}: {attribute} {complaint}")
