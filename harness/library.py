@@ -24,7 +24,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
@@ -46,7 +46,12 @@ _MEMBER = re.compile(r"(?P<family>.+)_(?P<size>[1-9]\d{0,3})")
 
 @dataclass(frozen=True)
 class Library:
-    """The places of one library's files. Picklable; reads nothing until asked."""
+    """The places of one library's files. Picklable; reads nothing until asked.
+
+    Attributes:
+        kinds: of mechanism that it can hold, by which methods and integrators say what they are for.
+        reads_files: whether engines are handed files as their users do, and not models of mechanisms.
+    """
 
     name: str
     systems: Path
@@ -54,6 +59,8 @@ class Library:
     engines: Path
     expected_verdicts: Path
     hard_states: Path
+    kinds: tuple[str, ...] = (MECHANISMS, CONSTRAINED)
+    reads_files: bool = False
 
     @classmethod
     def built_in(cls) -> Library:
@@ -88,13 +95,7 @@ class Library:
 
     def system_names(self) -> list[str]:
         """Names of all systems, in the order of their files; those that begin with an underscore are helpers."""
-        return [name for path in sorted(self.systems.glob("*.py")) for name in self.names_in(path)]
-
-    def names_in(self, path: Path) -> list[str]:
-        """Names of the systems in one file: its stem, or a family's members in the sizes it lists."""
-        if path.stem.startswith("_"):
-            return []
-        return [f"{path.stem}_{size}" for size in sizes(path)] or [path.stem]
+        return [name for path in sorted(self.systems.glob("*.py")) for name in names_in(path)]
 
     def select(self, names: Iterable[str], with_variants: bool = False) -> list[str]:
         """``names`` as given, or every system for none; ``with_variants`` the variants of models too.
@@ -109,7 +110,7 @@ class Library:
         variants = self.variant_names() if with_variants else []
         chosen = list(dict.fromkeys(names))
         for name in chosen:
-            if name not in known and name not in variants and not self._is_member(name):
+            if name not in known and name not in variants and not _is_member(self, name):
                 if not with_variants and name in self.variant_names():
                     raise InvalidRequest(
                         f"{name!r} is a variant of models, which only check, diagnose and show take; name {self.system_of(name)}"
@@ -118,27 +119,11 @@ class Library:
                 raise InvalidRequest(f"no system is called {name!r}; {nearest(name, [*known, *variants])}{no_file}")
         return chosen or [*known, *variants]
 
-    def matching(self, names: Iterable[str]) -> list[str]:
-        """``names`` with each pattern, as ``double_pendulum.*``, replaced by the systems and variants that it fits.
-
-        Raises:
-            InvalidRequest: a pattern fits none.
-        """
-        found: list[str] = []
-        for name in names:
-            is_pattern = name not in self.system_names() and any(sign in name for sign in "*?[")
-            known = [*self.system_names(), *self.variant_names()] if is_pattern else [name]
-            fitting = fnmatch.filter(known, name) if is_pattern else known
-            if not fitting:
-                raise InvalidRequest(f"no system and no variant of models fits {name!r}; {nearest(name, known)}")
-            found += fitting
-        return found
-
     def variant_names(self) -> list[str]:
         """Names ``<system>.<variant>`` of all variants, sorted; each has a model file in one format at least."""
         systems = self.system_names()
-        stems = {path.stem for path in self._model_files()}
-        return sorted(stem for stem in stems if self.is_variant(stem) and self._is_system(self.system_of(stem), systems))
+        variants = {(path.stem, self.system_of(path.stem)) for path in _model_files(self) if self.is_variant(path.stem)}
+        return sorted(variant for variant, system in variants if system in systems or _is_member(self, system))
 
     def is_variant(self, name: str) -> bool:
         """True for the name of a variant: it has a dot, and is not that of a system file."""
@@ -151,12 +136,6 @@ class Library:
     def remarks(self) -> list[str]:
         """What a reader of its records must know of all of them, a sentence each."""
         return []
-
-    def is_file(self, name: str) -> bool:
-        """True if ``name`` is that of a robot's file, be it there or not, and of no system or variant here."""
-        if name in self.system_names() or name in self.variant_names():
-            return False
-        return Path(name).suffix in FILE_SUFFIXES or any(sign in name for sign in {"/", os.sep}) or Path(name).is_file()
 
     def system_path(self, name: str) -> Path:
         """The file of a system, or of a variant's system; a family's member has a path of its own, which does not exist."""
@@ -174,59 +153,62 @@ class Library:
         path = self.model_path(name, model_format)
         return os.path.lexists(path) or member_of(path) is not None
 
-    def expectable_names(self) -> list[str]:
-        """The labels of what its file of expected verdicts may speak of."""
-        return [*self.system_names(), *self.variant_names()]
-
     def label(self, name: str) -> str:
         """The name of a system as that of a file in which something of it is kept."""
         return name
-
-    @property
-    def folder(self) -> str:
-        """The name of a folder in which something of its systems is kept."""
-        return self.name
 
     def validated_models(self, name: str) -> dict[str, Path]:
         """{model format: path} of the files that are validated as models of a system; those that are missing too."""
         return {model_format: self.model_path(name, model_format) for model_format in self.formats_of(name)}
 
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """The kinds of mechanism that it can hold, by which methods and integrators say what they are for."""
-        return MECHANISMS, CONSTRAINED
-
     def own_mechanism(self, name: str) -> Any:
         """The mechanism of a system that no system file declares; None where one does, from which it is derived."""
         return None
 
-    @property
-    def reads_files(self) -> bool:
-        """True where engines are handed files as their users do, and not models of mechanisms."""
+
+def names_in(path: Path) -> list[str]:
+    """Names of the systems in one file: its stem, or a family's members in the sizes it lists."""
+    if path.stem.startswith("_"):
+        return []
+    return [f"{path.stem}_{size}" for size in sizes(path)] or [path.stem]
+
+
+def matching(library: Library, names: Iterable[str]) -> list[str]:
+    """``names`` with each pattern, as ``double_pendulum.*``, replaced by the systems and variants that it fits.
+
+    Raises:
+        InvalidRequest: a pattern fits none.
+    """
+    found: list[str] = []
+    for name in names:
+        is_pattern = name not in library.system_names() and any(sign in name for sign in "*?[")
+        known = [*library.system_names(), *library.variant_names()] if is_pattern else [name]
+        fitting = fnmatch.filter(known, name) if is_pattern else known
+        if not fitting:
+            raise InvalidRequest(f"no system and no variant of models fits {name!r}; {nearest(name, known)}")
+        found += fitting
+    return found
+
+
+def is_file(library: Library, name: str) -> bool:
+    """True if ``name`` is that of a robot's file, be it there or not, and of no system or variant of a library."""
+    if name in library.system_names() or name in library.variant_names():
         return False
+    return Path(name).suffix in FILE_SUFFIXES or any(sign in name for sign in {"/", os.sep}) or Path(name).is_file()
 
-    def engine_folders(self) -> list[Path]:
-        """The folders of the engines that can be asked; of two engines with one name the later one's is taken."""
-        return [Library.built_in().engines, self.engines]
 
-    def native(self, formats: Sequence[str]) -> Sequence[str]:
-        """Those of an engine's ``formats`` in which a question about the engine, and not about its reader, is asked."""
-        return formats[:1]
+def orphaned_models(library: Library) -> list[Path]:
+    """Model files of a library that no system stands behind."""
+    known = {path.stem for path in library.systems.glob("*.py")}.union(library.variant_names())
+    return [path for path in _model_files(library) if path.stem not in known and not library.reads_files]
 
-    def orphaned_models(self) -> list[Path]:
-        """Model files that no system stands behind."""
-        systems = {path.stem for path in self.systems.glob("*.py")}
-        variants = self.variant_names()
-        return [path for path in self._model_files() if path.stem not in systems and path.stem not in variants]
 
-    def _model_files(self) -> list[Path]:
-        return [path for name, suffix in MODEL_SUFFIXES.items() for path in sorted((self.models / name).glob(f"*{suffix}"))]
+def _model_files(library: Library) -> list[Path]:
+    return [path for name, suffix in MODEL_SUFFIXES.items() for path in sorted((library.models / name).glob(f"*{suffix}"))]
 
-    def _is_system(self, name: str, known: Iterable[str]) -> bool:
-        return name in known or self._is_member(name)
 
-    def _is_member(self, name: str) -> bool:
-        return not self.is_variant(name) and member_of(self.system_path(name)) is not None
+def _is_member(library: Library, name: str) -> bool:
+    return not library.is_variant(name) and member_of(library.system_path(name)) is not None
 
 
 def installed_libraries() -> dict[str, str]:

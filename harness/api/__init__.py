@@ -16,7 +16,7 @@ from harness.api.loaded_system import Accelerations as Accelerations
 from harness.api.loaded_system import CertifiedValues as CertifiedValues
 from harness.api.loaded_system import Derivatives as Derivatives
 from harness.api.loaded_system import LoadedSystem as LoadedSystem
-from harness.library import Library, nearest
+from harness.library import Library, is_file, matching, nearest
 from harness.results.records import ACCELERATIONS, Records, quantity_words
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def load(name: str | Path, library: str | Path | None = None, *, floating_base: 
 def _library_of(names: Sequence[str], library: str | Path | None, floating_base: bool) -> Library:
     """The library that ``names`` are of: that of robots' files where they are files."""
     found = Library.at(library)
-    if not floating_base and not any(found.is_file(name) for name in names):
+    if not floating_base and not any(is_file(found, name) for name in names):
         return found
     from harness.comparison.robot_library import resolved
 
@@ -212,7 +212,7 @@ def _settings(names: Names, options: Options) -> Settings:
     found = _library_of(chosen, given.get("library"), floating_base)
     return Settings(
         library=found,
-        names=found.matching(chosen),
+        names=matching(found, chosen),
         subjects=[subjects] if isinstance(subjects, str) else list(subjects),
         states=options.get("states", DEFAULT_STATES),
         seed=options.get("seed", 0),

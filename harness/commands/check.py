@@ -16,6 +16,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
 from harness.commands.frame.options import quantities_option, stand_in_options, states_option, subjects_option, takes
 from harness.errors import InvalidModel, InvalidRequest
+from harness.library import matching
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +60,7 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
     bracket.choose_library(asked.names)
     settings = Settings(
         library=bracket.library,
-        names=bracket.library.matching(asked.names),
+        names=matching(bracket.library, asked.names),
         subjects=asked.subjects,
         states=asked.states,
         seed=bracket.seed,

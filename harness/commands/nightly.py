@@ -14,6 +14,7 @@ from harness.commands.frame.options import STATES_OF_PROFILE, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_titled, progress, say
 from harness.errors import InvalidInput, InvalidRequest
+from harness.library import matching
 
 if TYPE_CHECKING:
     from harness.night.course import Course
@@ -104,7 +105,7 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
     library = bracket.library
     settings = NightSettings(
         stages=[],
-        names=library.matching(names),
+        names=matching(library, names),
         seed=bracket.seed,
         versions=describe_run(library, asked["states"], bracket.seed, "nightly", [], "").versions,
         inputs=digests(library, asked["survey"]),

@@ -8,6 +8,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.pages import leave_page
 from harness.commands.frame.robots import show_robot
 from harness.commands.frame.terminal import say
+from harness.library import is_file
 
 
 @click.command("show")
@@ -29,7 +30,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     from harness.show.exhibit import Exhibition, as_text
     from harness.show.page import render
 
-    if bracket.library.is_file(name):
+    if is_file(bracket.library, name):
         show_robot(bracket, name, html_path)
     bracket.library.select([name], with_variants=True)
     bracket.workers = 1

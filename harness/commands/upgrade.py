@@ -11,6 +11,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import states_option
 from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
+from harness.library import matching
 from harness.results.run_changes import TIME, RunChange
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def command(bracket: Bracket, engine: str, names: tuple[str, ...], span: str | N
     if len(versions) != 2 or not all(versions):
         raise click.UsageError(f"--bisect {span}: expected two versions as 3.3.0..4.0.0")
     bracket.choose_library(systems)
-    settings = Settings(library=bracket.library, names=bracket.library.matching(systems), states=states, seed=bracket.seed, examples=None)
+    settings = Settings(library=bracket.library, names=matching(bracket.library, systems), states=states, seed=bracket.seed, examples=None)
     bracket.begin(states, "upgrade")
     if span is None:
         _upgrade(bracket, settings, engine, versions)

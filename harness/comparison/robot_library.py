@@ -31,7 +31,7 @@ from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
-from harness.library import FILE_SUFFIXES, ROBOTS, Library, nearest
+from harness.library import ROBOTS, Library, is_file, nearest
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
@@ -41,19 +41,14 @@ from harness.trees.robot import read_robot
 class FilesLibrary(Library):
     """A library whose files engines read by themselves, as their users hand them over."""
 
+    kinds: tuple[str, ...] = (ROBOTS,)
+    reads_files: bool = True
+
     @classmethod
     def without_files(cls) -> Self:
         """The engines alone."""
         folder = Library.built_in().engines
         return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
-
-    @property
-    def reads_files(self) -> bool:
-        return True
-
-    def native(self, formats: Sequence[str]) -> Sequence[str]:
-        """All: a user has one file, and asks about every engine that reads it."""
-        return formats
 
 
 def engine_of(name: str) -> Engine:
@@ -98,7 +93,7 @@ class RobotLibrary(FilesLibrary):
         formats: {path as it was given: "urdf" or "mjcf"}. floating_base: whether a free joint is put under the roots of URDFs.
     """
 
-    formats: Mapping[str, str] = field(default_factory=dict)
+    formats: Mapping[str, str] = field(default_factory=dict, hash=False)
     floating_base: bool = False
 
     @classmethod
@@ -130,9 +125,6 @@ class RobotLibrary(FilesLibrary):
             floating_base=floating_base,
         )
 
-    def __hash__(self) -> int:
-        return hash((tuple(self.formats), self.floating_base))
-
     def system_names(self) -> list[str]:
         return list(self.formats)
 
@@ -158,28 +150,15 @@ class RobotLibrary(FilesLibrary):
     def has_model(self, name: str, model_format: str) -> bool:
         return self.formats[name] == model_format
 
-    def expectable_names(self) -> list[str]:
-        """Every robot of the folder, as a run need not be about all of them."""
-        return sorted(path.name for path in self.systems.iterdir() if path.suffix in FILE_SUFFIXES or str(path) in self.formats)
+    def variant_names(self) -> list[str]:
+        return []
 
     def label(self, name: str) -> str:
         return Path(name).name
 
-    @property
-    def folder(self) -> str:
-        """That of the files: their names together are longer than a file system takes."""
-        return self.systems.resolve().name or "files"
-
     def validated_models(self, name: str) -> dict[str, Path]:
         """None: a robot's file holds much that a model of a mechanism may not, and each engine reads it by itself."""
         return {}
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        return (ROBOTS,)
-
-    def _model_files(self) -> list[Path]:
-        return []
 
     def remarks(self) -> list[str]:
         """What each subject is aided with, and the mechanisms that the files may be models of."""
@@ -228,7 +207,7 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
         InvalidModel: a file cannot be read, or is no robot.
         InvalidRequest: some names are of files and others are not, or the library is not the built-in one.
     """
-    files = [name for name in names if library.is_file(name)]
+    files = [name for name in names if is_file(library, name)]
     if not files and floating_base:
         raise InvalidRequest("a floating base is put under the root of a robot's file; name a URDF")
     if not files:

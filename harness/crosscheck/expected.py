@@ -26,7 +26,7 @@ from packaging.specifiers import InvalidSpecifier, SpecifierSet
 from harness.engines import Subject, engine_files, known_subjects
 from harness.environments.folders import split_name
 from harness.errors import InvalidInput
-from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.library import FILE_SUFFIXES, MODEL_SUFFIXES, Library, nearest
 from harness.results.records import ACCELERATIONS, quantity_words
 from harness.truth.quantities import find_quantities
 from harness.verdict import SEVERITY, Verdict
@@ -187,6 +187,14 @@ def _each(table: Mapping[str, Any], key: Collection[str]) -> Iterator[Mapping[st
         yield {**table, **dict(zip(listed, chosen, strict=True))}
 
 
+def _labels(library: Library) -> list[str]:
+    """Of what an entry may speak: of every robot of a folder, as a run need not be about all of them."""
+    if not library.reads_files:
+        return [*library.system_names(), *library.variant_names()]
+    own = library.system_names()
+    return sorted(path.name for path in library.systems.iterdir() if path.suffix in FILE_SUFFIXES or str(path) in own)
+
+
 def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expectations:
     """Expectations of a quantity; none where the library has no such file.
 
@@ -196,7 +204,7 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expect
     if not library.expected_verdicts.is_file():
         return Expectations()
     known = {
-        "system": library.expectable_names(),
+        "system": _labels(library),
         "subject": list(map(str, known_subjects(library))),
         "verdict": SEVERITY,
         "quantity": find_quantities(),

@@ -11,16 +11,23 @@ from harness.crosscheck.judgement import Pair, Pairs, SystemProgress
 from harness.crosscheck.settings import Settings, stored_states
 from harness.engines import Subject, engine_files, is_native
 from harness.errors import InvalidModel, InvalidRequest
-from harness.library import Library
+from harness.library import Library, orphaned_models
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.sampling import sample_in_blocks
 
+LONGEST_FOLDER = 100
+
 
 def orphans(library: Library) -> Iterator[InvalidModel]:
     """A problem for each model file that no system stands behind."""
-    for path in library.orphaned_models():
+    for path in orphaned_models(library):
         yield InvalidModel(path, None, f"has no system; expected systems/{library.system_of(path.stem)}.py beside it")
+
+
+def library_folder(library: Library) -> str:
+    """The name of a folder for what is kept of a library; all names of many files are longer than a file system takes."""
+    return library.name if len(library.name) <= LONGEST_FOLDER else library.systems.resolve().name or "files"
 
 
 def chosen_names(settings: Settings) -> list[str]:

@@ -18,7 +18,17 @@ from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import asked_features, describe_system
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.judgement import LARGEST, Pair, Pairs, SystemProgress, answering, record_of
-from harness.crosscheck.loading import assign, batches_of, chosen_names, led_together, natives_among, orphans, readers_among, why_no_model
+from harness.crosscheck.loading import (
+    assign,
+    batches_of,
+    chosen_names,
+    led_together,
+    library_folder,
+    natives_among,
+    orphans,
+    readers_among,
+    why_no_model,
+)
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
 from harness.crosscheck.static_audit import find_differences, judge_differences, load_expected_differences
@@ -148,7 +158,7 @@ class CrossCheck(Inquiries):
                     self._found.differs += judge_differences(found, system.name, expected, complete)
 
             # Hypothesis looks for the state at which each subject does worst.
-            folder = settings.examples and settings.examples.absolute() / library.folder / library.label(system.name)
+            folder = settings.examples and settings.examples.absolute() / library_folder(library) / library.label(system.name)
             for group in led_together(library, pairs) if searched else []:
                 found = yield from self._together(system, group, "the search", hypothesis_search.search, searched, seed, folder)
                 for pair in group if found is not None else []:

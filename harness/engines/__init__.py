@@ -167,7 +167,9 @@ def asked_of(library: Library, name: str, among: Sequence[Subject], more: Collec
 
 def is_native(library: Library, subject: Subject) -> bool:
     """True where the format is the engine's own; a question about engines, and not about readers, goes to such subjects."""
-    return subject.format in library.native(engine_files(library)[subject.engine].formats)
+    formats = engine_files(library)[subject.engine].formats
+    # A user has one file, and asks about every engine that reads it.
+    return subject.format in (formats if library.reads_files else formats[:1])
 
 
 def select_subjects(library: Library, names: Sequence[str], native_only: bool = False) -> list[Subject]:

@@ -72,10 +72,15 @@ class EngineFile:
         return [one for versions, those in self.companions.items() if version and version in SpecifierSet(versions) for one in those]
 
 
+def _folders_of(library: Library) -> list[Path]:
+    """The folders of the engines that can be asked; of two engines with one name the later one's is taken."""
+    return [Library.built_in().engines, library.engines]
+
+
 def engine_paths(library: Library) -> dict[str, Path]:
     """Every engine file by name, sorted: those of the harness and those of the library, which win."""
     found: dict[str, Path] = {}
-    for folder in library.engine_folders():
+    for folder in _folders_of(library):
         found |= {path.stem: path for path in folder.glob("*.py") if not path.stem.startswith("_")}
         found |= {path.parent.name: path for path in folder.glob(f"*/{_FOLDER}")}
     return dict(sorted(found.items()))
@@ -205,7 +210,7 @@ def _path_of(library: Library, name: str) -> Path:
         InvalidRequest: there is none.
     """
     if name.isidentifier() and not name.startswith("_"):
-        for folder in reversed(library.engine_folders()):
+        for folder in reversed(_folders_of(library)):
             for path in (folder / f"{name}.py", folder / name / _FOLDER):
                 if path.is_file():
                     return path

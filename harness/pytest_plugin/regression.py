@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from harness.library import BUILT_IN_NAME
+from harness.library import BUILT_IN_NAME, names_in
 from harness.results.records import quantity_words
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ class SystemFile(pytest.File):
 
         regression, choice = self.regression, self.regression.choice
         library = choice.library
-        names = library.names_in(self.path)
+        names = names_in(self.path)
         for name in [*names, *(variant for variant in library.variant_names() if library.system_of(variant) in names)]:
             for subject in map(str, asked_of(library, name, choice.subjects())):
                 for quantity in choice.quantities:

@@ -25,7 +25,7 @@ from harness.engines.adapters.pinocchio import mjcf as pinocchio_mjcf
 from harness.errors import InvalidInput, InvalidRequest
 from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
-from harness.library import MODEL_SUFFIXES, Library
+from harness.library import MODEL_SUFFIXES, Library, matching, orphaned_models
 from harness.programs.states import States
 from harness.report.markdown import matrix, render_markdown
 from harness.report.summary import Summary
@@ -71,7 +71,7 @@ def test_a_variant_is_found_by_its_name_and_has_the_mechanism_of_its_system(root
     library = Library.at(root)
     assert (library.system_names(), library.variant_names()) == ([NAME, "spring_damper"], [VARIANT])
     assert (library.formats_of(VARIANT), library.formats_of(NAME)) == (["mjcf"], ["mjcf", "urdf"])
-    assert library.orphaned_models() == []
+    assert orphaned_models(library) == []
     assert load_mechanism(library, VARIANT) == load_mechanism(library, NAME)
 
 
@@ -90,7 +90,7 @@ def test_a_variant_may_be_one_of_a_member_of_a_family(tmp_path: Path) -> None:
     library = Library.at(tmp_path)
     assert library.variant_names() == ["chain_3.turned", "chain_4.turned"]
     assert library.system_path("chain_4.turned") == library.system_path("chain_4")
-    assert [path.stem for path in library.orphaned_models()] == ["chains_4.turned"]
+    assert [path.stem for path in orphaned_models(library)] == ["chains_4.turned"]
 
 
 def test_a_variant_of_nothing_is_named(root: Path) -> None:
@@ -140,7 +140,7 @@ def test_a_variant_that_says_something_else_is_red_and_its_system_is_not(root: P
     ],
 )
 def test_a_pattern_takes_all_that_it_fits(root: Path, pattern: str, systems: set[str]) -> None:
-    assert set(Library.at(root).matching([pattern])) == systems
+    assert set(matching(Library.at(root), [pattern])) == systems
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_a_report_counts_no_format_that_a_variant_does_not_stand_in_as_missing(r
 
 def test_every_shipped_variant_is_one_of_a_shipped_system() -> None:
     assert len(VARIANTS) > 10
-    assert BUILT_IN.orphaned_models() == []
+    assert orphaned_models(BUILT_IN) == []
     with pytest.raises(InvalidRequest, match="is a variant of models"):
         BUILT_IN.select(VARIANTS[:1])
 

@@ -22,7 +22,7 @@ from harness.explain.fit import fit
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import Watch, find_elements, find_numbers
 from harness.lagrange.derivation import load_mechanism
-from harness.library import MODEL_SUFFIXES
+from harness.library import MODEL_SUFFIXES, names_in
 from harness.truth.compare import compare
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.truth.sampling import generic_sample
@@ -35,7 +35,7 @@ SYSTEMS = ("quarter_car", "coupled_oscillators", "bar_pendulum", "arm_2r", "tora
 # Mistakes that reach no engine: a URDF holds no gravity, and friction is refused before.
 NEVER_FELT = {("gravity", "urdf"), ("friction", "mjcf"), ("friction", "urdf")}
 # Trees: answers in a loop are accelerations and gaps together, and its mistakes are planted by the campaign.
-ALL = [members[0] for path in sorted(BUILT_IN.systems.glob("*.py")) if (members := BUILT_IN.names_in(path)) and not is_tied(members[0])]
+ALL = [members[0] for path in sorted(BUILT_IN.systems.glob("*.py")) if (members := names_in(path)) and not is_tied(members[0])]
 NATIVE = {"mjcf": "mujoco", "urdf": "pinocchio"}
 # How many of a mistake's mistakes are made in each model, drawn by a seed of their own; the night makes all.
 FEW = 2 if IN_CI else 1

@@ -21,7 +21,7 @@ from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.expressions import assemble
 from harness.lagrange.system import System
-from harness.library import MODEL_SUFFIXES
+from harness.library import MODEL_SUFFIXES, names_in
 from harness.programs.evaluation import jacobians
 from harness.programs.loops.encoding import encode
 from harness.programs.loops.interpreter import derivatives
@@ -38,7 +38,7 @@ from harness.verdict import AGREEMENT, Verdict
 
 SUBJECTS = subjects(BUILT_IN)
 # A long chain takes minutes where a short one says the same.
-LONG = BUILT_IN.names_in(BUILT_IN.systems / "chain.py")[2:]
+LONG = names_in(BUILT_IN.systems / "chain.py")[2:]
 NAMES = [name for name in BUILT_IN.system_names() if name not in LONG]
 MODELLED = [name for name in NAMES if all(BUILT_IN.has_model(name, form) for form in MODEL_SUFFIXES)]
 PLAIN = ("cart_pendulum", "furuta_pendulum", "collar", "cylindrical_arm", "acrobot")

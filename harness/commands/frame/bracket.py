@@ -88,7 +88,9 @@ class Bracket:
             InvalidInput: a file cannot be read, or is no robot.
             InvalidRequest: some names are of files and others are not.
         """
-        if self.floating_base or any(self.library.is_file(name) for name in names):
+        from harness.library import is_file
+
+        if self.floating_base or any(is_file(self.library, name) for name in names):
             # Imported late: a run that is about mechanisms needs nothing of it.
             from harness.comparison.robot_library import resolved
 

@@ -11,7 +11,7 @@ from harness.crosscheck.expected import load_expectations
 from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, smallest_changes
 from harness.engines import EQUATIONS, Subject, engine_files, select_subjects, subjects_beside
 from harness.errors import InvalidInput, InvalidRequest
-from harness.library import Library
+from harness.library import Library, names_in
 from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import Verdict
 
@@ -94,7 +94,7 @@ def select_pairs(
         harness.errors.InvalidRequest: a system that does not exist.
     """
     known = load_expectations(library)
-    smallest = [members[0] for path in sorted(library.systems.glob("*.py")) if (members := library.names_in(path))]
+    smallest = [members[0] for path in sorted(library.systems.glob("*.py")) if (members := names_in(path))]
     systems = library.select(names) if names else smallest
     pairs = [(name, subject) for name in systems for subject in subjects if subject.format != EQUATIONS]
     expected = {pair: known.of(*pair) for pair in pairs}
