@@ -78,7 +78,7 @@ class Attributes:
         bent = next((one for one in others if one), None)
         if bent is not None:
             self.leave_unread(element, attribute, bent, "is not linear", "write one number")
-            return Fraction(0)
+            return Given(0.0, linear.place, attribute)
         return linear
 
     def leave_unread(self, element: etree._Element, attribute: str, number: Fraction, why: str, advice: str) -> None:

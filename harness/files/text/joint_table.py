@@ -6,8 +6,7 @@ Texts are the file's own; what it leaves out and its reader then assumes stands 
 from __future__ import annotations
 
 import contextlib
-import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -18,11 +17,14 @@ from harness.files.document.xml import Document, literal_tag, read_document
 from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.defaults import resolved_text
-from harness.files.mjcf.options import KINDS, ORIENTATIONS
-from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring, document_of
-from harness.files.urdf.kinds import OF_AXIS
+from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring, meaning_of
+from harness.files.text.scan import Element, all_elements
+from harness.files.tree import Body, Given, Joint, Place, Placement, numbers_in
 from harness.library import Library
+
+_NOWHERE = "(0 0 0)"
+_TURNS = (*ORIENTATIONS, "rpy")
 
 
 @dataclass(frozen=True)
@@ -50,14 +52,10 @@ COLUMNS = tuple(field.name for field in fields(JointRow))
 
 def joint_rows(model: ModelFile) -> list[JointRow]:
     """A row per moving joint, in document order."""
-    document = document_of(model)
-    rows = {"mjcf": _mjcf_row, "urdf": _urdf_row}[model.format]
-    moving = set(model.joint_lines.items())
-    return [
-        rows(document, model, element, name)
-        for element in _joints(document, model.format)
-        if (name := element.get("name"), document.lines[element]) in moving
-    ]
+    elements = all_elements(model.text, model.format)
+    bodies = meaning_of(model).tree.bodies
+    found = [_row(elements, body, one, one.place) for body in bodies for one in body.joints if one.place and not one.follows]
+    return sorted(found, key=lambda row: list(model.joint_lines).index(row.joint))
 
 
 def moving_joints(path: Path, model_format: str) -> frozenset[str]:
@@ -111,8 +109,8 @@ def point_springs(model: ModelFile) -> list[str]:
             for spring in model.force_elements
             if isinstance(spring, PointSpring)
         ]
-    document = document_of(model)
-    return [f"line {document.lines[tendon]}: {_summary(tendon)}" for tendon in document.root.iterfind("tendon/*")]
+    elements = all_elements(model.text, model.format)
+    return [f"line {one.line}: {_summary(one, filter(one.holds, elements))}" for one in elements if one.path[1:-1] == ("tendon",)]
 
 
 def constraint_texts(model: ModelFile) -> list[str]:
@@ -136,72 +134,46 @@ def _numbers(values: tuple[float, ...]) -> str:
     return " ".join(repr(value).removesuffix(".0") for value in values)
 
 
-def _summary(element: etree._Element) -> str:
-    """The element's attributes and those of its children, without the markup."""
-    parts = [f"{child.tag} {' '.join(child.attrib.values())}" for child in element.iterchildren("*")]
-    attributes = [f"{name} {value}" for name, value in element.attrib.items()]
-    return f"{element.tag} tendon over {', '.join(parts)}: {', '.join(attributes)}"
+def _summary(tendon: Element, parts: Iterable[Element]) -> str:
+    """The element's attributes and those of its parts, without the markup."""
+    over = [f"{part.tag} {' '.join(one.value for one in part.attributes)}" for part in parts]
+    return f"{tendon.tag} tendon over {', '.join(over)}: {', '.join(f'{one.name} {one.value}' for one in tendon.attributes)}"
 
 
-def _mjcf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:
-    kind = JointKind.FREE if joint.tag == "freejoint" else resolved_text(joint, "type", "(hinge)")
-    inner = list(_frames_around(joint))
-    body = (inner[-1] if inner else joint).getparent()
-    shift = resolved_text(joint, "pos")
-    inertial = body.find("inertial")
+def _row(elements: Sequence[Element], body: Body, joint: Joint, place: Place) -> JointRow:
+    def text(values: object) -> str:
+        """An attribute as written; "" where nobody gives it."""
+        return next(((elements[one.place.element].get(one.attribute) or "").strip() for one in numbers_in(values)), "")
+
+    def poses(frames: Iterable[Placement]) -> Iterator[str]:
+        return (_pose(elements[x.place.element]) for frame in frames for x in frame.position[:1] if isinstance(x, Given))
+
+    own = elements[place.element]
+    is_urdf = own.path[0] == "robot"
+    written = own.get("type") or ("" if is_urdf else f"({joint.kind})" if joint.kind is JointKind.HINGE else joint.kind)
+    standard = f"({_numbers(tuple(map(float, joint.axis)))})" if joint.kind.has_axis else ""
+    shift = text(joint.anchor)
+    if is_urdf:
+        origin = [*poses(body.pose)] or [_NOWHERE]
+    else:
+        frames = [f"body in frame {pose}" for pose in poses(reversed(body.pose[:-1]))]
+        around = [*([f"joint at {shift}"] if shift else []), *(f"in frame {pose}" for pose in poses(reversed(joint.pose)))]
+        origin = [*([_pose(elements[body.place.element])] if body.place else []), *frames, *around]
     return JointRow(
-        joint=name,
-        kind=kind,
-        axis=resolved_text(joint, "axis", "(0 0 1)" if kind == "(hinge)" or KINDS[kind].has_axis else ""),
-        origin=", ".join(
-            [
-                _pose(body),
-                *(f"body in frame {_pose(frame)}" for frame in _frames_around(body)),
-                *([f"joint at {shift}"] if shift else []),
-                *(f"in frame {_pose(frame)}" for frame in inner),
-            ]
-        ),
-        body=body.get("name", ""),
-        mass="" if inertial is None else inertial.get("mass", ""),
-        damping=resolved_text(joint, "damping"),
-        stiffness=resolved_text(joint, "stiffness"),
-        armature=resolved_text(joint, "armature"),
-        line=document.lines[joint],
+        joint=joint.name,
+        kind=written,
+        axis=text(joint.axis) or standard,
+        origin=", ".join(origin),
+        body="" if body.is_unnamed else body.name,
+        mass="" if body.inertia is None else text(body.inertia.mass),
+        damping=text(joint.damping),
+        stiffness=text(joint.stiffness),
+        armature=_numbers((float(joint.armature),)) if is_urdf and joint.armature else "" if is_urdf else text(joint.armature),
+        line=place.line,
     )
 
 
-def _frames_around(element: etree._Element) -> Iterator[etree._Element]:
-    """The MJCF frames that ``element`` stands in directly, the innermost first."""
-    return itertools.takewhile(lambda ancestor: ancestor.tag == "frame", element.iterancestors())
-
-
-def _pose(element: etree._Element) -> str:
-    turns = [f"{name} {element.get(name)}" for name in ORIENTATIONS if name in element.attrib]
-    return ", ".join([*filter(None, [element.get("pos")]), *turns]) or "(0 0 0)"
-
-
-def _urdf_row(document: Document, model: ModelFile, joint: etree._Element, name: str) -> JointRow:
-    kind = joint.get("type", "")
-    child = joint.find("child").get("link", "")
-    springs = [element.find("springStiffness") for element in document.root.iterchildren("gazebo") if element.get("reference") == name]
-    links = [element for element in document.root.iterchildren("link") if element.get("name") == child]
-    armature = [element.reflected_inertia for element in model.armatures if element.joint == name]
-    origin = joint.find("origin")
-    turned = "" if origin is None else origin.get("rpy", "")
-    return JointRow(
-        joint=name,
-        kind=kind,
-        axis=_urdf(joint, "axis", "xyz") or ("(1 0 0)" if kind in OF_AXIS else ""),
-        origin=(_urdf(joint, "origin", "xyz") or "(0 0 0)") + (f", rpy {turned}" if turned else ""),
-        body=child,
-        mass="".join(_urdf(link, "inertial/mass", "value") for link in links),
-        damping=_urdf(joint, "dynamics", "damping"),
-        stiffness="".join((spring.text or "").strip() for spring in springs if spring is not None),
-        armature=_numbers(tuple(armature)),
-        line=document.lines[joint],
-    )
-
-
-def _urdf(element: etree._Element, path: str, attribute: str) -> str:
-    found = element.find(path)
-    return "" if found is None else str(found.get(attribute, ""))
+def _pose(element: Element) -> str:
+    """The placement that an element gives, in the words of its format."""
+    at, turns = element.get("pos") or element.get("xyz"), [f"{name} {value}" for name in _TURNS if (value := element.get(name))]
+    return ", ".join([*filter(None, [at or (_NOWHERE if not turns or element.tag == "origin" else "")]), *turns])
