@@ -156,34 +156,6 @@ class Inquiries:
             self.problems.append(problem)
 
 
-class Rounds(Inquiries):
-    """The bookkeeping of studies with a method for each kind of task.
-
-    A task's key is (method, where...); ``take`` calls ``method(outcome, *where)``. Tasks that a method puts into ``_next`` run
-    at once; those of a round run when all before are done.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._tasks_in_rounds = self.rounds()
-
-    def rounds(self) -> Iterator[Sequence[Task]]:
-        """The rounds in order, each made when the one before is complete."""
-        yield from ()
-
-    def tasks(self) -> Sequence[Task]:
-        work, self._next = self._next, []
-        if not work and not self._open:
-            work = list(next((coming for coming in self._tasks_in_rounds if coming), ()))
-        self._open += len(work)
-        return work
-
-    def take(self, outcome: Outcome) -> Iterable[Part]:
-        self._open -= 1
-        method, *where = outcome.task.key
-        return method(outcome, *where) or ()
-
-
 def is_out_of_memory(exception: BaseException | None) -> bool:
     """True where there is no memory left, be it for a library that is imported late."""
     # Of a library that Python imports it is an ImportError, of one that ctypes loads an OSError without a number, of which llvmlite

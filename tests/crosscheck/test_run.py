@@ -21,7 +21,7 @@ from harness.crosscheck.tasks import find_superfluous
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import Record
-from harness.study import Part, Rounds, run_study
+from harness.study import Inquiries, Inquiry, Part, ask, run_study
 from harness.truth.reference import ReferenceKernel
 from harness.workers import Crash, Outcome, Task, Workers
 
@@ -191,7 +191,7 @@ def test_tasks_of_a_system_share_a_worker() -> None:
 
 
 @dataclass
-class Counting(Rounds):
+class Counting(Inquiries):
     """Three rounds, of which the second grows while it runs."""
 
     title: str = "counting"
@@ -201,16 +201,17 @@ class Counting(Rounds):
     def __post_init__(self) -> None:
         super().__init__()
 
-    def rounds(self) -> Iterator[list[Task]]:
+    def inquiries(self) -> Iterator[list[Inquiry[None]]]:
         for numbers, before in (([], []), ([0, 1], []), ([2], [0, 1, 1.5]), ([], [0, 1, 1.5, 2])):
             assert sorted(self.taken) == before
-            yield [Task((self._counted, number), int, ()) for number in numbers]
+            yield [self._counted(number) for number in numbers]
         self.taken.append(-1)
 
-    def _counted(self, outcome: Outcome, number: float) -> Iterator[Part]:
+    def _counted(self, number: float) -> Inquiry[None]:
+        yield from ask(int)
         self.taken.append(number)
         if number == 1:
-            self._next.append(Task((self._counted, 1.5), int, ()))
+            self._begin(self._counted(1.5))
         yield Part(str(number), number)
 
     def result(self) -> list[float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,7 @@ from harness.night.together import Together
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
 from harness.results.night import Night, NightSettings, case_of
-from harness.study import Part, Rounds
-from harness.workers import Outcome, Task
+from harness.study import Inquiries, Inquiry, ask
 
 SETTINGS = NightSettings(stages=["toy"], states=10, seed=0, versions={"mujoco": "4.0"}, inputs={"systems/a.py": "12"})
 
@@ -30,7 +29,7 @@ def double(number: int, note: object) -> int:
     return 2 * number
 
 
-class Doubling(Rounds):
+class Doubling(Inquiries):
     """Doubles a number as often as it says, one task after the other."""
 
     title, steps = "doubling", 1
@@ -38,17 +37,14 @@ class Doubling(Rounds):
     def __init__(self, number: int, times: int) -> None:
         super().__init__()
         self.value, self._times = number, times
-        self._ask()
 
-    def _ask(self) -> None:
-        if self._times:
-            self._times -= 1
-            self._next.append(Task((self._taken,), double, (self.value,)))
+    def inquiries(self) -> Iterator[list[Inquiry[None]]]:
+        yield [self._doubled()]
 
-    def _taken(self, outcome: Outcome) -> list[Part]:
-        self.value = outcome.value
-        self._ask()
-        return []
+    def _doubled(self) -> Inquiry[None]:
+        for _ in range(self._times):
+            outcome = yield from ask(double, self.value)
+            self.value = outcome.value
 
     def result(self) -> int:
         return self.value
@@ -92,9 +88,12 @@ class Broken(Doubling):
     def __init__(self, error: Exception) -> None:
         super().__init__(1, 1)
         self._error = error
-        self._next += [Task((self._taken,), double, (1,)) for _ in range(2)]
 
-    def _taken(self, outcome: Outcome) -> list[Part]:
+    def inquiries(self) -> Iterator[list[Inquiry[None]]]:
+        yield [self._doubled() for _ in range(3)]
+
+    def _doubled(self) -> Inquiry[None]:
+        yield from ask(double, 1)
         raise self._error
 
 
