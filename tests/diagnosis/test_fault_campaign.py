@@ -35,7 +35,10 @@ from harness.verdict import Verdict
 
 KINDS = ("number", "damping", "friction", "parallel_axis", "units")
 REFUSING = """
-class Refusing:
+from harness.engines import Engine
+
+
+class Refusing(Engine):
     requires = ("mujoco", "mujoco")
     formats = ("mjcf",)
 

@@ -99,7 +99,8 @@ def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> No
     excuse(root, entries(*REASONS))
     (root / "engines").mkdir()
     (root / "engines" / "other.py").write_text(
-        'class Engine:\n    requires = ("numpy", "numpy")\n    formats = ("mjcf",)\n    load = print\n\n\nENGINE = Engine()\n'
+        "from harness.engines import Engine\n\n\nclass Other(Engine):\n"
+        '    requires = ("numpy", "numpy")\n    formats = ("mjcf",)\n    load = print\n\n\nENGINE = Other()\n'
     )
     settings = Settings(library=Library.at(root), names=["bar_pendulum"], states=40, examples=None)
     records, study = cross_checked(settings)
