@@ -78,6 +78,35 @@ class CertifiedValues:
     certified: np.ndarray[Any, np.dtype[np.bool_]]
 
 
+@dataclass(eq=False)
+class Evaluators:
+    """Certified evaluators of one mechanism, each compiled when it is asked first."""
+
+    mechanism: Mechanism
+
+    @cached_property
+    def kernel(self) -> ReferenceKernel:
+        from harness.truth.reference import ReferenceKernel
+
+        return ReferenceKernel(self.mechanism)
+
+    @cached_property
+    def derivatives(self) -> DerivativeTruth:
+        from harness.engines import NotOffered
+        from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
+
+        try:
+            return DerivativeTruth(FORWARD, self.mechanism, linear_velocity_in_body=False)
+        except NotOffered as reason:
+            raise InvalidRequest(f"{self.mechanism.name}: {reason}") from reason
+
+    @cached_property
+    def equation_values(self) -> EquationValues:
+        from harness.truth.equation_values import EquationValues
+
+        return EquationValues(self.kernel)
+
+
 @dataclass(eq=False, repr=False)
 class LoadedSystem:
     """A textbook mechanism or a robot, ready to be read and evaluated; ``harness.load`` makes it.
@@ -96,6 +125,10 @@ class LoadedSystem:
     def __repr__(self) -> str:
         coordinates = ", ".join(f"{name} ({joint})" for name, joint in zip(self.mechanism.coordinates, self.mechanism.joints, strict=True))
         return f"<{self.name}: {coordinates}>"
+
+    @cached_property
+    def _evaluators(self) -> Evaluators:
+        return Evaluators(self.mechanism)
 
     @cached_property
     def equations(self) -> EquationsOfMotion:
@@ -154,7 +187,7 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        reference = self._kernel.evaluate(_states(self.mechanism, q, v, tau))
+        reference = self._evaluators.kernel.evaluate(_states(self.mechanism, q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
     def derivatives(self, q: Any, v: Any, tau: Any = None) -> Derivatives:
@@ -167,7 +200,7 @@ class LoadedSystem:
         from harness.programs.numbers import UNIT_ROUNDOFF
 
         states, nv = _states(self.mechanism, q, v, tau), self.mechanism.nv
-        found = self._derivatives.evaluate(states)
+        found = self._evaluators.derivatives.evaluate(states)
         shape = (len(states), 3, nv, nv)
         bound = np.abs(found.low) + _reach(found.norm_factor)[:, None] * found.radius[:, :, None]
         bound = np.where(found.certified[:, None, None], bound * (1 + 1e-6), np.inf)
@@ -187,7 +220,9 @@ class LoadedSystem:
             ValueError: the size is not that of the mechanism.
         """
         still = np.zeros((len(np.atleast_2d(q)), self.mechanism.nv))
-        return _entries(self._equation_values.evaluate("mass_matrix", _states(self.mechanism, q, still, None)), (self.mechanism.nv,) * 2)
+        return _entries(
+            self._evaluators.equation_values.evaluate("mass_matrix", _states(self.mechanism, q, still, None)), (self.mechanism.nv,) * 2
+        )
 
     def bias(self, q: Any, v: Any) -> CertifiedValues:
         """Certified velocity terms and gravity together, without springs and dampers; under constraints as ``mass_matrix``.
@@ -198,7 +233,7 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        return _entries(self._equation_values.evaluate("bias", _states(self.mechanism, q, v, None)), (self.mechanism.nv,))
+        return _entries(self._evaluators.equation_values.evaluate("bias", _states(self.mechanism, q, v, None)), (self.mechanism.nv,))
 
     def inverse_dynamics(self, q: Any, v: Any, qdd: Any) -> CertifiedValues:
         """Certified applied forces that give these accelerations, beside springs and dampers.
@@ -212,13 +247,9 @@ class LoadedSystem:
         """
         if self.mechanism.constraints is not None:
             raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
-        return _entries(self._equation_values.evaluate("inverse_dynamics", _states(self.mechanism, q, v, qdd)), (self.mechanism.nv,))
-
-    @cached_property
-    def _equation_values(self) -> EquationValues:
-        from harness.truth.equation_values import EquationValues
-
-        return EquationValues(self._kernel)
+        return _entries(
+            self._evaluators.equation_values.evaluate("inverse_dynamics", _states(self.mechanism, q, v, qdd)), (self.mechanism.nv,)
+        )
 
     def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
         """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
@@ -231,23 +262,7 @@ class LoadedSystem:
         from harness.truth.compare import compare
 
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
-        return compare(self._kernel.evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)
-
-    @cached_property
-    def _kernel(self) -> ReferenceKernel:
-        from harness.truth.reference import ReferenceKernel
-
-        return ReferenceKernel(self.mechanism)
-
-    @cached_property
-    def _derivatives(self) -> DerivativeTruth:
-        from harness.engines import NotOffered
-        from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
-
-        try:
-            return DerivativeTruth(FORWARD, self.mechanism, linear_velocity_in_body=False)
-        except NotOffered as reason:
-            raise InvalidRequest(f"{self.name}: {reason}") from reason
+        return compare(self._evaluators.kernel.evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)
 
 
 def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:

@@ -47,7 +47,7 @@ from harness.files.model_file import ModelFile
 from harness.files.rules.constraint_law import ConstraintLaw as ConstraintLaw
 from harness.files.rules.constraint_law import Impedance as Impedance
 from harness.files.rules.constraint_law import InverseWeight as InverseWeight
-from harness.files.rules.step_rule import Part as Part
+from harness.files.rules.step_rule import ImplicitPart as ImplicitPart
 from harness.files.rules.step_rule import StepRule as StepRule
 from harness.library import Library, nearest
 

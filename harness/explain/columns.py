@@ -21,7 +21,7 @@ from harness.arrays import Array
 from harness.engines import Engine, Model, Unsupported
 from harness.explain.changes import NUMBER, Change
 from harness.files.model_file import ModelFile
-from harness.files.text.scan import Place, Watch
+from harness.files.text.scan import TextPlace, Watch
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Certified, Flags
@@ -168,7 +168,7 @@ def find_columns(
     """
     whitening = Whitening(certified)
     found: list[ChangeColumn] = []
-    answered: set[tuple[str, Place]] = set()
+    answered: set[tuple[str, TextPlace]] = set()
     for change in changes:
         if is_spent():
             break

@@ -24,7 +24,7 @@ from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_d
 from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ModelFile
-from harness.files.text.scan import Place, Watch, find_elements, tag, with_values, written
+from harness.files.text.scan import TextPlace, Watch, find_elements, tag, with_values, written
 from harness.truth.compare import Certified, compare
 from harness.truth.reference import Reference
 from harness.verdict import AGREEMENT, Verdict
@@ -194,6 +194,6 @@ def felt_least_inertia(watch: Watch, left_of: Callable[[Array], float], toleranc
     if twice is None or (left := left_of(2 * watch.healthy - twice)) > tolerance:
         return None
     attribute, (number, *_) = least[0]
-    place = Place(attribute.line, number.element, attribute.name, None, attribute.value)
+    place = TextPlace(attribute.line, number.element, attribute.name, None, attribute.value)
     statement = f"the least inertia that MuJoCo accepts, {LEAST:g} kg m^2, is felt here; {_REMEDIES[model.format]}"
     return TriedChange("least inertia", statement, place, None, tag(place, " ".join(attribute.value.split())), "", left, True)

@@ -13,7 +13,7 @@ from typing import Any
 
 from harness.errors import shown_path
 from harness.explain.changes import PARAMETER
-from harness.files.text.scan import Place
+from harness.files.text.scan import TextPlace
 
 
 class Conclusion(StrEnum):
@@ -42,7 +42,7 @@ class TriedChange:
 
     hypothesis: str
     statement: str
-    place: Place
+    place: TextPlace
     value: float | None
     tag: str
     shown: str

@@ -22,7 +22,7 @@ from harness.explain.changes import PARAMETER, Change
 from harness.explain.columns import ChangeColumn, Whitening, parameter_derivatives
 from harness.explain.result import Diagnosis, TriedChange, to_four_digits
 from harness.explain.search import ChangeSearch, Limits, Side, Tried
-from harness.files.text.scan import Place
+from harness.files.text.scan import TextPlace
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.reference import Reference, ReferenceKernel
@@ -74,7 +74,7 @@ class TextbookSide(Side[Reference]):
         def text(value: float) -> str:
             return json.dumps([*values[:number], value, *values[number + 1 :]])
 
-        return Change(PARAMETER, "", (Place(1, PARAMETER, name, None, repr(own)),), text, values[number], abs(values[number]) or 1.0)
+        return Change(PARAMETER, "", (TextPlace(1, PARAMETER, name, None, repr(own)),), text, values[number], abs(values[number]) or 1.0)
 
     def evaluate(self, text: str) -> Reference | None:
         values = np.array(json.loads(text), dtype=np.float64)

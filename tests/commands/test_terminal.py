@@ -24,7 +24,7 @@ from harness.crosscheck.held import Difference
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
 from harness.errors import InvalidInput
-from harness.files.text.scan import Place
+from harness.files.text.scan import TextPlace
 from harness.library import Library
 from harness.report import hard_cases
 from harness.report.benchmarks import BenchmarkSummary
@@ -106,7 +106,7 @@ KIND = KindOfFault(
     known=True, diagnosed=1, found=1, found_in_class=1, right=1, misled=0, stopped=0,
 )  # fmt: skip
 CHANGE = SmallestChange(
-    system=EVIL, subject=EVIL, file=EVIL, place=Place(3, EVIL, EVIL, 0, EVIL), statement=EVIL, value=1.0, smallest=1e-9, theory=1e-9
+    system=EVIL, subject=EVIL, file=EVIL, place=TextPlace(3, EVIL, EVIL, 0, EVIL), statement=EVIL, value=1.0, smallest=1e-9, theory=1e-9
 )
 DIFFERENCE = Difference(EVIL, "mass", EVIL, ((EVIL,), (EVIL,)), (1.0, 2.0), 1e9, {"mjcf": (1,)}, {"mjcf": EVIL})
 

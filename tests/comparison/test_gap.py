@@ -19,7 +19,7 @@ from support import InThisProcess, harness
 from harness.comparison.gap_study import By, GapSettings, GapStudy
 from harness.comparison.robot_library import engines_of_files
 from harness.errors import InvalidRequest
-from harness.files.rules.step_rule import Part, StepRule
+from harness.files.rules.step_rule import ImplicitPart, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
 from harness.study import run_study
 from harness.trees.robot import read_robot
@@ -145,7 +145,7 @@ def test_an_engine_that_leaves_its_rule_shows_in_its_own_share(two_links: Path, 
     from harness.engines.adapters.mujoco import steps
 
     def wrong(rule: StepRule) -> StepRule:
-        return replace(rule, implicit=rule.implicit | {Part.VELOCITY_TERMS}) if rule.name == "Euler" else rule
+        return replace(rule, implicit=rule.implicit | {ImplicitPart.VELOCITY_TERMS}) if rule.name == "Euler" else rule
 
     plain = steps.rules_in
     monkeypatch.setattr(steps, "rules_in", lambda root: tuple(map(wrong, plain(root))))
@@ -172,12 +172,12 @@ def test_the_declared_motion_is_that_of_a_map_in_rationals(tmp_path: Path) -> No
     robot = read_robot(path)
     forces, h, mass, stiffness, damping = step_forces(robot.tree, robot.joints), Fraction(2.0**-6), 2, 40, 3
     rules = {
-        frozenset[Part](): Fraction(mass),
-        frozenset({Part.JOINT_DAMPERS}): mass + h * damping,
-        frozenset({Part.JOINT_DAMPERS, Part.JOINT_SPRINGS}): mass + h * damping + h * h * stiffness,
+        frozenset[ImplicitPart](): Fraction(mass),
+        frozenset({ImplicitPart.JOINT_DAMPERS}): mass + h * damping,
+        frozenset({ImplicitPart.JOINT_DAMPERS, ImplicitPart.JOINT_SPRINGS}): mass + h * damping + h * h * stiffness,
     }
     for implicit, effective in rules.items():
-        ahead = h * stiffness if Part.JOINT_SPRINGS in implicit else 0
+        ahead = h * stiffness if ImplicitPart.JOINT_SPRINGS in implicit else 0
 
         def one(q: Fraction, v: Fraction, effective: Fraction = effective, ahead: Fraction = Fraction(ahead)) -> tuple[Fraction, Fraction]:
             v = v + h * (-stiffness * q - damping * v - ahead * v) / effective

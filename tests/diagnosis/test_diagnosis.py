@@ -41,7 +41,7 @@ from harness.explain.result import Conclusion, Diagnosis
 from harness.explain.search import Limits, Tried, best_first
 from harness.explain.textbook_side import TextbookSide, diagnose_textbook
 from harness.files.model_file import ModelFile, parse_model, read_model
-from harness.files.text.scan import Place, Watch, find_numbers, with_values
+from harness.files.text.scan import TextPlace, Watch, find_numbers, with_values
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.kernels import float64_kernel
 from harness.truth.reference import Reference, ReferenceKernel
@@ -415,7 +415,7 @@ def test_a_fit_converges_from_afar_and_halves_its_steps() -> None:
 
 def tried(hypothesis: str, value: float | None, left: float, start: float | None = 0.0) -> tuple[Tried, float]:
     """A change that explains, of scale 1, with what its fitted value leaves."""
-    place = Place(1, "body", hypothesis, None, "1")
+    place = TextPlace(1, "body", hypothesis, None, "1")
     return Tried(Change(hypothesis, "", (place,), lambda value: "", start), value, left, True), left
 
 

@@ -28,7 +28,7 @@ from harness.explain.columns import STATES, watch
 from harness.explain.model_side import Diagnosis, diagnose
 from harness.explain.pattern import Inference
 from harness.files.model_file import ModelFile, read_model
-from harness.files.text.scan import Element, Number, Place, find_elements, find_numbers
+from harness.files.text.scan import Element, Number, TextPlace, find_elements, find_numbers
 from harness.truth.compare import compare
 from harness.truth.reference import Reference
 from harness.verdict import Verdict
@@ -178,7 +178,7 @@ def test_a_blunt_check_is_told_by_what_is_not_caught(monkeypatch: pytest.MonkeyP
 def test_a_diagnosis_that_always_names_the_first_attribute_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def first_attribute(*arguments: Any, **options: Any) -> Diagnosis:
         found = diagnose(*arguments, **options)
-        place = Place(1, "mujoco", "model", None, "")
+        place = TextPlace(1, "mujoco", "model", None, "")
         return replace(found, tried=tuple(replace(explanation, place=place) for explanation in found.tried))
 
     monkeypatch.setattr(fault_campaign, "diagnose", first_attribute)

@@ -17,7 +17,7 @@ from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, load_engine
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, parse_model, read_model
-from harness.files.rules.step_rule import Part, StepRule
+from harness.files.rules.step_rule import ImplicitPart, StepRule
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
@@ -230,20 +230,20 @@ def test_a_mistake_in_a_step_disagrees_and_is_named(mistake: str) -> None:
 
 
 PARTS = {
-    Part.JOINT_DAMPERS: "double_pendulum",
-    Part.LINE_DAMPERS: "coupled_oscillators",
-    Part.VELOCITY_TERMS: "double_pendulum",
-    Part.VELOCITY_TERMS_OF_FREE_BODIES: "free_body",
-    Part.JOINT_SPRINGS: "quarter_car",
-    Part.LINE_SPRINGS: "coupled_oscillators",
+    ImplicitPart.JOINT_DAMPERS: "double_pendulum",
+    ImplicitPart.LINE_DAMPERS: "coupled_oscillators",
+    ImplicitPart.VELOCITY_TERMS: "double_pendulum",
+    ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES: "free_body",
+    ImplicitPart.JOINT_SPRINGS: "quarter_car",
+    ImplicitPart.LINE_SPRINGS: "coupled_oscillators",
 }
 
 
 @pytest.mark.costly
 @pytest.mark.parametrize("part", PARTS)
-def test_every_part_of_a_rule_is_felt(part: Part) -> None:
+def test_every_part_of_a_rule_is_felt(part: ImplicitPart) -> None:
     """A rule without it is another map, of which MuJoCo is far off."""
-    file = between_branches() if part is Part.LINE_DAMPERS else damped(model_of(PARTS[part]), DAMPING)
+    file = between_branches() if part is ImplicitPart.LINE_DAMPERS else damped(model_of(PARTS[part]), DAMPING)
     assert Setting(file).judged()[0] == {"agrees"}
     verdicts, worst, block = Setting(file, lambda rule: replace(rule, implicit=rule.implicit - {part})).judged()
     assert "disagrees" in verdicts and worst > 1e3 * AGREEMENT and block.startswith("velocities")
@@ -292,6 +292,6 @@ def test_what_has_no_declared_map_is_not_offered() -> None:
 def test_a_rule_with_stages_has_a_weight_for_each_and_nothing_implicit() -> None:
     half = Fraction(1, 2)
     assert StepRule("midpoint", 0.1, stages=((half,),), weights=(Fraction(0), Fraction(1)))
-    for wrong in ({"weights": (Fraction(1),)}, {"implicit": frozenset({Part.JOINT_DAMPERS})}, {"with_old_velocities": True}):
+    for wrong in ({"weights": (Fraction(1),)}, {"implicit": frozenset({ImplicitPart.JOINT_DAMPERS})}, {"with_old_velocities": True}):
         with pytest.raises(InvalidRequest, match="'wrong' has stages; expected a weight for each and the start, and nothing else"):
             StepRule("wrong", 0.1, **{"stages": ((half,),), "weights": (Fraction(0), Fraction(1)), **wrong})  # type: ignore[arg-type]

@@ -29,7 +29,7 @@ from harness.explain.model_side import diagnose
 from harness.explain.result import TriedChange
 from harness.explain.search import EVALUATIONS, Limits
 from harness.files.model_file import ModelFile, parse_model
-from harness.files.text.scan import Place
+from harness.files.text.scan import TextPlace
 from harness.library import Library
 
 SIZES = tuple(float(f"1e{power}") for power in range(-12, 1))
@@ -68,7 +68,7 @@ def number_faults(model: ModelFile) -> Iterator[Change]:
 
     A number that comes a second time, together with its neighbours, does so for where it cannot change alone.
     """
-    alone: dict[Place, Change] = {}
+    alone: dict[TextPlace, Change] = {}
     for number in numeric_changes(model):
 
         def at(size: float, number: Change = number, start: float = number.start or 0.0) -> str:

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
-from harness.files.text.scan import Place
+from harness.files.text.scan import TextPlace
 from harness.results.study_result import StudyResult
 
 # Share of the faults that a diagnosis names first, or in its class.
@@ -147,7 +147,7 @@ class SmallestChange:
     system: str
     subject: str
     file: str
-    place: Place
+    place: TextPlace
     statement: str
     value: float
     smallest: float

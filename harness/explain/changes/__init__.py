@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from harness.files.text.scan import Place
+from harness.files.text.scan import TextPlace
 
 # Kinds of changes that no module declares: one number of a file, and one parameter of the truth.
 NUMBER, PARAMETER = "number", "parameter"
@@ -32,14 +32,14 @@ class Change:
 
     kind: str
     statement: str
-    places: tuple[Place, ...]
+    places: tuple[TextPlace, ...]
     text: Callable[[float], str]
     start: float | None = None
     scale: float = 1.0
     through: Callable[[Any], Any] | None = None
 
     @property
-    def place(self) -> Place:
+    def place(self) -> TextPlace:
         return self.places[0]
 
     @property

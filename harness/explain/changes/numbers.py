@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from harness.explain.changes import NUMBER, Change
 from harness.files.mjcf.options import ORIENTATIONS
 from harness.files.model_file import ModelFile
-from harness.files.text.scan import Attribute, Element, Number, Place, find_elements, with_values
+from harness.files.text.scan import Attribute, Element, Number, TextPlace, find_elements, with_values
 from harness.files.urdf.kinds import BALL_CONSTRAINT, POINT_SPRING
 
 # Of a value beside far larger ones, which may be what a wrong unit left: its scale is at least this share of theirs.
@@ -66,8 +66,8 @@ def _of_number(model: ModelFile, elements: Sequence[Element], element: Element, 
         )
 
 
-def _place(model: ModelFile, number: Number) -> Place:
-    return Place(number.line, number.element, number.attribute, number.index, model.text[number.start : number.end])
+def _place(model: ModelFile, number: Number) -> TextPlace:
+    return TextPlace(number.line, number.element, number.attribute, number.index, model.text[number.start : number.end])
 
 
 def _turned(text: str, components: Sequence[Number], number: Number, rest: float, length: float) -> Callable[[float], str]:

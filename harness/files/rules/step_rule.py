@@ -23,7 +23,7 @@ from fractions import Fraction
 from harness.errors import InvalidRequest
 
 
-class Part(StrEnum):
+class ImplicitPart(StrEnum):
     """A part of the forces that a rule may take implicitly.
 
     ``JOINT_DAMPERS`` and ``JOINT_SPRINGS`` act in joints. ``LINE_DAMPERS`` and ``LINE_SPRINGS`` act on lengths: those between two points,
@@ -55,7 +55,7 @@ class StepRule:
 
     name: str
     length: float
-    implicit: frozenset[Part] = frozenset()
+    implicit: frozenset[ImplicitPart] = frozenset()
     along_branches: bool = False
     with_old_velocities: bool = False
     stages: tuple[tuple[Fraction, ...], ...] = ()

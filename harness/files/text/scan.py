@@ -35,7 +35,7 @@ Edit = tuple[int, int, str]
 
 
 @dataclass(frozen=True)
-class Place:
+class TextPlace:
     """The place of a change in a model file.
 
     Attributes:
@@ -257,7 +257,7 @@ def largest_change(healthy: Array, moved: Array, nv: int | None = None) -> float
     return float(np.nan_to_num(change, nan=np.inf, posinf=np.inf).max())
 
 
-def written(text: str, model_format: str, place: Place) -> str:
+def written(text: str, model_format: str, place: TextPlace) -> str:
     """The whole of the attribute that a place is in, or what the place says was found."""
     of_place = (
         attribute
@@ -271,7 +271,7 @@ def written(text: str, model_format: str, place: Place) -> str:
     return place.found if attribute is None else " ".join(attribute.value.split())
 
 
-def tag(place: Place, whole: str) -> str:
+def tag(place: TextPlace, whole: str) -> str:
     """An attribute as a reader finds it in the file."""
     if not place.attribute:
         return f"<{place.element}>{whole}</{place.element}>" if whole else f"<{place.element}>"

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from harness.files.rules.step_rule import Part, StepRule
+from harness.files.rules.step_rule import ImplicitPart, StepRule
 from harness.files.tree import Given
 from harness.programs.derivatives import derivative_name, differentiate
 from harness.programs.program import StraightLineProgram, upper_triangle, without_unused
@@ -28,7 +28,7 @@ _TERMS = 25
 LARGEST_TURN = 2.0
 
 NOTHING = "nothing"
-_VELOCITY_TERMS = {Part.VELOCITY_TERMS, Part.VELOCITY_TERMS_OF_FREE_BODIES}
+_VELOCITY_TERMS = {ImplicitPart.VELOCITY_TERMS, ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES}
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,8 @@ class _Stepper:
 
     def _damping(self, rule: StepRule) -> Matrix:
         """D: the minus derivative by the velocities of the forces that the rule takes implicitly."""
-        found = self._of_lines(LINE_DAMPING) if Part.LINE_DAMPERS in rule.implicit else self._nothing
-        if Part.JOINT_DAMPERS in rule.implicit:
+        found = self._of_lines(LINE_DAMPING) if ImplicitPart.LINE_DAMPERS in rule.implicit else self._nothing
+        if ImplicitPart.JOINT_DAMPERS in rule.implicit:
             for place, damping in enumerate(self.outputs[JOINT_DAMPING]):
                 found[place, place] = found[place, place] + damping
         if rule.along_branches:
@@ -161,15 +161,15 @@ class _Stepper:
     def _implicit_velocity_terms(self, rule: StepRule) -> list[tuple[int, int]]:
         """Rows and columns of the derivatives of velocity terms that the rule takes; they are zero across branches."""
         everything = range(self.nv)
-        if Part.VELOCITY_TERMS in rule.implicit:
+        if ImplicitPart.VELOCITY_TERMS in rule.implicit:
             return [(row, column) for row in everything for column in everything]
-        blocks = self.forces.floating if Part.VELOCITY_TERMS_OF_FREE_BODIES in rule.implicit else ()
+        blocks = self.forces.floating if ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES in rule.implicit else ()
         return [(row, column) for first in blocks for row in everything[first : first + 6] for column in everything[first : first + 6]]
 
     def _stiffness(self, rule: StepRule) -> Matrix:
         """K: the minus derivative by the positions."""
-        found = self._of_lines(LINE_STIFFNESS) if Part.LINE_SPRINGS in rule.implicit else self._nothing
-        if Part.JOINT_SPRINGS in rule.implicit:
+        found = self._of_lines(LINE_STIFFNESS) if ImplicitPart.LINE_SPRINGS in rule.implicit else self._nothing
+        if ImplicitPart.JOINT_SPRINGS in rule.implicit:
             for place, stiffness in enumerate(self.outputs[JOINT_STIFFNESS]):
                 found[place, place] = found[place, place] + stiffness
         return found

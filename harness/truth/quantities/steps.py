@@ -22,7 +22,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Model, NotOffered, answer_of
-from harness.files.rules.step_rule import Part, StepRule
+from harness.files.rules.step_rule import ImplicitPart, StepRule
 from harness.programs.evaluation import values
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
@@ -187,7 +187,7 @@ def _other_rules(rule: StepRule) -> Iterator[tuple[str, StepRule]]:
     if rule.stages:
         return
     yield "positions follow with the velocities before the step", replace(rule, with_old_velocities=not rule.with_old_velocities)
-    for part in Part:
+    for part in ImplicitPart:
         how = "explicitly, which are implicit" if part in rule.implicit else "implicitly, which are explicit"
         yield f"it takes {part} {how}", replace(rule, implicit=rule.implicit ^ {part})
     yield "dampers act across branches as the rule does not say", replace(rule, along_branches=not rule.along_branches)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, LoadedModel, NotOffered, Part, StepRule, Terms, Unsupported
+from harness.engines import Engine, ImplicitPart, LoadedModel, NotOffered, StepRule, Terms, Unsupported
 from harness.engines.adapters.drake.building import CONTINUOUS, FINALIZE, Building, building, built
 from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
 from harness.engines.adapters.drake.files import floating_bodies, refuse
@@ -209,7 +209,7 @@ class DrakeEngine(Engine):
         discrete_update_manager.cc, ``DoCalcDiscreteValues``, of v1.51.1; the class documentation of ``MultibodyPlant`` says that the update
         is periodic and gives no formula.
         """
-        return (StepRule("discrete", _TIME_STEP, frozenset({Part.JOINT_DAMPERS})),)
+        return (StepRule("discrete", _TIME_STEP, frozenset({ImplicitPart.JOINT_DAMPERS})),)
 
     def refuse(self, file: ModelFile) -> None:
         refuse(file)

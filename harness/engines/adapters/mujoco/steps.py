@@ -26,7 +26,7 @@ from harness.engines.adapters.mujoco.versions import require_declared_steps
 from harness.engines.interface import NotOffered
 from harness.files.mjcf.options import is_on
 from harness.files.model_file import ModelFile, document_of
-from harness.files.rules.step_rule import Part, StepRule
+from harness.files.rules.step_rule import ImplicitPart, StepRule
 
 # Of an iteration, relative.
 _TOLERANCE = 2.0**-53
@@ -35,7 +35,8 @@ _TIMESTEP = 0.002
 _HALF, _ONE, _NONE = Fraction(1, 2), Fraction(1), Fraction(0)
 _STAGES = ((_HALF,), (_NONE, _HALF), (_NONE, _NONE, _ONE))
 _WEIGHTS = (Fraction(1, 6), Fraction(1, 3), Fraction(1, 3), Fraction(1, 6))
-_DAMPERS = frozenset({Part.JOINT_DAMPERS, Part.LINE_DAMPERS})
+_DAMPERS = frozenset({ImplicitPart.JOINT_DAMPERS, ImplicitPart.LINE_DAMPERS})
+_SPRINGS = frozenset({ImplicitPart.JOINT_SPRINGS, ImplicitPart.LINE_SPRINGS})
 
 
 def step_rules(file: ModelFile) -> tuple[StepRule, ...]:
@@ -47,13 +48,17 @@ def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
     """The rules of all integrators by the options of a file with this root element."""
     written = [option.get("timestep") for option in root.iterfind("option[@timestep]")]
     length = float(written[-1]) if written else _TIMESTEP
-    euler = frozenset({Part.JOINT_DAMPERS} if is_on(root, "eulerdamp") else ())
+    euler = frozenset({ImplicitPart.JOINT_DAMPERS} if is_on(root, "eulerdamp") else ())
     return (
         StepRule("Euler", length, euler),
         StepRule("RK4", length, stages=_STAGES, weights=_WEIGHTS),
-        StepRule("implicit", length, _DAMPERS | {Part.VELOCITY_TERMS}, along_branches=True),
-        StepRule("implicitfast", length, _DAMPERS | {Part.VELOCITY_TERMS_OF_FREE_BODIES}, along_branches=True),
-        StepRule("discrete", length, _DAMPERS | {Part.JOINT_SPRINGS, Part.LINE_SPRINGS, Part.VELOCITY_TERMS_OF_FREE_BODIES}),
+        StepRule("implicit", length, _DAMPERS | {ImplicitPart.VELOCITY_TERMS}, along_branches=True),
+        StepRule("implicitfast", length, _DAMPERS | {ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES}, along_branches=True),
+        StepRule(
+            "discrete",
+            length,
+            _DAMPERS | _SPRINGS | {ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES},
+        ),
     )
 
 

@@ -16,7 +16,7 @@ from harness.explain.changes import Change
 from harness.files.model_file import ModelFile
 from harness.files.text.anatomy import anatomy
 from harness.files.text.anatomy.parts import Anatomy, Slot, Words
-from harness.files.text.scan import Place, edited
+from harness.files.text.scan import TextPlace, edited
 from harness.registry import Registry
 
 # A slot with its new words, None where it goes.
@@ -140,21 +140,21 @@ def _with_value(name: str, text: str, change: FreeChange) -> Change:
     return Change(name, change.statement, (_found(*change.writes(change.scale)[0]),), at, 0.0, change.scale)
 
 
-def _found(slot: Slot, words: Words | None) -> Place:
+def _found(slot: Slot, words: Words | None) -> TextPlace:
     """The place that a mend changes, in lines of the text as it is: one number of the attribute where no other changes."""
     place = slot.place
     if words is None or slot.absent or slot.renamed or len(words) != len(slot.words) or len(words) == 1:
         return place
     changed = [index for index, (old, new) in enumerate(zip(slot.words, words, strict=True)) if old != new]
-    return Place(place.line, place.element, place.attribute, changed[0], slot.words[changed[0]]) if len(changed) == 1 else place
+    return TextPlace(place.line, place.element, place.attribute, changed[0], slot.words[changed[0]]) if len(changed) == 1 else place
 
 
-def _made(slot: Slot, words: Words | None) -> Place:
+def _made(slot: Slot, words: Words | None) -> TextPlace:
     """The place of a mistake in the text that has it."""
     place = slot.place
     if words is None:
-        return Place(slot.absent_line, place.element, place.attribute, None, "")
-    return Place(slot.inserted_line, place.element, slot.renamed or place.attribute, None, " ".join(words))
+        return TextPlace(slot.absent_line, place.element, place.attribute, None, "")
+    return TextPlace(slot.inserted_line, place.element, slot.renamed or place.attribute, None, " ".join(words))
 
 
 def times(words: Words, factor: str) -> list[str]:

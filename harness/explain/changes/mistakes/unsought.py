@@ -16,7 +16,7 @@ from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake
 from harness.files.model_file import ModelFile
 from harness.files.text.anatomy.parts import Anatomy
-from harness.files.text.scan import Number, Place, find_elements, find_numbers, with_values
+from harness.files.text.scan import Number, TextPlace, find_elements, find_numbers, with_values
 
 # Moments of inertia, masses and centres of mass in both formats.
 _MOMENTS = {"inertial": ("diaginertia", "fullinertia"), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
@@ -28,7 +28,7 @@ _NEGLIGIBLE = 1e-12
 
 def _planted(model: ModelFile, kind: str, statement: str, factors: Mapping[Number, Callable[[float], float]]) -> Change:
     """The mistake that multiplies each number by its factor of the size."""
-    places = [Place(one.line, one.element, one.attribute, one.index, model.text[one.start : one.end]) for one in factors]
+    places = [TextPlace(one.line, one.element, one.attribute, one.index, model.text[one.start : one.end]) for one in factors]
 
     def at(size: float) -> str:
         return with_values(model.text, {number: number.value * factor(size) for number, factor in factors.items()})
@@ -129,7 +129,7 @@ class _Dragged:
 
 
 def _above_speed(parts: Anatomy) -> Iterator[Change]:
-    place, text = Place(0, "engine", "", None, ""), parts.model.text
+    place, text = TextPlace(0, "engine", "", None, ""), parts.model.text
     yield Change("above_speed", f"a drag above {SPEED:g} per second", (place,), lambda size: text, through=_Dragged)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
-from harness.files.text.scan import Attribute, Edit, Element, Place, find_elements
+from harness.files.text.scan import Attribute, Edit, Element, TextPlace, find_elements
 
 # Of an inertia matrix, in MuJoCo's order; both formats call them so.
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -38,7 +38,7 @@ class Slot:
         renamed: name of the attribute once it is written, where that is another.
     """
 
-    place: Place
+    place: TextPlace
     start: int
     end: int
     head: str
@@ -243,11 +243,11 @@ class Parts:
         self, owner: Element, at: int, what: tuple[str, str], around: tuple[str, str], default: str = "0", along: tuple[Edit, ...] = ()
     ) -> Slot:
         """An attribute that is not there, and would stand at a position of the text with ``around`` before and behind its value."""
-        place = Place(owner.line, *what, None, "")
+        place = TextPlace(owner.line, *what, None, "")
         return Slot(place, at, at, *around, self.line(at), owner.line, tuple(default.split()), (at, at), along)
 
     def _standing(self, element: Element, found: Attribute, removed: tuple[int, int], absent_line: int, along: tuple[Edit, ...]) -> Slot:
-        place = Place(found.line, element.tag, found.name, None, found.value)
+        place = TextPlace(found.line, element.tag, found.name, None, found.value)
         whole = self.text[found.start : found.end]
         before = whole.rindex(found.value, 0, len(whole) - bool(found.name)) if found.value else len(whole) - 1
         head, tail = whole[:before], whole[before + len(found.value) :]
