@@ -226,9 +226,17 @@ def harness_in_a_process(*arguments: str, cwd: Path | None = None, timeout: floa
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, cwd=cwd, check=False)
 
 
-def heed_interrupts() -> None:
-    """For a process about to start: what a shell without job control starts in the background ignores interrupts, as its children do."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+@contextlib.contextmanager
+def heeding_interrupts() -> Iterator[None]:
+    """Processes that start meanwhile heed interrupts, which what a shell without job control starts in the background ignores.
+
+    A function that runs in the child instead would make it a copy of this process, for which memory may be lacking.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def pytest_in_this_process(*arguments: str, cwd: Path) -> Done:

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support import harness, heed_interrupts, make_library
+from support import harness, heeding_interrupts, make_library
 
 from harness.commands import check
 from harness.library import Library
@@ -54,9 +54,9 @@ def library(tmp_path: Path) -> Path:
 
 def test_an_interrupt_is_130(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "harness", "check", "--states", "100000", "--workers", "1"]
-    with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
-    ) as process:
+    with heeding_interrupts():
+        process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with process:
         # Workers are its children as soon as the study runs.
         deadline = time.monotonic() + 60
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")

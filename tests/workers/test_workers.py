@@ -19,7 +19,7 @@ import support
 import trustme
 import worker_tasks as work
 from click.testing import CliRunner
-from support import engine_source, heed_interrupts, make_library
+from support import engine_source, heeding_interrupts, make_library
 
 from harness import cli
 from harness.errors import InvalidRequest
@@ -423,7 +423,8 @@ def harness(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
         script = tmp_path / "script.py"
         script.write_text(HARNESS.format(tests=str(Path(work.__file__).parent), function=function, arguments=arguments))
         command, pipe = [sys.executable, script], subprocess.PIPE
-        started.append(subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=heed_interrupts))
+        with heeding_interrupts():
+            started.append(subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True))
         return started[-1]
 
     yield start
