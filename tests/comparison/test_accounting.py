@@ -13,19 +13,17 @@ from harness.comparison.accounting import fold
 from harness.comparison.robot_library import engines_of_files
 from harness.comparison.truth import read_as
 from harness.engines.request import EngineAnswers
-from harness.explain.changes.readings import Reading, with_joints
-from harness.files.tree import Joint, Tree
+from harness.explain.changes.readings import Law, Reading, readings_of, with_joints
+from harness.files.tree import Joint
 from harness.report.comparison import subject_lines
 from harness.results.comparison import SubjectRecord
-from harness.trees.robot import Robot
 from harness.verdict import AGREEMENT, Verdict
 
 
 def planted(name: str, change: Callable[[Joint], Joint]) -> Reading:
-    def tree(robot: Robot) -> Tree:
-        return with_joints(robot.tree, change)
-
-    return Reading(name, "pinocchio", ("urdf",), f"Pinocchio {name}", "joints", "planted by a test", tree)
+    declared = Law(name, "joints", lambda robot: with_joints(robot.tree, change))
+    [reading] = readings_of("pinocchio", {("urdf",): {declared: (f"Pinocchio {name}", "planted by a test")}})
+    return reading
 
 
 STRONGER = planted("doubles damping", lambda joint: replace(joint, damping=joint.damping * 2))

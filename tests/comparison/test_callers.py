@@ -71,8 +71,8 @@ class ToyModel(StateByState):
 ENGINE = Toy()
 """
 READINGS = """
-from harness.explain.changes.readings import _left_out
-READINGS = (_left_out.dampers("toy", ("urdf",), "The toy applies no damping", "its own text, a few lines in a test"),)
+from harness.explain.changes.readings import _left_out, readings_of
+READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: ("The toy applies no damping", "its own text, a few lines in a test")}})
 """
 BAR = BUILT_IN.model_path("bar_pendulum", "urdf")
 

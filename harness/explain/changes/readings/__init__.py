@@ -1,81 +1,92 @@
 """Readings: what an engine makes of an element of a file, each a ``Reading`` declared in a module of this package.
 
-A reading gives the tree that the engine computes with, as its documentation or source says. What it concerns follows from what
-changes. The truth of the tree that all readings give is what a plain engine has to answer; that of one alone is its effect.
-No list is kept: the ``READINGS`` of every module here are found; modules whose names begin with an underscore hold what several
+A reading is a ``Law`` that an engine has: it gives the tree that the engine computes with, as its documentation or source says. What it
+concerns follows from what changes. The truth of the tree that all readings give is what a plain engine has to answer; that of one alone is
+its effect. No list is kept: the readings that a module here holds are found; modules whose names begin with an underscore hold what several
 share. Nothing an engine answers enters a tree.
 """
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import graphlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from lxml import etree
 
+from harness.arrays import Array
 from harness.environments.folders import split_name
 from harness.files.document.xml import read_any
-from harness.files.tree import Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
+from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 from harness.registry import Registry
 from harness.trees.bodies.bounds import bounded
 from harness.trees.robot import Robot
 
+# Places of xx, yy, zz, xy, xz, yz in a matrix.
+_ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 
 
 @dataclass(frozen=True)
-class Reading:
-    """What an engine makes of one kind of element.
+class Law:
+    """What a reader makes of one kind of element; any number of engines may have it.
 
     Attributes:
-        name: as in a table. engine, formats: whose reader, of which formats.
-        sentence: for the reader of a report, the engine first.
-        concerns: what is counted, in the plural: "joints", "links".
-        source: the documentation or source that says so.
-        tree: the tree that the engine computes with; the very tree where the reading does not apply.
+        name: as in a table. concerns: what is counted, in the plural: "joints", "links".
+        tree: the tree that the engine computes with; an equal one where the law does not apply.
         supplied: whether an aided engine gets from the harness what it leaves out.
         after: names of the engine's readings whose tree this one reads; the others are read in the order of their names.
     """
 
     name: str
-    engine: str
-    formats: tuple[str, ...]
-    sentence: str
     concerns: str
-    source: str
     tree: Callable[[Robot], Tree]
     supplied: bool = False
     after: tuple[str, ...] = ()
 
+
+@dataclass(frozen=True, kw_only=True)
+class Reading(Law):
+    """A law that an engine's reader has.
+
+    Attributes:
+        engine, formats: whose reader, of which formats.
+        sentence: for the reader of a report, the engine first.
+        source: the documentation or source that says so.
+    """
+
+    engine: str
+    formats: tuple[str, ...]
+    sentence: str
+    source: str
+
     def read(self, robot: Robot) -> Robot:
         """The robot that the engine computes with; the very robot where the reading does not apply."""
         tree = self.tree(robot)
-        return robot if tree is robot.tree or tree == robot.tree else with_tree(robot, tree)
+        return robot if tree == robot.tree else with_tree(robot, tree)
 
     def places(self, robot: Robot) -> list[Place]:
         """Where the elements stand that it concerns, in the order of the file."""
         return changed_places(bounded(robot.tree), bounded(self.read(robot).tree))
 
 
-# A reading that an engine has, from its name, its formats, the sentence and the source; see ``law``.
-Declare = Callable[[str, Sequence[str], str, str], Reading]
+def law(name: str, concerns: str, supplied: bool = False, after: tuple[str, ...] = ()) -> Callable[[Callable[[Robot], Tree]], Law]:
+    """Declares what a function makes of a robot as a ``Law`` with these attributes."""
+    return lambda tree: Law(name, concerns, tree, supplied, after)
 
 
-def law(name: str, concerns: str, supplied: bool = False, after: tuple[str, ...] = ()) -> Callable[[Callable[[Robot], Tree]], Declare]:
-    """Declares what a function makes of a robot, which any number of engines have as a ``Reading`` with these attributes."""
-
-    def declaring(tree: Callable[[Robot], Tree]) -> Declare:
-        return lambda engine, formats, sentence, source: Reading(
-            name, engine, tuple(formats), sentence, concerns, source, tree, supplied, after
-        )
-
-    return declaring
+def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str]]]) -> tuple[Reading, ...]:
+    """The laws that an engine's reader of some formats has, each with the sentence and the source that say so."""
+    return tuple(
+        Reading(**vars(one), engine=engine, formats=formats, sentence=sentence, source=source)
+        for formats, of_formats in laws.items()
+        for one, (sentence, source) in of_formats.items()
+    )
 
 
 def find_readings(engine: str, model_format: str, reader: str = "") -> list[Reading]:
@@ -100,13 +111,18 @@ def with_bodies(tree: Tree, change: Callable[[Body], Body]) -> Tree:
 
 
 def with_joints(tree: Tree, change: Callable[[Joint], Joint]) -> Tree:
-    """The tree with each joint as ``change`` gives it."""
-    return with_bodies(tree, lambda body: replace(body, joints=tuple(map(change, body.joints))))
+    """The tree with each joint as ``change`` gives it; the very joint where that is equal."""
+
+    def read(joint: Joint) -> Joint:
+        changed = change(joint)
+        return joint if changed == joint else changed
+
+    return with_bodies(tree, lambda body: replace(body, joints=tuple(map(read, body.joints))))
 
 
-def with_solids(tree: Tree, change: Callable[[tuple[Solid, ...]], tuple[Solid, ...]]) -> Tree:
-    """The tree with the solids of each body as ``change`` gives them."""
-    return with_bodies(tree, lambda body: replace(body, solids=change(body.solids)) if body.solids else body)
+def with_solids(tree: Tree, change: Callable[[Solid], Solid | None]) -> Tree:
+    """The tree with each solid as ``change`` gives it, without those for which that is None."""
+    return with_bodies(tree, lambda body: replace(body, solids=tuple(filter(None, map(change, body.solids)))))
 
 
 def with_poses(tree: Tree, change: Callable[[Pose], Pose]) -> Tree:
@@ -133,8 +149,6 @@ def with_inertias(tree: Tree, change: Callable[[Body], Inertia | None]) -> Tree:
 def without_bodies(tree: Tree, names: Iterable[str]) -> Tree:
     """The tree without these bodies and all that they carry, and without the springs and couplings of these."""
     gone, joints = set(names), set()
-    if not gone:
-        return tree
     for body in tree.bodies:
         if body.parent in gone or body.name in gone:
             gone.add(body.name)
@@ -147,24 +161,38 @@ def without_bodies(tree: Tree, names: Iterable[str]) -> Tree:
     )
 
 
+def moving(tree: Tree) -> set[str]:
+    """The names of the bodies that some joint moves."""
+    found: set[str] = set()
+    for body in tree.bodies:
+        if body.joints or (body.parent != WORLD and body.parent in found):
+            found.add(body.name)
+    return found
+
+
+def matrix_of(inertia: Inertia) -> Array:
+    """(3, 3) about the centre of mass, in the frame of the inertia [kg m^2]."""
+    matrix = np.zeros((3, 3))
+    matrix[_ROWS, _COLUMNS] = matrix[_COLUMNS, _ROWS] = [float(moment) for moment in inertia.moments]
+    return matrix
+
+
+def moments_of(matrix: Array) -> tuple[float, ...]:
+    """xx, yy, zz, xy, xz, yz of a matrix (3, 3)."""
+    return tuple(matrix[_ROWS, _COLUMNS].tolist())
+
+
+def computed(value: float, body: Body, what: str, index: int = 0) -> Fraction:
+    """A number that a reader computes for a body, and rounds as it does one of the file; ``index`` among those called ``what``."""
+    place = body.place if body.inertia is None else body.inertia.place
+    return Fraction(value) if place is None else Given(value, place, what, index)
+
+
 def element_at(place: Place | None) -> etree._Element | None:
     """The element of a file that stands at a place, for what a reading needs of it and no tree holds; None where the place is none."""
     if place is None:
         return None
     return _elements(place.path)[place.element]
-
-
-def mujoco_settings(robot: Robot, tag: str) -> Mapping[str, list[Given]]:
-    """The attributes of that part of a URDF's element ``<mujoco>`` that are numbers; MuJoCo takes one that is not finite for none."""
-    place = robot.tree.place
-    root = element_at(place)
-    found: dict[str, list[Given]] = {}
-    if place is None or root is None or (part := root.find(f"mujoco/{tag}")) is None:
-        return found
-    for name, text in part.attrib.items():
-        with contextlib.suppress(ValueError, OverflowError):
-            found[str(name)] = [Given(float(word), place, f"mujoco/{tag} {name}", index) for index, word in enumerate(text.split())]
-    return found
 
 
 @functools.lru_cache(maxsize=4)

@@ -1,7 +1,4 @@
-"""Readings that several engines have: elements that an engine leaves out, and what it takes where nothing stands in a file.
-
-Each takes the engine, its formats, the sentence and the source.
-"""
+"""Laws that several engines have: elements that an engine leaves out, and what it takes where nothing stands in a file."""
 
 from __future__ import annotations
 
@@ -10,10 +7,9 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from harness.explain.changes.readings import freed, law, with_bodies, with_inertias, with_joints, without_bodies
-from harness.explain.changes.readings._inertias import moving
+from harness.explain.changes.readings import Law, freed, law, moving, with_bodies, with_inertias, with_joints, without_bodies
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Inertia, Solid, Tree
+from harness.files.tree import Body, Given, Inertia, Solid, Tree, vector
 from harness.trees.robot import Robot
 
 _ONE = Fraction(1)
@@ -21,28 +17,16 @@ _ONE = Fraction(1)
 
 def _without(number: str) -> Callable[[Robot], Tree]:
     """The tree of a robot in which that number of every joint is zero."""
-
     nothing: dict[str, Any] = {number: Fraction(0)}
-
-    def tree(robot: Robot) -> Tree:
-        return with_joints(robot.tree, lambda joint: replace(joint, **nothing) if getattr(joint, number) else joint)
-
-    return tree
+    return lambda robot: with_joints(robot.tree, lambda joint: replace(joint, **nothing))
 
 
-@law("mimic joints", "joints", supplied=True)
-def mimics(robot: Robot) -> Tree:
-    return with_joints(robot.tree, freed)
-
-
-@law("tendons", "tendons", supplied=True)
-def point_springs(robot: Robot) -> Tree:
-    return replace(robot.tree, springs=()) if robot.tree.springs else robot.tree
-
-
-@law("tendons on joints", "tendons")
-def linear_tendons(robot: Robot) -> Tree:
-    return replace(robot.tree, couplings=()) if robot.tree.couplings else robot.tree
+dampers = law("joint damping", "joints", supplied=True)(_without("damping"))
+springs = law("springs", "joints", supplied=True)(_without("stiffness"))
+rotors = law("rotor inertias", "joints", supplied=True)(_without("armature"))
+mimics = law("mimic joints", "joints", supplied=True)(lambda robot: with_joints(robot.tree, freed))
+point_springs = law("tendons", "tendons", supplied=True)(lambda robot: replace(robot.tree, springs=()))
+linear_tendons = law("tendons on joints", "tendons")(lambda robot: replace(robot.tree, couplings=()))
 
 
 @law("ball joint", "joints", supplied=True)
@@ -67,11 +51,6 @@ def frames(robot: Robot) -> Tree:
     return with_bodies(without_bodies(robot.tree, [body.name for body in robot.tree.bodies if _is_framed(body)]), read)
 
 
-dampers = law("joint damping", "joints", supplied=True)(_without("damping"))
-springs = law("springs", "joints", supplied=True)(_without("stiffness"))
-rotors = law("rotor inertias", "joints", supplied=True)(_without("armature"))
-
-
 @law("links without inertia", "links", supplied=True)
 def unit_inertias(robot: Robot) -> Tree:
     """1 kg and moments of 1 kg m^2 about the origin of each moving body to which the file gives no inertia."""
@@ -83,3 +62,14 @@ def unit_inertias(robot: Robot) -> Tree:
         return Inertia((), _ONE, (*(_ONE,) * 3, *(Fraction(0),) * 3), body.place)
 
     return with_inertias(robot.tree, read)
+
+
+def gravity_along_z(value: float, whose: str) -> Law:
+    """An engine takes this gravity [m/s^2] along z, whatever the file says; a decimal that it rounds, as the file's own is."""
+
+    @law("gravity", "files", supplied=True)
+    def tree(robot: Robot) -> Tree:
+        place = robot.tree.place
+        return replace(robot.tree, gravity=vector((0, 0, Fraction(value) if place is None else Given(value, place, f"gravity of {whose}"))))
+
+    return tree

@@ -6,8 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from harness.explain.changes.readings import _left_out, element_at, law, with_inertias, with_joints
-from harness.explain.changes.readings._inertias import computed, matrix_of
+from harness.explain.changes.readings import _left_out, computed, element_at, law, matrix_of, readings_of, with_inertias, with_joints
 from harness.files.tree import Body, Given, Inertia, Tree, vector
 from harness.trees.robot import Robot
 
@@ -15,7 +14,9 @@ from harness.trees.robot import Robot
 _DENSITY, _MASS = 1000.0, 1.0
 # That Drake's parser of MJCF knows.
 _ACTUATORS = ("motor", "position")
-_PARSER = 'Drake documentation, "Parsing model files", MJCF; multibody/parsing/detail_mujoco_parser.cc'
+_BOTH, _MJCF = ("urdf", "mjcf"), ("mjcf",)
+_MANUAL = 'Drake documentation, "Parsing model files"'
+_PARSER = f"{_MANUAL}, MJCF; multibody/parsing/detail_mujoco_parser.cc"
 # Of half the trace, or of 1 kg m^2 where that is more, by which moments may be off: RotationalInertia::CouldBePhysicallyValid.
 _ROUNDINGS = 16 * 2.0**-52
 
@@ -45,16 +46,14 @@ def _possible(robot: Robot) -> Tree:
 
 @law("settings of the compiler", "files")
 def _without_settings(robot: Robot) -> Tree:
-    tree = robot.tree
-    return tree if tree.total_mass is None and tree.bounds is None else replace(tree, total_mass=None, bounds=None)
+    return replace(robot.tree, total_mass=None, bounds=None)
 
 
 @law("rotor inertias", "joints", supplied=True)
 def _undriven(robot: Robot) -> Tree:
     root = element_at(robot.tree.place)
     driven = set() if root is None else {one.get("joint") for tag in _ACTUATORS for one in root.iterfind(f"actuator/{tag}")}
-    nothing = Fraction(0)
-    return with_joints(robot.tree, lambda joint: joint if joint.name in driven or not joint.armature else replace(joint, armature=nothing))
+    return with_joints(robot.tree, lambda joint: joint if joint.name in driven else replace(joint, armature=Fraction(0)))
 
 
 @law("gravity", "files", supplied=True)
@@ -66,9 +65,7 @@ def _written_gravity(robot: Robot) -> Tree:
         return tree
     written = next((option.get("gravity") for option in root.iterfind("option") if option.get("gravity")), "0 0 -9.81")
     numbers = [float(word) for word in written.split()]
-    return (
-        replace(tree, gravity=vector([Given(one, place, "gravity", index) for index, one in enumerate(numbers)])) if any(numbers) else tree
-    )
+    return replace(tree, gravity=vector([Given(one, place, "gravity", index) for index, one in enumerate(numbers)]))
 
 
 @law("several joints of a body", "bodies", after=("frames",))
@@ -84,43 +81,42 @@ def _in_a_row(robot: Robot) -> Tree:
             bodies.append(Body(name, parent, (), (joint,), None, body.place))
             parent = name
         bodies.append(replace(body, parent=parent, joints=body.joints[-1:]))
-    return replace(robot.tree, bodies=tuple(bodies)) if len(bodies) > len(robot.tree.bodies) else robot.tree
+    return replace(robot.tree, bodies=tuple(bodies))
 
 
-READINGS = (
-    _in_a_row(
-        "drake",
-        ("mjcf",),
-        "Drake's parser puts all but the last of several joints of a body into the frame of its parent, without the body's pose",
-        "Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
-    ),
-    _left_out.frames("drake", ("mjcf",), "Drake's parser passes over <frame> and <replicate> with all that they hold", _PARSER),
-    _without_settings(
-        "drake",
-        ("mjcf",),
-        "Drake's parser passes over settotalmass, and boundmass, boundinertia and balanceinertia, with a warning",
-        _PARSER,
-    ),
-    _undriven(
-        "drake",
-        ("mjcf",),
-        "Drake's parser gives the armature of a joint to motors and position actuators, and drops it where none drives the joint",
-        "https://github.com/RobotLocomotion/drake/pull/21967",
-    ),
-    _written_gravity("drake", ("mjcf",), "Drake's parser passes over the flag that switches gravity off, with a warning", _PARSER),
-    _left_out.point_springs("drake", ("mjcf",), "Drake's parser passes over tendons, with a warning", _PARSER),
-    _left_out.linear_tendons("drake", ("mjcf",), "Drake's parser passes over tendons on joints, with a warning", _PARSER),
-    _left_out.springs(
-        "drake",
-        ("urdf", "mjcf"),
-        "Drake's parser passes over the springs of joints, with a warning for those of an MJCF",
-        'Drake documentation, "Parsing model files": <springStiffness> is unknown, and stiffness of an MJCF\'s joint is not supported',
-    ),
-    _possible(
-        "drake",
-        ("urdf", "mjcf"),
-        "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "
-        "or 1 kg where it has none; it warns of it",
-        "Drake, multibody/parsing/detail_common.h, ParseSpatialInertia, and its fallback",
-    ),
+READINGS = readings_of(
+    "drake",
+    {
+        _MJCF: {
+            _in_a_row: (
+                "Drake's parser puts all but the last of several joints of a body into the frame of its parent, without the body's pose",
+                "Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
+            ),
+            _left_out.frames: ("Drake's parser passes over <frame> and <replicate> with all that they hold", _PARSER),
+            _without_settings: (
+                "Drake's parser passes over settotalmass, and boundmass, boundinertia and balanceinertia, with a warning",
+                _PARSER,
+            ),
+            _undriven: (
+                "Drake's parser gives the armature of a joint to motors and position actuators, and drops it where none drives the joint",
+                "https://github.com/RobotLocomotion/drake/pull/21967",
+            ),
+            _written_gravity: ("Drake's parser passes over the flag that switches gravity off, with a warning", _PARSER),
+            _left_out.point_springs: ("Drake's parser passes over tendons, with a warning", _PARSER),
+            _left_out.linear_tendons: ("Drake's parser passes over tendons on joints, with a warning", _PARSER),
+        },
+        _BOTH: {
+            _left_out.springs: (
+                "Drake's parser passes over the springs of joints, with a warning for those of an MJCF",
+                f"{_MANUAL}: <springStiffness> is unknown, and stiffness of an MJCF's joint is not supported",
+            ),
+            _possible: (
+                (
+                    "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "
+                    "or 1 kg where it has none; it warns of it"
+                ),
+                "Drake, multibody/parsing/detail_common.h, ParseSpatialInertia, and its fallback",
+            ),
+        },
+    },
 )

@@ -1,19 +1,22 @@
-"""What MuJoCo's reader of URDF takes from its own element ``<mujoco>``, and what it makes of links; one reading of its MJCF."""
+"""What MuJoCo's reader of URDF takes from its own element ``<mujoco>``, and what it makes of links; one reading of its MJCF, and MJX's."""
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
 from lxml import etree
 
-from harness.explain.changes.readings import _left_out, element_at, law, mujoco_settings, with_bodies, with_inertias, with_joints
+from harness.explain.changes.readings import _left_out, element_at, law, readings_of, with_bodies, with_inertias, with_joints
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
 from harness.trees.bodies.bounds import bounded
 from harness.trees.robot import Robot
 
-_URDF = ("urdf",)
+_MJCF, _URDF = ("mjcf",), ("urdf",)
 _EXTENSIONS = "MuJoCo documentation, Modeling, URDF extensions, and XML reference"
+_URDF_READER = "MuJoCo 4.0, xml/xml_urdf.cc"
+_OBJECTS = "MuJoCo 4.0, user/user_objects.cc"
 _ONE_EXTENSION = "MuJoCo documentation, Modeling, URDF extensions: its own element <mujoco> is the one extension that is read"
 _NOTHING = (Fraction(0),) * 6
 # mjMINVAL.
@@ -23,6 +26,19 @@ _DENSITY = Fraction(1000)
 # Shape to the attributes that give its size, each halved or not, in the order of ``Solid``.
 _SHAPES = {"sphere": (("radius", 1),), "cylinder": (("radius", 1), ("length", 2)), "box": (("size", 2),)}
 _AXES = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
+
+
+def _settings(robot: Robot, tag: str) -> Mapping[str, list[Given]]:
+    """The attributes of that part of a URDF's element ``<mujoco>`` that are numbers; MuJoCo takes one that is not finite for none."""
+    place = robot.tree.place
+    root = element_at(place)
+    found: dict[str, list[Given]] = {}
+    if place is None or root is None or (part := root.find(f"mujoco/{tag}")) is None:
+        return found
+    for name, text in part.attrib.items():
+        with contextlib.suppress(ValueError, OverflowError):
+            found[str(name)] = [Given(float(word), place, f"mujoco/{tag} {name}", index) for index, word in enumerate(text.split())]
+    return found
 
 
 def _centred(tree: Tree) -> Tree:
@@ -46,7 +62,7 @@ def _massless_bodies_centred(robot: Robot) -> Tree:
 @law("least masses and inertias", "links", supplied=True, after=("mass of collision geometry",))
 def _bounded_as_settings_say(robot: Robot) -> Tree:
     tree, root = robot.tree, element_at(robot.tree.place)
-    settings = mujoco_settings(robot, "compiler")
+    settings = _settings(robot, "compiler")
     mass, moment = (next(iter(settings.get(name, ())), Fraction(0)) for name in ("boundmass", "boundinertia"))
     balances = root is not None and root.find("mujoco/compiler[@balanceinertia='true']") is not None
     read = _centred(replace(tree, bounds=Bounds(mass, moment, balances)))
@@ -93,9 +109,8 @@ def _damped_in_each_velocity(robot: Robot) -> Tree:
 
 @law("gravity", "files", supplied=True)
 def _gravity_of_settings(robot: Robot) -> Tree:
-    gravity = mujoco_settings(robot, "option").get("gravity", ())
-    read = replace(robot.tree, gravity=vector(gravity)) if len(gravity) == 3 else robot.tree
-    return robot.tree if read.gravity == robot.tree.gravity else read
+    gravity = _settings(robot, "option").get("gravity", ())
+    return replace(robot.tree, gravity=vector(gravity)) if len(gravity) == 3 else robot.tree
 
 
 @law("inertia without mass", "links", supplied=True, after=("least masses and inertias",))
@@ -111,60 +126,77 @@ def _without_massless_inertias(robot: Robot) -> Tree:
 
 @law("settotalmass", "files", supplied=True, after=("inertia without mass",))
 def _scaled_as_settings_say(robot: Robot) -> Tree:
-    total = next(iter(mujoco_settings(robot, "compiler").get("settotalmass", ())), Fraction(0))
+    total = next(iter(_settings(robot, "compiler").get("settotalmass", ())), Fraction(0))
     return replace(robot.tree, total_mass=total) if total > 0 else robot.tree
 
 
-READINGS = (
-    _massless_bodies_centred(
-        "mujoco",
-        ("mjcf",),
-        "MuJoCo takes the position of a body in its parent for the centre of the mass that boundmass gives it",
-        "MuJoCo 4.0, user/user_objects.cc, mjCBody::Compile: where ipos is undefined, the body's pos and quat are copied into it",
-    ),
-    _weighed(
-        "mujoco",
-        _URDF,
-        "MuJoCo gives a link without <inertial> the mass of its collision geometry, at 1000 kg/m^3",
-        'MuJoCo documentation, XML reference, compiler, inertiafromgeom="auto", and geom, density',
-    ),
-    _bounded_as_settings_say(
-        "mujoco",
-        _URDF,
-        "MuJoCo bounds masses and inertias by the compiler settings of the file's element <mujoco>, before it fuses links",
-        f"{_EXTENSIONS}, compiler: boundmass, boundinertia, balanceinertia",
-    ),
-    _without_massless_inertias(
-        "mujoco",
-        _URDF,
-        "MuJoCo drops the inertia of a link of mass 0 when it fuses the link with its parent",
-        "MuJoCo 4.0, user/user_objects.cc, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
-    ),
-    _scaled_as_settings_say(
-        "mujoco",
-        _URDF,
-        "MuJoCo scales all masses by the compiler settings of the file's element <mujoco>",
-        f"{_EXTENSIONS}, compiler: settotalmass",
-    ),
-    _gravity_of_settings(
-        "mujoco", _URDF, "MuJoCo takes gravity from the option settings of the file's element <mujoco>", f"{_EXTENSIONS}, option: gravity"
-    ),
-    _damped_in_each_velocity(
-        "mujoco",
-        _URDF,
-        "MuJoCo applies the damping of a floating or planar joint to each of its velocities",
-        "MuJoCo 4.0, xml/xml_urdf.cc, mjXURDF::Joint; wiki.ros.org/urdf/XML/joint: damping is for revolute and prismatic joints",
-    ),
-    _left_out.springs("mujoco", _URDF, "MuJoCo's reader of URDF passes over Gazebo's springs of joints", _ONE_EXTENSION),
-    _left_out.point_springs("mujoco", _URDF, "MuJoCo's reader of URDF passes over Drake's springs between points", _ONE_EXTENSION),
-    _left_out.rotors("mujoco", _URDF, "MuJoCo's reader of URDF passes over Drake's rotor inertias", _ONE_EXTENSION),
-    _left_out.ball_joints(
-        "mujoco", _URDF, "MuJoCo's reader of URDF passes over Drake's ball joint, and fixes the root link to the world", _ONE_EXTENSION
-    ),
-    _left_out.mimics(
-        "mujoco",
-        _URDF,
-        "MuJoCo makes a joint that mimics another a joint of its own under a soft equality constraint, which is off here",
-        f"{_EXTENSIONS}, equality/joint",
-    ),
+@law("flags of springs and dampers", "elements", supplied=True)
+def _without_passive_forces(robot: Robot) -> Tree:
+    """MJX applies no passive force where springs are switched off, nor where dampers are."""
+    root, nothing = element_at(robot.tree.place), Fraction(0)
+    flags = [] if root is None else list(root.iterfind("option/flag"))
+    if not any(flag.get(name) == "disable" for flag in flags for name in ("spring", "damper")):
+        return robot.tree
+    tree = with_joints(robot.tree, lambda joint: replace(joint, stiffness=nothing, damping=nothing))
+    return replace(tree, springs=(), couplings=())
+
+
+MUJOCO = readings_of(
+    "mujoco",
+    {
+        _MJCF: {
+            _massless_bodies_centred: (
+                "MuJoCo takes the position of a body in its parent for the centre of the mass that boundmass gives it",
+                f"{_OBJECTS}, mjCBody::Compile: where ipos is undefined, the body's pos and quat are copied into it",
+            ),
+        },
+        _URDF: {
+            _weighed: (
+                "MuJoCo gives a link without <inertial> the mass of its collision geometry, at 1000 kg/m^3",
+                'MuJoCo documentation, XML reference, compiler, inertiafromgeom="auto", and geom, density',
+            ),
+            _bounded_as_settings_say: (
+                "MuJoCo bounds masses and inertias by the compiler settings of the file's element <mujoco>, before it fuses links",
+                f"{_EXTENSIONS}, compiler: boundmass, boundinertia, balanceinertia",
+            ),
+            _without_massless_inertias: (
+                "MuJoCo drops the inertia of a link of mass 0 when it fuses the link with its parent",
+                f"{_OBJECTS}, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
+            ),
+            _scaled_as_settings_say: (
+                "MuJoCo scales all masses by the compiler settings of the file's element <mujoco>",
+                f"{_EXTENSIONS}, compiler: settotalmass",
+            ),
+            _gravity_of_settings: (
+                "MuJoCo takes gravity from the option settings of the file's element <mujoco>",
+                f"{_EXTENSIONS}, option: gravity",
+            ),
+            _damped_in_each_velocity: (
+                "MuJoCo applies the damping of a floating or planar joint to each of its velocities",
+                f"{_URDF_READER}, mjXURDF::Joint; wiki.ros.org/urdf/XML/joint: damping is for revolute and prismatic joints",
+            ),
+            _left_out.springs: ("MuJoCo's reader of URDF passes over Gazebo's springs of joints", _ONE_EXTENSION),
+            _left_out.point_springs: ("MuJoCo's reader of URDF passes over Drake's springs between points", _ONE_EXTENSION),
+            _left_out.rotors: ("MuJoCo's reader of URDF passes over Drake's rotor inertias", _ONE_EXTENSION),
+            _left_out.ball_joints: (
+                "MuJoCo's reader of URDF passes over Drake's ball joint, and fixes the root link to the world",
+                _ONE_EXTENSION,
+            ),
+            _left_out.mimics: (
+                "MuJoCo makes a joint that mimics another a joint of its own under a soft equality constraint, which is off here",
+                f"{_EXTENSIONS}, equality/joint",
+            ),
+        },
+    },
+)
+MJX = readings_of(
+    "mjx",
+    {
+        _MJCF: {
+            _without_passive_forces: (
+                "MJX leaves out springs and dampers alike where the file switches off the one or the other",
+                "mujoco/mjx/_src/passive.py, passive; https://github.com/google-deepmind/mujoco/pull/3440",
+            ),
+        },
+    },
 )

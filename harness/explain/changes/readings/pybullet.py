@@ -1,6 +1,7 @@
 """What PyBullet's reader of URDF leaves out, the boxes that it takes inertias of, and its way to their principal axes."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 
@@ -8,8 +9,17 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
-from harness.explain.changes.readings import _left_out, element_at, law, with_inertias
-from harness.explain.changes.readings._inertias import computed, matrix_of, moments_of, moving
+from harness.explain.changes.readings import (
+    _left_out,
+    computed,
+    element_at,
+    law,
+    matrix_of,
+    moments_of,
+    moving,
+    readings_of,
+    with_inertias,
+)
 from harness.files.tree import Body, Inertia, Tree
 from harness.trees.robot import Robot
 
@@ -119,88 +129,80 @@ def _turn(matrix: Array, p: int, q: int) -> Array:
     return turn
 
 
-_FORMATS = ("urdf",)
+_URDF = ("urdf",)
 _READER = "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseJoint, parseJointDynamics"
-
 _INERTIAS = "bullet3, examples/Importers/ImportURDFDemo/BulletUrdfImporter.cpp, getMassAndInertia2"
 _NONE = (Fraction(0),) * 3
+
+
+def _of_moving(robot: Robot, change: Callable[[Body, Inertia], Inertia]) -> Tree:
+    """The tree with the inertia of each moving body that has one as ``change`` gives it."""
+    moved = moving(robot.tree)
+    return with_inertias(robot.tree, lambda body: change(body, body.inertia) if body.inertia and body.name in moved else body.inertia)
 
 
 @law("inertia of collision shapes", "links", supplied=True, after=("links without inertia",))
 def _boxes(robot: Robot) -> Tree:
     """In the frame of the inertia; a body without mass has none."""
 
-    moved = moving(robot.tree)
-
-    def read(body: Body) -> Inertia | None:
-        if body.inertia is None or body.name not in moved:
-            return body.inertia
+    def read(body: Body, inertia: Inertia) -> Inertia:
         x, y, z = (4 * half**2 for half in half_extents(body))
-        mass = float(body.inertia.mass) / 12
+        mass = float(inertia.mass) / 12
         squares = enumerate((y + z, x + z, x + y))
         moments = (computed(mass * square, body, "moment of PyBullet's box", index) for index, square in squares)
-        return replace(body.inertia, moments=(*moments, *_NONE))
+        return replace(inertia, moments=(*moments, *_NONE))
 
-    return with_inertias(robot.tree, read)
+    return _of_moving(robot, read)
 
 
 @law("principal axes", "links", after=("impossible inertias",))
 def _diagonal(robot: Robot) -> Tree:
-    moved = moving(robot.tree)
-
-    def read(body: Body) -> Inertia | None:
-        if body.inertia is None or body.name not in moved or not any(body.inertia.moments[3:]):
-            return body.inertia
-        _, axes, rest = diagonalized(matrix_of(body.inertia))
+    def read(_body: Body, inertia: Inertia) -> Inertia:
+        if not any(inertia.moments[3:]):
+            return inertia
+        _, axes, rest = diagonalized(matrix_of(inertia))
         # Only what is left out is rounded, which is a millionth of the whole.
         lost = moments_of(axes @ rest @ axes.T)
-        moments = (moment - Fraction(off) if off else moment for moment, off in zip(body.inertia.moments, lost, strict=True))
-        return replace(body.inertia, moments=tuple(moments))
+        moments = (moment - Fraction(off) if off else moment for moment, off in zip(inertia.moments, lost, strict=True))
+        return replace(inertia, moments=tuple(moments))
 
-    return with_inertias(robot.tree, read)
+    return _of_moving(robot, read)
 
 
 @law("impossible inertias", "links", after=("inertia of collision shapes",))
 def _possible(robot: Robot) -> Tree:
-    moved = moving(robot.tree)
+    def read(_body: Body, inertia: Inertia) -> Inertia:
+        first, second, third = np.sort(diagonalized(matrix_of(inertia))[0])
+        return inertia if first >= 0 and third <= first + second else replace(inertia, moments=_NONE * 2)
 
-    def read(body: Body) -> Inertia | None:
-        if body.inertia is None or body.name not in moved:
-            return body.inertia
-        first, second, third = np.sort(diagonalized(matrix_of(body.inertia))[0])
-        return body.inertia if first >= 0 and third <= first + second else replace(body.inertia, moments=_NONE * 2)
-
-    return with_inertias(robot.tree, read)
+    return _of_moving(robot, read)
 
 
-READINGS = (
-    _left_out.unit_inertias(
-        "pybullet",
-        _FORMATS,
-        "PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, and warns of it",
-        "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
-    ),
-    _boxes(
-        "pybullet",
-        _FORMATS,
-        "PyBullet passes over moments of inertia, and takes those of the box around the collision shapes of a link, 1 mm wider",
-        "PyBullet Quickstart Guide, loadURDF, URDF_USE_INERTIA_FROM_FILE; bullet3, btCompoundShape::calculateLocalInertia",
-    ),
-    _possible(
-        "pybullet",
-        _FORMATS,
-        "PyBullet sets moments of inertia to zero where one is negative or more than the sum of the others, and warns of it",
-        _INERTIAS,
-    ),
-    _diagonal(
-        "pybullet",
-        _FORMATS,
-        "PyBullet turns an inertia matrix to its principal axes to 1e-6 of it, and passes over the products that are left",
-        f"{_INERTIAS}; btMatrix3x3::diagonalize",
-    ),
-    _left_out.dampers("pybullet", _FORMATS, "PyBullet stores the damping of joints, and its inverse dynamics apply none", _READER),
-    _left_out.springs("pybullet", _FORMATS, "PyBullet reads no springs of joints", _READER),
-    _left_out.rotors("pybullet", _FORMATS, "PyBullet reads no rotor inertias", _READER),
-    _left_out.mimics("pybullet", _FORMATS, "PyBullet takes a joint that mimics another for one that moves by itself", _READER),
-    _left_out.point_springs("pybullet", _FORMATS, "PyBullet reads no springs between points", _READER),
+READINGS = readings_of(
+    "pybullet",
+    {
+        _URDF: {
+            _left_out.unit_inertias: (
+                "PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, and warns of it",
+                "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
+            ),
+            _boxes: (
+                "PyBullet passes over moments of inertia, and takes those of the box around the collision shapes of a link, 1 mm wider",
+                "PyBullet Quickstart Guide, loadURDF, URDF_USE_INERTIA_FROM_FILE; bullet3, btCompoundShape::calculateLocalInertia",
+            ),
+            _possible: (
+                "PyBullet sets moments of inertia to zero where one is negative or more than the sum of the others, and warns of it",
+                _INERTIAS,
+            ),
+            _diagonal: (
+                "PyBullet turns an inertia matrix to its principal axes to 1e-6 of it, and passes over the products that are left",
+                f"{_INERTIAS}; btMatrix3x3::diagonalize",
+            ),
+            _left_out.dampers: ("PyBullet stores the damping of joints, and its inverse dynamics apply none", _READER),
+            _left_out.springs: ("PyBullet reads no springs of joints", _READER),
+            _left_out.rotors: ("PyBullet reads no rotor inertias", _READER),
+            _left_out.mimics: ("PyBullet takes a joint that mimics another for one that moves by itself", _READER),
+            _left_out.point_springs: ("PyBullet reads no springs between points", _READER),
+        },
+    },
 )

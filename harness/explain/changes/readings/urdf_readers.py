@@ -1,0 +1,115 @@
+"""What adam, DART and iDynTree, which read URDF alone, leave out of it or take otherwise."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from harness.explain.changes.readings import _left_out, law, readings_of, with_inertias, with_joints
+from harness.files.tree import Joint, Tree
+from harness.trees.robot import Robot
+
+_URDF = ("urdf",)
+_ADAM = "adam, src/adam/model/std_factories: of a URDF it takes links with their inertials, and joints with origin, axis and limits"
+_DART = "DART, dart/utils/urdf/DartLoader.cpp, which reads links, and of joints origin, axis, limits, dynamics and mimic"
+_IDYNTREE = "iDynTree, src/model_io/codecs: its parser of URDF knows links, joints and sensors"
+# Of a DART Skeleton that is in no world [s].
+_TIME_STEP = Fraction(0.001)
+
+# The default of adam's KinDynComputations.
+_gravity = _left_out.gravity_along_z(float(np.float32(-9.80665)), "adam")
+
+
+@law("implicit dampers", "joints", supplied=True, after=("rotor inertias",))
+def _damped_implicitly(robot: Robot) -> Tree:
+    """At the end of a step h the damper acts on v + h a, as if h times the damping were an inertia of a rotor."""
+
+    def read(joint: Joint) -> Joint:
+        return replace(joint, armature=joint.armature + _TIME_STEP * joint.damping) if joint.damping else joint
+
+    return with_joints(robot.tree, read)
+
+
+@law("inertia without mass", "links")
+def _without_frames(robot: Robot) -> Tree:
+    """A link is taken for a frame if a fixed joint carries it, nothing but such links hangs on it, and its mass is 0."""
+    frames: set[str] = set()
+    parents = {body.name: body.parent for body in robot.tree.bodies}
+    for body in reversed(robot.tree.bodies):
+        carries = any(parent == body.name and name not in frames for name, parent in parents.items())
+        if body.parent in parents and not (body.joints or carries or (body.inertia and body.inertia.mass)):
+            frames.add(body.name)
+    return with_inertias(
+        robot.tree, lambda body: None if body.name in frames and body.inertia and any(body.inertia.moments) else body.inertia
+    )
+
+
+ADAM = readings_of(
+    "adam",
+    {
+        _URDF: {
+            _left_out.dampers: ("The computations of adam apply no joint damping", _ADAM),
+            _left_out.springs: ("The parser of adam reads no springs", _ADAM),
+            _left_out.rotors: ("The parser of adam reads no rotor inertias", _ADAM),
+            _left_out.mimics: ("The parser of adam takes a joint that mimics another for one that moves by itself", _ADAM),
+            _left_out.point_springs: ("The parser of adam reads no springs between points", _ADAM),
+            _gravity: (
+                "The computations of adam take 9.80665 m/s^2 along -z for gravity, rounded to float32",
+                "adam, src/adam/numpy/computations.py, KinDynComputations: gravity",
+            ),
+        },
+    },
+)
+DART = readings_of(
+    "dartpy",
+    {
+        _URDF: {
+            _left_out.unit_inertias: (
+                "DART gives a link without <inertial> 1 kg and moments of 1 kg m^2",
+                "DART, dart/utils/urdf/DartLoader.hpp, Options::mDefaultInertia",
+            ),
+            _left_out.springs: ("DART's loader reads no springs", _DART),
+            _left_out.rotors: ("DART knows no rotor inertias of joints", _DART),
+            _left_out.mimics: (
+                "DART has a joint that mimics another follow it by a constraint of its world, which computeForwardDynamics does not ask",
+                "DART, dart/utils/urdf/DartLoader.cpp, and dart/constraint/MimicMotorConstraint.cpp",
+            ),
+            _left_out.point_springs: ("DART's loader reads no springs between points", _DART),
+            _damped_implicitly: (
+                "DART has the dampers of joints act at the end of its time step, which is 1 ms by default",
+                "https://github.com/dartsim/dart/issues/1450; dart/dynamics/detail/GenericJoint.hpp, updateInvProjArtInertiaImplicit",
+            ),
+        },
+    },
+)
+IDYNTREE = readings_of(
+    "idyntree",
+    {
+        _URDF: {
+            _without_frames: (
+                "The parser of iDynTree takes a link of mass 0 at the end of fixed joints for a frame, and drops its inertia",
+                "iDynTree, src/model/src/ModelTransformers.cpp, removeFakeLinks",
+            ),
+            _left_out.dampers: (
+                "The parser of iDynTree stores the damping of joints, and no computation applies it",
+                "iDynTree, src/model: IJoint::getDamping is read by no algorithm of ForwardKinematics.cpp or Dynamics.cpp",
+            ),
+            _left_out.springs: (
+                "The parser of iDynTree reads no springs",
+                _IDYNTREE,
+            ),
+            _left_out.rotors: (
+                "The parser of iDynTree reads no rotor inertias",
+                _IDYNTREE,
+            ),
+            _left_out.mimics: (
+                "The parser of iDynTree takes a joint that mimics another for one that moves by itself, without a message",
+                "iDynTree, src/model_io/codecs/src/URDFParsingUtils and JointElement.cpp, which know no <mimic>",
+            ),
+            _left_out.point_springs: (
+                "The parser of iDynTree reads no springs between points",
+                _IDYNTREE,
+            ),
+        },
+    },
+)
