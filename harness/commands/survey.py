@@ -31,8 +31,8 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tu
     """
     from harness.comparison.collection import find_files
     from harness.comparison.study import ComparisonSettings, RobotComparison
-    from harness.report.addresses import ROBOTS
-    from harness.report.comparison import survey_overview
+    from harness.report.comparison import survey_sections
+    from harness.report.site_tables import ROBOTS
     from harness.results.comparison import FilesComparison, survey_profile
 
     paths, floating = tuple(find_files(places)), bracket.floating_base
@@ -40,7 +40,7 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tu
     profile = survey_profile(places, bracket.floating_base)
     before = bracket.history.latest(FilesComparison, bracket.library.name, profile)
     bracket.begin(states, profile, FilesComparison)
-    found = compare_robots(bracket, study, lambda found: survey_overview(found, before))
+    found = compare_robots(bracket, study, lambda found: survey_sections(found, before))
     write_page(bracket)
     say("", f"page: {bracket.directory / ROBOTS}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

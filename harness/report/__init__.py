@@ -10,21 +10,21 @@ Start with ``build``; ``summary`` says what the pages say, ``pages`` and ``markd
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from harness.errors import InvalidInput
 from harness.report import site_tables
-from harness.report.badges import badge
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import library
 from harness.report.hard_cases import HardSummary
-from harness.report.html import asset
+from harness.report.html import asset, badge
 from harness.report.markdown import render_markdown
 from harness.report.pages import Pages, Survey
-from harness.report.standalone import standalone
 from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
@@ -38,6 +38,11 @@ __all__ = ["Earlier", "Survey", "build", "write"]
 
 # What pages share, beside them as it stands in this folder.
 _SHARED = ("style.css", "site.js", "charts.js")
+# Of ``rebuild.py``, each after those that it imports. They use the standard library alone, and no two give one name to different things.
+MODULES = (
+    "verdict.py", "results/table.py", "results/site.py", "results/trend_numbers.py", "report/sparkline.py", "report/site_tables.py",
+    "report/rebuild.py",
+)  # fmt: skip
 
 
 def build(
@@ -77,14 +82,32 @@ def build(
 
 def _site(pages: Pages) -> dict[str, str]:
     """Pages, what they share, badges, and their data."""
-    files, tables = {}, []
+    texts, tables = {}, []
     for address, drawn in pages.drawn():
-        files[address] = drawn.text
+        texts[address] = drawn.text
         tables += [site_tables.shown(address, name, table) for name, table in drawn.tables.items()]
     site = replace(pages.site, tables=tables)
-    files |= {name: asset(name) for name in _SHARED} | {"rebuild.py": standalone(), "bokeh.js": library()}
-    files |= {count.badge: badge(count) for count in site.counts}
-    return files | {"site.json": dumps(site, indent=1) + "\n", "site.schema.json": schema()}
+    texts |= {name: asset(name) for name in _SHARED} | {"rebuild.py": standalone(), "bokeh.js": library()}
+    texts |= {count.badge: badge(count) for count in site.counts}
+    return texts | {"site.json": dumps(site, indent=1) + "\n", "site.schema.json": schema()}
+
+
+def standalone() -> str:
+    """``rebuild.py`` as one file that needs Python alone: the modules that compute the tables of the site, one below the other."""
+    texts = [files("harness").joinpath(name).read_text("utf-8") for name in MODULES]
+    about = ast.get_docstring(ast.parse(texts[-1]), clean=False)
+    return "\n\n".join([f'"""{about}"""\n\nfrom __future__ import annotations', *map(_alone, texts)]) + "\n"
+
+
+def _alone(text: str) -> str:
+    """A module without its docstring and without what it imports of the harness."""
+    lines = text.splitlines()
+    for place, node in reversed(list(enumerate(ast.parse(text).body))):
+        is_docstring = place == 0 and isinstance(node, ast.Expr)
+        is_import = isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ("harness", "__future__")
+        if is_docstring or is_import:
+            del lines[node.lineno - 1 : node.end_lineno]
+    return "\n".join(lines).strip("\n")
 
 
 def write(directory: Path | str, files: Mapping[str, str]) -> None:

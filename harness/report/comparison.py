@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from harness.files.findings import Impossible
 from harness.report.sparkline import Sparkline
@@ -16,17 +17,25 @@ from harness.results.comparison import (
     PairRecord,
     SubjectRecord,
     changes,
+    short_names,
     trends,
 )
-from harness.results.comparison_tables import pair_table, short_names, subjects_table, survey_table
 from harness.results.gap import Gaps
 from harness.results.records import Run
-from harness.results.table import Cell, Table, counted, error_text
+from harness.results.table import Cell, Column, Table, TableOf, counted, error_text
+from harness.verdict import AGREEMENT, Verdict
 
 # Of which a trend is shown, this one among them.
 MOST_SURVEYS = 12
 # Of a reading or of a part that is left out; the JSON has all lines.
 MOST_LINES = 8
+
+_subjects = TableOf(
+    SubjectRecord,
+    "subject kind marked_outcome backward_error relative_error left dominating",
+    f"Engines against the certified accelerations of the file; errors in data roundoffs, of which up to {AGREEMENT:g} agree; the largest "
+    "over all states.",
+)
 
 
 @dataclass(frozen=True)
@@ -47,8 +56,8 @@ def sections(found: FilesComparison) -> Iterator[Section]:
     for file in found.files:
         own = found.of(file.path)
         if own:
-            yield Section(f"3. The engines on {file.name}", [subjects_table(own), *_readings(own), *_equalities(found, file)])
-    yield Section("4. The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
+            yield Section(f"3. The engines on {file.name}", [_subjects(own), *_readings(own), *_equalities(found, file)])
+    yield Section("4. The rest", _rest(found))
     for section in pair_sections(found):
         yield replace(section, title=f"5. {section.title}")
 
@@ -73,10 +82,16 @@ def gap_sections(found: Gaps) -> Iterator[Section]:
         yield Section("2. What the gap is made of", [*gap.remarks, gap.table])
 
 
-def survey_overview(
-    found: FilesComparison, before: tuple[Run, FilesComparison] | None = None, pages: Mapping[str, str] | None = None
+def survey_sections(
+    found: FilesComparison,
+    before: tuple[Run, FilesComparison] | None = None,
+    pages: Mapping[str, str] | None = None,
+    earlier: Sequence[FilesComparison] = (),
 ) -> Iterator[Section]:
-    """A table of all robots, what is not explained, and what is other than in the survey ``before``; ``pages`` of robots, by path."""
+    """A table of all robots, what is not explained, what is other than in the survey ``before``, and the trend over surveys ``earlier``.
+
+    ``pages`` are those of the robots, by path. The earlier surveys stand oldest first.
+    """
     compared = [subject for subject in found.subjects if not subject.aided]
     explained = sum(subject.explained for subject in compared)
     losing = sum(bool(subject.lost_digits) for subject in compared)
@@ -85,37 +100,50 @@ def survey_overview(
     held = [one for one in found.equalities if one.verdict]
     agreeing = sum(one.explained for one in held)
     count += f"; of {counted(len(held), 'answer')} with the file's equalities {agreeing} agree with their engine's optimum" if held else ""
-    yield Section("Robots and engines", [count, survey_table(found, pages or {})])
-    yield Section("The rest", [*_rest(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"])
+    yield Section("Robots and engines", [count, _survey_table(found, pages or {})])
+    yield Section("The rest", _rest(found))
     if before is not None:
         yield Section(f"Since the survey of {before[0].started}", [*changes(before[1], found)] or ["nothing changed"])
+    if earlier:
+        yield Section("Trend", [_trend_table(earlier, found, pages or {})])
+
+
+def _survey_table(found: FilesComparison, pages: Mapping[str, str]) -> Table:
+    """A row for each robot, a column for each subject."""
+    engines = sorted({subject.engine for subject in found.subjects})
+    own = {(one.path, one.engine, one.aided): _survey_cell(one, pages.get(one.path, "")) for one in reversed(found.subjects)}
+    names, rows = short_names(found), list[list[object]]()
+    for file in found.files:
+        cells = [own.get((file.path, engine, aided), "") for engine in engines for aided in (False, True)]
+        impossible = counted(len(file.impossible), "link") if file.impossible else ""
+        rows.append([names[file.path], None if file.problem else file.degrees_of_freedom, *cells, impossible, file.problem])
+    heads = [head for engine in engines for head in (engine, f"{engine} aided")]
+    caption = (
+        "Each engine's verdict, plain and aided; the largest relative error of its accelerations where they differ, and below it the "
+        "reading that moves them most."
+    )
+    return Table(["robot", Column("dof", "count"), *heads, "unphysical", "problem"], rows, caption, "matrix")
+
+
+def _survey_cell(subject: SubjectRecord, page: str) -> Cell:
+    size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
+    notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
+    return Cell(f"{subject.outcome}{size}", notes, subject.tone, link=page)
 
 
 def _trend_table(earlier: Sequence[FilesComparison], found: FilesComparison, pages: Mapping[str, str]) -> Table:
     """A row for each robot, a line for each subject."""
     values, names = trends(earlier, found), short_names(found)
-    columns = sorted({(subject.engine, subject.kind) for subject in found.subjects}, key=lambda column: (column[0], column[1] == "aided"))
+    columns = sorted({(subject.engine, subject.aided) for subject in found.subjects})
     rows = []
     for file in found.files:
-        own = {(subject.engine, subject.kind): values[subject.path, subject.subject, subject.kind] for subject in found.of(file.path)}
+        own = {(subject.engine, subject.aided): values[subject.path, subject.subject, subject.kind] for subject in found.of(file.path)}
         if any(own.values()):
             lines = [Sparkline(own[column]) if own.get(column) else "" for column in columns]
             rows.append([Cell(names[file.path], link=pages[file.path]), *lines])
-    heads = [engine if kind == "plain" else f"{engine} aided" for engine, kind in columns]
+    heads = [f"{engine} aided" if aided else engine for engine, aided in columns]
     caption = f"The worst backward error after readings, in data roundoffs, over the last surveys, {len(earlier) + 1} with this one."
     return Table(["robot", *heads], rows, caption)
-
-
-def survey_sections(
-    found: FilesComparison,
-    pages: Mapping[str, str],
-    before: tuple[Run, FilesComparison] | None = None,
-    earlier: Sequence[FilesComparison] = (),
-) -> Iterator[Section]:
-    """The overview, and the trend over the surveys ``earlier``, oldest first; ``pages`` of robots, by path."""
-    yield from survey_overview(found, before, pages)
-    if earlier:
-        yield Section("Trend", [_trend_table(earlier, found, pages)])
 
 
 def robot_sections(found: FilesComparison, file: FileRecord) -> Iterator[Section]:
@@ -126,7 +154,7 @@ def robot_sections(found: FilesComparison, file: FileRecord) -> Iterator[Section
     if impossible:
         yield Section("What no body can have", impossible, "impossible")
     if own:
-        yield Section("Engines", [subjects_table(own), *_readings(own), *_equalities(found, file)], "engines")
+        yield Section("Engines", [_subjects(own), *_readings(own), *_equalities(found, file)], "engines")
 
 
 def render(run: Run, title: str, parts: Iterable[Section]) -> str:
@@ -239,19 +267,22 @@ def _count(reading: Effect) -> str:
 
 def subject_lines(subject: SubjectRecord) -> list[str]:
     """All that is known of one subject."""
-    return [*_readings([subject]), *_rest(FilesComparison(subjects=[subject]))]
+    return [*_readings([subject]), *_unexplained(FilesComparison(subjects=[subject]))]
 
 
-def _rest(found: FilesComparison) -> Iterator[str]:
+def _rest(found: FilesComparison) -> list[str]:
+    return [*_unexplained(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"]
+
+
+def _unexplained(found: FilesComparison) -> Iterator[str]:
     for record in found.equalities:
         if not record.explained:
             yield f"{Path(record.path).name} {record.subject}, plain, with the file's equalities: {_with_equalities(record)}"
     for subject in found.subjects:
-        if subject.rest and not subject.explained:
-            yield f"{Path(subject.path).name} {subject.subject}, {subject.kind}: {subject.outcome}"
+        if not subject.explained:
+            message = "" if subject.rest else f": {subject.message}"
+            yield f"{Path(subject.path).name} {subject.subject}, {subject.kind}: {subject.outcome}{message}"
             yield from (f"  {sentence}" for sentence in subject.rest)
-        elif not subject.explained:
-            yield f"{Path(subject.path).name} {subject.subject}, {subject.kind}: {subject.outcome}: {subject.message}"
 
 
 def _pair(pair: PairRecord) -> Iterator[str | Table]:
@@ -266,4 +297,20 @@ def _pair(pair: PairRecord) -> Iterator[str | Table]:
         yield "  their numbers differ, and no acceleration feels it"
     yield from (f"  {remark}" for remark in pair.remarks)
     if pair.differences:
-        yield pair_table(pair)
+        columns: dict[Column | str, str | Callable[[Any], object]] = {
+            "what": "what",
+            Path(pair.first).name: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
+            Path(pair.second).name: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
+            Column("alone it moves qdd by", "error"): "alone",
+        }
+        yield Table.of(pair.differences, columns, "Differences, the one that moves the accelerations most first.")
+
+
+def published(found: FilesComparison, names: Mapping[str, str] | None = None) -> FilesComparison:
+    """A comparison whose files are named from the folder that all share: pages are published, and say nothing of this machine."""
+    short = names or short_names(found)
+    renamed = {
+        part: [replace(one, path=short.get(one.path, one.path)) for one in getattr(found, part)]
+        for part in ("files", "subjects", "equalities")
+    }
+    return FilesComparison(pairs=list(found.pairs), **renamed)

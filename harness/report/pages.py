@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass
 
-from harness.report import addresses, benchmark_charts, charts, comparison, hard_charts, site_data, site_tables, upstream
+from harness.report import benchmark_charts, charts, comparison, hard_charts, site_tables
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
 from harness.report.html import Drawn, draw
+from harness.report.site_data import collect, issues, split
 from harness.report.summary import Summary, trends_on, verdicts_on, worst
-from harness.results.comparison import FilesComparison
-from harness.results.comparison_tables import short_names
+from harness.results.atlas import Atlas
+from harness.results.benchmark import Benchmark
+from harness.results.comparison import FilesComparison, short_names
+from harness.results.cross_check import CrossCheckResult
 from harness.results.pareto import way_of
 from harness.results.records import Run
-from harness.results.site import Site, SiteRow
+from harness.results.site import SiteRow
 from harness.results.table import Cell, Column, Table
 
 # Shapes are the style sheet's, so that no verdict is told by its colour alone.
@@ -50,45 +51,40 @@ class Pages:
     measured: BenchmarkSummary | None
     hard: HardSummary | None
     survey: Survey | None
-    site: Site = field(init=False)
 
     def __post_init__(self) -> None:
-        self.site = site_data.collect(self.run, self.summary, self.measured, self.hard, self.survey.found if self.survey else None)
+        # What was not measured is shown as if nothing had been found.
+        self._verdicts = self.summary or Summary(self.run, CrossCheckResult())
+        self._costs = self.measured or BenchmarkSummary(self.run, Benchmark())
+        self._cases = self.hard or HardSummary(self.run, Atlas())
+        self._files = self.survey.found if self.survey else FilesComparison()
+        self.site = collect(self.run, self._verdicts, self._costs, self._cases, self._files)
+        self._row_pages = {row.name: row.page for row in self.site.rows if row.kind != "robot"}
+        self._cell_pages = {(cell.row, cell.column, cell.quantity): cell.page for cell in [*self.site.cells, *self.site.quantities]}
+        words = site_tables.slugs(family.name for family in self._cases.families)
+        self._hard_anchors = {name: f"hard-{word}" for name, word in words.items()}
 
     def drawn(self) -> Iterator[tuple[str, Drawn]]:
         """Address and page, the index first."""
-        yield addresses.INDEX, self._index()
+        yield site_tables.INDEX, self._index()
         for row in self.site.rows:
             if row.kind != "robot":
                 yield row.page, self._mechanism(row)
         for engine, page in dict.fromkeys((column.engine, column.page) for column in self.site.columns):
             yield page, self._engine(engine, page)
         if self.measured is not None:
-            yield addresses.BENCHMARK, self._benchmark(self.measured)
+            yield site_tables.BENCHMARK, self._benchmark(self.measured)
         if self.hard is not None:
-            yield addresses.HARD, self._hard(self.hard)
+            yield site_tables.HARD, self._hard(self.hard)
         if self.survey is not None:
             yield from self._robots(self.survey)
-
-    @cached_property
-    def _row_pages(self) -> dict[str, str]:
-        return {row.name: row.page for row in self.site.rows if row.kind != "robot"}
-
-    @cached_property
-    def _cell_pages(self) -> dict[tuple[str, str, str], str]:
-        return {(cell.row, cell.column, cell.quantity): cell.page for cell in [*self.site.cells, *self.site.quantities]}
-
-    @cached_property
-    def _hard_anchors(self) -> dict[str, str]:
-        words = addresses.slugs(family.name for family in self.hard.families) if self.hard else {}
-        return {name: f"hard-{word}" for name, word in words.items()}
 
     def _index(self) -> Drawn:
         outcomes = sorted({cell.outcome for cell in self.site.cells})
         return draw(
             "index.html",
-            addresses.INDEX,
-            charts.plots(self.summary) if self.summary else {},
+            site_tables.INDEX,
+            charts.plots(self._verdicts),
             run=self.run,
             site=self.site,
             summary=self.summary,
@@ -96,7 +92,7 @@ class Pages:
             hard=self.hard,
             robots=self.survey.found if self.survey else None,
             cell_pages=self._cell_pages,
-            subject_styles=styles(self.summary.subjects) if self.summary else {},
+            subject_styles=styles(self._verdicts.subjects),
             matrix=site_tables.matrix(self.site),
             engines=site_tables.engines(self.site),
             changes=site_tables.changes(self.site),
@@ -106,53 +102,43 @@ class Pages:
         )
 
     def _mechanism(self, row: SiteRow) -> Drawn:
-        summary, measured, hard = self.summary, self.measured, self.hard
-        records = summary.of_system(row.name) if summary else []
-        is_measured = measured is not None and row.name in measured.systems
-        plots = charts.plots_of(summary, row.name) if summary else {}
-        plots |= benchmark_charts.plots_of(measured, row.name) if measured is not None and is_measured else {}
+        summary, measured, name = self._verdicts, self._costs, row.name
+        records = summary.of_system(name)
+        plots = charts.plots_of(summary, name) | benchmark_charts.plots_of(measured, name)
         subjects = list(dict.fromkeys(record.subject for record in records))
-        families = [family for family in hard.families if row.name in family.systems] if hard else []
         return draw(
             "mechanism.html",
             row.page,
             plots,
             row=row,
-            card=summary.cards.get(row.name) if summary else None,
-            picture=summary.pictures.get(row.name, "") if summary else "",
+            card=summary.cards.get(name),
+            picture=summary.pictures.get(name, ""),
             records=records,
-            quantities=site_tables.quantities(self.site, row.name),
-            further=[record for record in summary.further if record.system == row.name and record.is_noteworthy] if summary else [],
-            verdicts=verdicts_on(summary, row.name) if summary else None,
-            trends=trends_on(summary, row.name) if summary else None,
-            changes=site_tables.changes(self.site, row.name),
-            differs=[finding for finding in summary.differs if finding.system == row.name] if summary else [],
+            quantities=site_tables.quantities(self.site, name),
+            further=[record for record in summary.further if record.system == name and record.is_noteworthy],
+            verdicts=verdicts_on(summary, name),
+            trends=trends_on(summary, name),
+            changes=site_tables.changes(self.site, name),
+            differs=[finding for finding in summary.differs if finding.system == name],
             told={subject: [record for record in records if record.subject == subject] for subject in subjects},
-            places=addresses.slugs(summary.subjects) if summary else {},
-            causes={subject: cause for (system, subject), cause in summary.causes.items() if system == row.name} if summary else {},
-            cases={case.subject: case for cases in summary.worst_cases.values() for case in cases if case.system == row.name}
-            if summary
-            else {},
-            upstream={subject: self._issues(subject, row.features) for subject in subjects},
-            measured=measured if is_measured else None,
-            subject_styles=styles(summary.subjects) if summary else {},
-            method_styles=benchmark_charts.method_styles(measured) if measured else {},
-            quantity_styles=benchmark_charts.quantity_styles(measured) if measured else {},
-            derivative_styles=benchmark_charts.derivative_styles(measured) if measured else {},
-            integrator_styles=styles(measured.integrators) if measured else {},
-            families=families,
+            places=site_tables.slugs(summary.subjects),
+            causes={subject: cause for (system, subject), cause in summary.causes.items() if system == name},
+            cases={case.subject: case for cases in summary.worst_cases.values() for case in cases if case.system == name},
+            upstream={subject: issues(split(subject)[0], row.features) for subject in subjects},
+            measured=measured if name in measured.systems else None,
+            subject_styles=styles(summary.subjects),
+            method_styles=benchmark_charts.method_styles(measured),
+            quantity_styles=benchmark_charts.quantity_styles(measured),
+            derivative_styles=benchmark_charts.derivative_styles(measured),
+            integrator_styles=styles(measured.integrators),
+            families=[family for family in self._cases.families if name in family.systems],
             hard_anchors=self._hard_anchors,
         )
-
-    def _issues(self, subject: str, features: Sequence[str]) -> list[Any]:
-        engine = site_data.split(subject)[0]
-        return [issue for feature in features for issue in upstream.of_feature(engine, feature)]
 
     def _engine(self, engine: str, page: str) -> Drawn:
         own = {column.name for column in self.site.columns if column.engine == engine}
         lines = [line for line in self.site.features if line.column in own]
-        records = [record for record in self.summary.records if record.subject in own] if self.summary else []
-        issues = {name: upstream.of_feature(engine, name) for name in dict.fromkeys(line.feature for line in lines)}
+        known = {name: issues(engine, [name]) for name in dict.fromkeys(line.feature for line in lines)}
         return draw(
             "engine.html",
             page,
@@ -161,12 +147,12 @@ class Pages:
             counts=[count for count in self.site.counts if count.engine == engine],
             subjects=site_tables.subjects(self.site, engine),
             features=site_tables.features(lines, engine),
-            feature_issues={name: found for name, found in issues.items() if found},
+            feature_issues={name: found for name, found in known.items() if found},
             findings=[finding for finding in self.site.findings if finding.engine == engine],
             red=[cell for cell in self.site.cells if cell.column in own and not cell.agrees],
-            worst_cases={subject: cases for subject, cases in self.summary.worst_cases.items() if subject in own} if self.summary else {},
-            worst=worst(records),
-            hard_sizes={subject: self.hard.sizes(subject) for subject in self.hard.subjects if subject in own} if self.hard else {},
+            worst_cases={subject: cases for subject, cases in self._verdicts.worst_cases.items() if subject in own},
+            worst=worst(record for record in self._verdicts.records if record.subject in own),
+            hard_sizes={subject: self._cases.sizes(subject) for subject in self._cases.subjects if subject in own},
             readings=self._readings(engine),
             row_pages=self._row_pages,
             cell_pages=self._cell_pages,
@@ -175,7 +161,7 @@ class Pages:
     def _readings(self, engine: str) -> Table:
         """A row for each reading of an engine that applies to a robot of the survey."""
         found: dict[tuple[str, str], list[float]] = {}
-        for subject in self.survey.found.subjects if self.survey else ():
+        for subject in self._files.subjects:
             for reading in subject.readings if subject.engine == engine and not subject.aided else ():
                 found.setdefault((reading.sentence, reading.source), []).append(reading.alone or 0.0)
         rows = [[sentence, len(alone), max(alone), source] for (sentence, source), alone in sorted(found.items())]
@@ -185,7 +171,7 @@ class Pages:
     def _benchmark(self, measured: BenchmarkSummary) -> Drawn:
         return draw(
             "benchmark_page.html",
-            addresses.BENCHMARK,
+            site_tables.BENCHMARK,
             benchmark_charts.plots(measured),
             run=self.run,
             benchmark=measured,
@@ -204,27 +190,16 @@ class Pages:
 
     def _hard(self, hard: HardSummary) -> Drawn:
         about = {"hard_styles": styles(hard.subjects), "hard_anchors": self._hard_anchors}
-        return draw("hard_page.html", addresses.HARD, hard_charts.plots(hard), run=self.run, hard=hard, **about)
+        return draw("hard_page.html", site_tables.HARD, hard_charts.plots(hard), run=self.run, hard=hard, **about)
 
     def _robots(self, survey: Survey) -> Iterator[tuple[str, Drawn]]:
-        found, names = published(survey.found), short_names(survey.found)
+        found, names = comparison.published(survey.found), short_names(survey.found)
         pages = {row.name: row.page for row in self.site.rows if row.kind == "robot"}
         places = {file.path: pages[file.path] for file in found.files}
-        before = survey.before and (survey.before[0], published(survey.before[1]))
-        sections = [*comparison.survey_sections(found, places, before, [published(one, names) for one in survey.earlier])]
+        before = survey.before and (survey.before[0], comparison.published(survey.before[1]))
+        sections = [*comparison.survey_sections(found, before, places, [comparison.published(one, names) for one in survey.earlier])]
         title = f"Robots of {survey.run.profile.removeprefix('survey ')}"
-        yield addresses.ROBOTS, draw("robot.html", addresses.ROBOTS, {}, title=title, run=survey.run, sections=sections, is_one=False)
+        yield site_tables.ROBOTS, draw("robot.html", site_tables.ROBOTS, {}, title=title, run=survey.run, sections=sections, is_one=False)
         for file in found.files:
             own = [*comparison.robot_sections(found, file)]
             yield places[file.path], draw("robot.html", places[file.path], {}, title=file.path, run=None, sections=own, is_one=True)
-
-
-def published(found: FilesComparison, names: dict[str, str] | None = None) -> FilesComparison:
-    """A comparison whose files are named from the folder that all share: pages are published, and say nothing of this machine."""
-    short = names or short_names(found)
-    return FilesComparison(
-        files=[replace(one, path=short.get(one.path, one.path)) for one in found.files],
-        subjects=[replace(one, path=short.get(one.path, one.path)) for one in found.subjects],
-        pairs=list(found.pairs),
-        equalities=[replace(one, path=short.get(one.path, one.path)) for one in found.equalities],
-    )

@@ -19,8 +19,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from harness.report.site_features import engine_counts, feature_lines
-from harness.report.site_tables import changes, engines, features, matrix, quantities, subjects, value_of
+from harness.report.site_tables import changes, engine_counts, engines, feature_lines, features, matrix, quantities, subjects, value_of
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.table import Cell, Column, Table
 from harness.results.trend_numbers import TRACKED, logarithm_of, number_of

@@ -1,15 +1,111 @@
-"""Tables of the index and of the engines' pages, from the data of the site."""
+"""The site from its data: addresses, counts of each engine and feature with their badges, and the tables of the index and the engines."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from statistics import median
 
-from harness.report.addresses import slugs
-from harness.results.site import FeatureLine, Number, ShownCell, ShownColumn, ShownTable, Site, SiteCell, SiteChange, SiteColumn, SiteTrend
+from harness.results.site import (
+    FeatureLine,
+    Number,
+    ShownCell,
+    ShownTable,
+    Site,
+    SiteCell,
+    SiteChange,
+    SiteColumn,
+    SiteCount,
+    SiteTrend,
+    plain_number,
+)
 from harness.results.table import Cell, Column, Table, error_text
 from harness.results.trend_numbers import change_of
-from harness.verdict import gravest
+from harness.verdict import SEVERITY, Verdict, gravest
+
+INDEX, BENCHMARK, HARD, ROBOTS = "index.html", "benchmark.html", "hard.html", "robots.html"
+
+
+def slugs(names: Iterable[str]) -> dict[str, str]:
+    """A word for each name that a file, an address and an ``id`` may hold, no two alike, whatever a file system makes of case."""
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_.@]+", "-", name).strip(".") or "-"
+        number, word = 2, plain
+        while word.casefold() in taken:
+            number, word = number + 1, f"{plain}-{number}"
+        taken.add(word.casefold())
+        found[name] = word
+    return found
+
+
+def pages_in(folder: str, names: Iterable[str]) -> dict[str, str]:
+    """The page of each name in a folder."""
+    return {name: f"{folder}/{word}.html" for name, word in slugs(names).items()}
+
+
+# Features by which constraints give, and a distance from rigid ones that is no rounding.
+_TIES, _SOFT = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling"), 1e-12
+
+
+def engine_counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[SiteCount]:
+    """Counts of each engine and version, over its formats."""
+    versions = {(column.engine, column.version): "-".join(filter(None, (column.engine, column.version))) for column in columns}
+    badges = slugs(versions[one] for one in sorted(versions))
+    for (engine, version), name in sorted(versions.items()):
+        own = {column.name for column in columns if (column.engine, column.version) == (engine, version)}
+        verdicts = [cell for cell in cells if cell.column in own]
+        unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in verdicts)
+        yield SiteCount(
+            engine=engine,
+            version=version,
+            agrees=sum(cell.agrees for cell in verdicts),
+            asked=len(verdicts) - unsupported,
+            unsupported=unsupported,
+            badge=f"badges/{badges[name]}.svg",
+        )
+
+
+def feature_lines(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[FeatureLine]:
+    """By feature, then by column."""
+    for feature in sorted({name for cell in cells for name in asked_of(cell)}):
+        for column in columns:
+            own = [cell for cell in cells if cell.column == column.name and feature in asked_of(cell)]
+            if own:
+                yield _feature_line(feature, column.name, own)
+
+
+def asked_of(cell: SiteCell) -> list[str]:
+    """The features of a cell; of another quantity than accelerations that quantity alone."""
+    return cell.features if cell.quantity == "accelerations" else [cell.quantity]
+
+
+def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> FeatureLine:
+    agrees = sum(cell.agrees for cell in cells)
+    unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in cells)
+    errors = [float(cell.backward_error) for cell in cells if cell.backward_error is not None]
+    distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None and feature in _TIES]
+    worst, soft = largest(errors), median(distances) if distances else None
+    others = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in SEVERITY if verdict != Verdict.AGREES}
+    parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > _SOFT else []
+    if agrees:
+        what = "agrees with what its engine documents" if parts else "agrees"
+        parts.append(f"{what} on {agrees} of {len(cells)}, worst {error_text(worst)}")
+    parts += [f"{verdict} on {count} of {len(cells)}" for verdict, count in others.items() if count]
+    reasons = list(dict.fromkeys(cell.reason for cell in cells if not cell.agrees and cell.reason))
+    line = "; ".join(parts) + (f": {reasons[0]}" if len(reasons) == 1 else "")
+    return FeatureLine(
+        feature=feature, column=column, asked=len(cells), agrees=agrees, unsupported=unsupported, worst=plain_number(worst),
+        from_rigid=plain_number(soft), line=line,
+    )  # fmt: skip
+
+
+def largest(errors: Iterable[float]) -> float | None:
+    """The largest, NaN counting as infinite; None of none."""
+    return max((math.inf if math.isnan(error) else error for error in errors), default=None)
+
 
 # Of a mechanism every subject is asked; of a variant and of a robot's file, those that read it.
 _NOT_RUN, _NOT_ASKED = "not run", "not asked"
@@ -28,8 +124,7 @@ def value_of(number: Number) -> float | None:
 
 def error_of(number: Number) -> str:
     """Three digits; "nan" and "inf" as they are."""
-    value = value_of(number)
-    return str(number) if isinstance(number, str) else error_text(value)
+    return number if isinstance(number, str) else error_text(number)
 
 
 def head_of(column: SiteColumn) -> str:
@@ -125,19 +220,10 @@ def features(lines: Sequence[FeatureLine], engine: str) -> Table:
 def changes(site: Site, row: str | None = None) -> Table:
     """A row for each change point, of one mechanism or of all: of the latest night first, and of a night the largest first."""
     pages = {one.name: one.page for one in site.rows if one.kind != "robot"}
-    rows: list[list[object]] = [
-        [
-            _moment(started),
-            Cell(trend.row, link=pages[trend.row]),
-            trend.column,
-            trend.number,
-            change.before,
-            change.now,
-            change.nights,
-            change.found_by,
-        ]
-        for started, trend, change in _ordered(site, row)
-    ]
+    rows: list[list[object]] = []
+    for started, trend, change in _ordered(site, row):
+        about = [started[:16].replace("T", " "), Cell(trend.row, link=pages[trend.row]), trend.column, trend.number]
+        rows.append([*about, change.before, change.now, change.nights, change.found_by])
     shown = f", {MOST_SHOWN} of {len(rows)}" if len(rows) > MOST_SHOWN else ""
     table = Table(_HEADS, rows[:MOST_SHOWN], f"Changed in the trend{shown}")
     return table if row is None else table.without("system")
@@ -151,16 +237,10 @@ def _ordered(site: Site, row: str | None) -> list[tuple[str, SiteTrend, SiteChan
     return found
 
 
-def _moment(started: str) -> str:
-    """ "2026-01-31 02:00" of ISO 8601 in UTC."""
-    return started[:16].replace("T", " ")
-
-
 def shown(page: str, name: str, table: Table) -> ShownTable:
     """A table as the data hold it."""
-    columns = [ShownColumn(title=head.title, kind=head.kind, unit=head.unit) for head in table.heads]
     rows = [[_shown_cell(head, cell) for head, cell in zip(table.heads, row, strict=True)] for row in table.rows]
-    return ShownTable(page=page, name=name, caption=table.caption, columns=columns, rows=rows)
+    return ShownTable(page=page, name=name, caption=table.caption, columns=table.heads, rows=rows)
 
 
 def _shown_cell(head: Column, cell: object) -> ShownCell:

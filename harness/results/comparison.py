@@ -1,12 +1,13 @@
-"""Findings of a comparison of robots' files, as plain data; its tables are in ``harness.results.comparison_tables``."""
+"""Findings of a comparison of robots' files, as plain data."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
 from harness.results.study_result import StudyResult
@@ -280,9 +281,11 @@ class FilesComparison(StudyResult):
             equalities=sorted(self.equalities, key=lambda one: (one.path, one.engine)),
         )
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data for ``harness.results.plain_json.dumps``."""
-        return {"files": self.files, "subjects": self.subjects, "pairs": self.pairs, "equalities": self.equalities}
+
+def short_names(found: FilesComparison) -> dict[str, str]:
+    """Path of each file in the folder that all share, by its whole path."""
+    shared = Path(os.path.commonpath([Path(file.path).parent for file in found.files])) if found.files else Path()
+    return {file.path: str(Path(file.path).relative_to(shared)) for file in found.files}
 
 
 def survey_profile(places: Sequence[str], floating_base: bool = False) -> str:

@@ -108,6 +108,11 @@ class Cause:
             return [[self.first_line]]
         return [list(side["text"]) for side in (self.found["model"], self.found["textbook"]) if side]
 
+    @property
+    def lines(self) -> list[str]:
+        """All of it."""
+        return [*self.terms, *(line for side in self.sides for line in side)]
+
 
 @dataclass(kw_only=True)
 class CrossCheckResult(StudyResult):

@@ -37,8 +37,8 @@ def test_trends_follow_what_is_left_after_readings() -> None:
 def test_a_survey_shows_a_trend_once_there_is_an_earlier_one() -> None:
     now = survey(arm=(1e9, 4.0), new=(None, None))
     pages = {file.path: f"robots/{file.path}.html" for file in now.files}
-    assert all(section.title != "Trend" for section in survey_sections(now, pages))
-    (section,) = [section for section in survey_sections(now, pages, None, [survey(arm=(2.0, None))]) if section.title == "Trend"]
+    assert all(section.title != "Trend" for section in survey_sections(now, None, pages))
+    (section,) = [section for section in survey_sections(now, None, pages, [survey(arm=(2.0, None))]) if section.title == "Trend"]
     (table,) = section.parts
     ((robot, line),) = table.rows  # type: ignore[union-attr]
     assert robot.value == "arm.urdf" and robot.link == "robots/arm.urdf.html" and isinstance(line, Sparkline) and line.values == [2.0, 4.0]

@@ -12,24 +12,25 @@ import pytest
 from harness.engines import load_engine
 from harness.environments.folders import find_environments
 from harness.library import Library
-from harness.report.upstream import KnownFinding, known_findings
+from harness.report.site_data import known_findings
+from harness.results.site import SiteFinding
 
 FINDINGS = known_findings()
 
 
-@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one.title)
-def test_a_finding_is_a_program_of_three_lines_of_an_engine_that_exists(finding: KnownFinding) -> None:
+@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one.statement)
+def test_a_finding_is_a_program_of_three_lines_of_an_engine_that_exists(finding: SiteFinding) -> None:
     assert load_engine(Library.built_in(), finding.engine)
     assert finding.link.startswith(("https://", "http://"))
     assert len(finding.reproducer.strip().splitlines()) == 3
     assert "harness" not in finding.reproducer
-    compile(finding.reproducer, finding.title, "exec")
+    compile(finding.reproducer, finding.statement, "exec")
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one.title)
+@pytest.mark.parametrize("finding", FINDINGS, ids=lambda one: one.statement)
 def test_what_a_finding_shows_is_still_so(
-    finding: KnownFinding, environment: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    finding: SiteFinding, environment: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its last two lines are what the engine says and what is right. A version in which they are equal has mended it: take it out."""
     interpreter: str | Path = sys.executable

@@ -22,15 +22,16 @@ from report.test_page import whole
 from report.test_report import build, card, night, record, run_on
 from support import pages_of
 
-from harness.report import upstream, write
-from harness.report.addresses import slugs
-from harness.report.badges import badge
+from harness.report import MODULES, write
 from harness.report.benchmarks import BenchmarkSummary
-from harness.report.site_data import collect
-from harness.report.standalone import MODULES
+from harness.report.hard_cases import HardSummary
+from harness.report.html import badge
+from harness.report.site_data import collect, declared, issues, known_findings
+from harness.report.site_tables import slugs
 from harness.report.summary import Summary
-from harness.report.upstream import known_findings
+from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark, EngineFinding
+from harness.results.comparison import FilesComparison
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record, Run
 from harness.results.site import Site, SiteCount, schema
@@ -45,9 +46,15 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def collected(run: Run, found: CrossCheckResult, measured: Benchmark | None = None) -> Site:
+    return collect(
+        run, Summary(run, found), BenchmarkSummary(run, measured or Benchmark()), HardSummary(run, Atlas()), FilesComparison()
+    )  # fmt: skip
+
+
 def site_of(records: list[Record], run: Run | None = None, **parts: Any) -> Site:
     run = run or replace(run_on(0), engines={"mujoco": "4.0.0", "pinocchio": "4.1.0"})
-    return collect(run, Summary(run, CrossCheckResult(records=records, **parts)))
+    return collected(run, CrossCheckResult(records=records, **parts))
 
 
 def rebuild(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
@@ -152,7 +159,7 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 def test_every_other_number_of_a_page_stands_in_the_data_or_in_its_template() -> None:
     """What stands in no table: states, replay commands, programs, messages. Errors are rounded to three digits; counts are left out."""
     files = whole()
-    templates = Path(upstream.__file__).parent.glob("*.html")
+    templates = (PACKAGE / "report").glob("*.html")
     known = files["site.json"] + files["report.json"] + "".join(path.read_text() for path in templates)
     numbers = sorted({float(word) for word in NUMBER.findall(known.replace("\\n", " "))})
     for name in ("index.html", "engines/mujoco.html", "mechanisms/collar.html", "robots/arm.urdf.html"):
@@ -241,9 +248,8 @@ def finding(system: str, error: float | None, program: str) -> EngineFinding:
 
 
 def test_a_finding_is_told_once_by_its_worst_and_shortest_program() -> None:
-    run = run_on(0)
-    measured = BenchmarkSummary(run, Benchmark(findings=[finding("a", 1e5, "aa"), finding("b", None, "bbb"), finding("c", None, "cc")]))
-    [told] = collect(run, None, measured).findings
+    measured = Benchmark(findings=[finding("a", 1e5, "aa"), finding("b", None, "bbb"), finding("c", None, "cc")])
+    [told] = collected(run_on(0), CrossCheckResult(), measured).findings
     assert (told.engine, told.way, told.row, told.rows, told.reproducer) == ("pinocchio", "lcaba", "c", ["a", "b", "c"], "cc")
 
 
@@ -266,23 +272,23 @@ def test_what_is_known_of_an_engine_beside_the_mechanisms_is_on_its_page() -> No
     assert known
     files = build(run_on(0), [], [record("arm_2r", "drake/urdf"), *night(0)[:3]])
     for one in known:
-        assert one.link in files["engines/drake.html"] and escape(one.title) in files["engines/drake.html"]
+        assert one.link in files["engines/drake.html"] and escape(one.statement) in files["engines/drake.html"]
         assert one.link not in files["engines/mujoco.html"]
     assert {one.engine for one in site_of([record("arm_2r", "drake/urdf")]).findings} == {"drake"}
     assert site_of([record("arm_2r", "mujoco/mjcf")]).findings == []
 
 
 def test_what_trackers_say_is_dated_and_has_a_state() -> None:
-    assert upstream.declared()
-    for one in upstream.declared():
+    assert declared()
+    for one in declared():
         assert one.state in ("open", "closed", "merged") and re.fullmatch(r"\d{4}-\d\d-\d\d", one.seen)
         assert re.fullmatch(r"https://github\.com/[\w-]+/[\w-]+/(issues|pull)/\d+", one.link) and one.title
         assert bool(one.feature) != bool(one.way)
-    assert upstream.of_feature("pinocchio", "mimic joints") and not upstream.of_feature("lagrange", "mimic joints")
+    assert issues("pinocchio", ["mimic joints"]) and not issues("lagrange", ["mimic joints"])
 
 
 def test_issues_stand_where_a_cell_is_red_and_on_the_page_of_its_engine() -> None:
-    [issue] = upstream.of_feature("pinocchio", "mimic joints")
+    [issue] = issues("pinocchio", ["mimic joints"])
     about = {"verdict": "unsupported", "expected": "unsupported", "backward_error": None, "features": ["mimic joints"]}
     files = build(run_on(0), [], [record("collar", "pinocchio/urdf", **about), *night(0)[:3]])
     assert issue.link in files["mechanisms/collar.html"] and issue.link in files["engines/pinocchio.html"]

@@ -41,6 +41,6 @@ def show_robot(bracket: Bracket, path: str, html_path: str | None) -> None:
 
 def compare_robots(bracket: Bracket, study: RobotComparison, shown: Callable[[FilesComparison], Iterable[Section]]) -> FilesComparison:
     """Run a study of robots' files that has begun: progress, JSON, and ``shown`` on standard output."""
-    found: FilesComparison = bracket.complete(study, lambda: study.result().to_json())
+    found: FilesComparison = bracket.complete(study, lambda: vars(study.result()))
     print_sections(shown(found))
     return found
