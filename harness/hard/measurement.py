@@ -21,14 +21,14 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.crosscheck.tasks import Note
-from harness.engines import NotOffered, Subject, Unsupported, load_engine
+from harness.engines import EQUATIONS, NotOffered, Subject, Unsupported, load_engine
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.one_number import Projection, explaining_directions
 from harness.files.model_file import ModelFile
 from harness.hard.cases import HardCase, Theory, hard_cases
-from harness.hard.truths import TruePoint, file_at, plain_points, true_points
-from harness.library import Library
+from harness.hard.truths import TruePoint, plain_points, true_points
+from harness.library import MODEL_SUFFIXES, Library
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.results.atlas import HardPoint, HardRow
@@ -59,7 +59,7 @@ def measure(case_name: str, subject: Subject, quantity: str, engines: Library, n
     started = time.perf_counter()
     case = hard_cases()[case_name]
     is_default = find_quantities()[quantity].is_default
-    truths = iter(true_points(case_name, subject, engines)) if is_default else plain_points(case_name)
+    truths = iter(true_points(case_name, subject, engines)) if is_default else plain_points(case)
     taken: list[TruePoint] = []
     answered: list[Answered] = []
     for value in case.values:
@@ -115,8 +115,9 @@ def point_of(case: HardCase, value: float, point: TruePoint, subject: Subject, e
     about = _about(HardPoint(knob=value, system=mechanism.name, verdict=Verdict.UNDECIDED.value, states=len(states)), point.reference)
     is_of_file = find_quantities()[quantity].is_of_file
     try:
-        read = file_at(case, mechanism, value, subject.format)
-        declared = file_at(case, mechanism, value, None) if is_of_file else None
+        read = None if subject.format == EQUATIONS else case.model_at(value, subject.format)
+        formats = [one for one in MODEL_SUFFIXES if is_of_file and case.library.has_model(mechanism.name, one)]
+        declared = case.model_at(value, formats[0]) if formats else None
     except InvalidModel as error:
         # The case itself is wrong where its model is not physical.
         return replace(about, verdict=Verdict.ERROR.value, reason=str(error)), None

@@ -17,10 +17,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.engines import EQUATIONS, Subject, load_engine
-from harness.files.model_file import ModelFile, read_model
-from harness.hard.cases import HardCase, hard_cases, library_of
-from harness.lagrange.derivation import load_mechanism
-from harness.library import MODEL_SUFFIXES, Library
+from harness.hard.cases import HardCase, hard_cases
+from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.constraints.manifold import closed, distances
@@ -50,92 +48,62 @@ def true_points(case_name: str, subject: Subject, engines: Library) -> list[True
     Raises:
         InvalidModel: the case's models cannot be held against its mechanism.
     """
-    engine = load_engine(engines, subject.engine)
-    in_body = engine.linear_velocity_in_body
-    case = hard_cases()[case_name]
-    first = load_mechanism(library_of(case), case.system_at(case.values[0]))
+    engine, case = load_engine(engines, subject.engine), hard_cases()[case_name]
+    in_body, first = engine.linear_velocity_in_body, case.unchanged_at(case.values[0])
     if subject.format == EQUATIONS or first.constraints is None or not engine.has_soft_constraints:
         return truth_along(case_name, in_body)
-    return _declared(case, subject, engines, in_body)
+    return _certified([_declared(case, place, subject, engines) for place in range(len(case.values))], in_body)
 
 
 @functools.lru_cache(maxsize=4)
 def truth_along(case_name: str, in_body: bool) -> list[TruePoint]:
     """The rigid truth at each point; a system along the knob is compiled once."""
-    case = hard_cases()[case_name]
-    points = []
-    for place, value in enumerate(case.values):
-        mechanism = load_mechanism(library_of(case), case.system_at(value))
-        points.append((states_at(case, mechanism, value, place), case.mechanism_at(mechanism, value), None))
-    return _certified(points, in_body)
+    return _certified([(point, None) for point in plain_points(hard_cases()[case_name])], in_body)
 
 
-def plain_points(case_name: str) -> Iterator[TruePoint]:
+def plain_points(case: HardCase) -> Iterator[TruePoint]:
     """Each point without the truth of its accelerations."""
-    case = hard_cases()[case_name]
-    for place, value in enumerate(case.values):
-        mechanism = load_mechanism(library_of(case), case.system_at(value))
-        yield TruePoint(states_at(case, mechanism, value, place), case.mechanism_at(mechanism, value))
+    return (plain_point(case, place) for place in range(len(case.values)))
 
 
-def states_at(case: HardCase, mechanism: Mechanism, value: float, place: int) -> States:
-    """The states of one point, closed at its parameters; ``mechanism`` has its own."""
-    states = closed(case.mechanism_at(mechanism, value), case.states(mechanism, value, place))
-    return states if case.opened is None else case.opened(states, value)
+def plain_point(case: HardCase, place: int) -> TruePoint:
+    """One point without the truth of its accelerations, its states closed at its own parameters."""
+    value = case.values[place]
+    at = case.mechanism_at(value)
+    states = closed(at, case.states(case.unchanged_at(value), value, place))
+    return TruePoint(states if case.opened is None else case.opened(states, value), at)
 
 
-@functools.lru_cache(maxsize=64)
-def model_file(case_name: str, system: str, model_format: str) -> ModelFile | None:
-    """The model of a system along a case, as it is written; None for equations."""
-    if model_format == EQUATIONS:
-        return None
-    return read_model(library_of(hard_cases()[case_name]).model_path(system, model_format), model_format)
+def _declared(case: HardCase, place: int, subject: Subject, engines: Library) -> tuple[TruePoint, Array | None]:
+    """One point with the problem that its model file declares, and parameters of each state where these differ."""
+    point, model = plain_point(case, place), case.model_at(case.values[place], subject.format)
+    truth = acceleration_truth_of(Assignment(engines, subject, point.mechanism, model)).mechanism
+    if case.opened is None:
+        return replace(point, mechanism=truth), None
+    laws = load_engine(engines, subject.engine).constraint_laws(model)
+    away = distances(point.mechanism, point.states)
+    own = np.tile(truth.parameter_values, (len(point.states), 1))
+    for column, (name, _, _) in enumerate(truth.parameters):
+        if found := _IMPEDANCE.fullmatch(name):
+            law = laws[found["constraint"]].impedance
+            own[:, column] = [law.at(distance) for distance in away[found["constraint"]]]
+    # Off the manifold the problem is still one, and has no constraints to be closed.
+    return replace(point, mechanism=replace(truth, constraints=None)), own
 
 
-def file_at(case: HardCase, mechanism: Mechanism, value: float, model_format: str | None) -> ModelFile | None:
-    """The model at one point in a format, by default in the first one that the system has; None for equations."""
-    if model_format is None:
-        model_format = next((one for one in MODEL_SUFFIXES if library_of(case).has_model(mechanism.name, one)), EQUATIONS)
-    model = model_file(case.name, mechanism.name, model_format)
-    return None if model is None else case.model_at(model, mechanism, value)
-
-
-def _declared(case: HardCase, subject: Subject, engines: Library, in_body: bool) -> list[TruePoint]:
-    points: list[tuple[States, Mechanism, Array | None]] = []
-    for place, value in enumerate(case.values):
-        mechanism = load_mechanism(library_of(case), case.system_at(value))
-        at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
-        model = file_at(case, mechanism, value, subject.format)
-        assert model is not None
-        truth = acceleration_truth_of(Assignment(engines, subject, at, model)).mechanism
-        if case.opened is None:
-            points.append((states, truth, None))
-            continue
-        laws = load_engine(engines, subject.engine).constraint_laws(model)
-        away = distances(at, states)
-        own = np.tile(truth.parameter_values, (len(states), 1))
-        for column, (name, _, _) in enumerate(truth.parameters):
-            if found := _IMPEDANCE.fullmatch(name):
-                law = laws[found["constraint"]].impedance
-                own[:, column] = [law.at(distance) for distance in away[found["constraint"]]]
-        # Off the manifold the problem is still one, and has no constraints to be closed.
-        points.append((states, replace(truth, constraints=None), own))
-    return _certified(points, in_body)
-
-
-def _certified(points: Sequence[tuple[States, Mechanism, Array | None]], in_body: bool) -> list[TruePoint]:
+def _certified(points: Sequence[tuple[TruePoint, Array | None]], in_body: bool) -> list[TruePoint]:
     """The points with their references; those whose equations differ in parameters alone are certified at once.
 
     A point without parameters for each state has those of its mechanism.
     """
     found: list[TruePoint] = []
-    for _, group in groupby(points, key=lambda point: (point[1].name, point[1].program.key)):
+    for _, group in groupby(points, key=lambda point: (point[0].mechanism.name, point[0].mechanism.program.key)):
         members = list(group)
-        rows = [own if own is not None else np.tile(one.parameter_values, (len(batch), 1)) for batch, one, own in members]
-        kernel = reference_kernel(members[0][1], in_body)
-        reference = kernel.evaluate(States.concatenate([batch for batch, _, _ in members]), np.concatenate(rows))
+        rows = [own if own is not None else np.tile(one.mechanism.parameter_values, (len(one.states), 1)) for one, own in members]
+        kernel = reference_kernel(members[0][0].mechanism, in_body)
+        reference = kernel.evaluate(States.concatenate([one.states for one, _ in members]), np.concatenate(rows))
         start = 0
-        for batch, one, _ in members:
-            found.append(TruePoint(batch, one, reference[start : start + len(batch)]))
-            start += len(batch)
+        for one, _ in members:
+            found.append(replace(one, reference=reference[start : start + len(one.states)]))
+            start += len(one.states)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from harness.engines import Subject, load_engine
 from harness.errors import InvalidModel
 from harness.files.model_file import read_model
 from harness.files.text.scan import find_elements
-from harness.hard.cases import POINTS, HardCase, decades, hard_cases, library_of, number_at
+from harness.hard.cases import POINTS, HardCase, decades, hard_cases, number_at
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -46,7 +47,7 @@ def test_every_case_says_what_theory_expects_and_what_to_do(case: HardCase) -> N
 @pytest.mark.parametrize("case", [case for case in CASES if case.changes], ids=lambda case: case.name)
 @pytest.mark.parametrize("model_format", sorted(MODEL_SUFFIXES))
 def test_every_change_points_at_one_number(case: HardCase, model_format: str) -> None:
-    model = read_model(library_of(case).model_path(case.system_at(case.values[0]), model_format), model_format)
+    model = read_model(case.library.model_path(case.system_at(case.values[0]), model_format), model_format)
     elements = find_elements(model.text, model.format)
     numbers = [number_at(elements, address) for address in case.changes[model_format]]
     assert len({number.start for number in numbers}) == len(numbers)
@@ -68,7 +69,7 @@ def test_a_body_is_not_mistaken_for_the_one_inside() -> None:
 def test_a_parameter_the_mechanism_has_not_is_refused() -> None:
     case = dataclasses.replace(hard_cases()["vanishing_cart"], parameters=lambda mass: {"N": mass})
     with pytest.raises(ValueError, match="no parameter 'N'"):
-        case.mechanism_at(load_mechanism(library_of(case), "cart_pendulum"), 1.0)
+        case.mechanism_at(1.0)
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -79,16 +80,13 @@ def test_models_follow_the_knob_and_a_forgotten_change_is_seen(name: str, subjec
     if name == "mass_ratio_2":
         # The case leaves lengths alone; its changes follow them all the same.
         case = dataclasses.replace(case, parameters=lambda value: {"m1": 1.3, "m2": value, "L1": 0.4, "L2": 0.7})
-    library = library_of(case)
-    mechanism = load_mechanism(library, case.system_at(value))
+    mechanism = case.mechanism_at(value)
     states = case.states(mechanism, value, 0)
-    parameters = np.tile(case.mechanism_at(mechanism, value).parameter_values, (len(states), 1))
-    reference = ReferenceKernel(mechanism).evaluate(states, parameters)
-    model = read_model(library.model_path(mechanism.name, subject.format), subject.format)
+    reference = ReferenceKernel(mechanism).evaluate(states)
 
     def verdicts(changed: HardCase) -> set[str]:
         try:
-            source = changed.model_at(model, mechanism, value)
+            source = changed.model_at(value, subject.format)
         except InvalidModel:
             return {"no model"}
         loaded = load_engine(Library.built_in(), subject.engine).load(source, mechanism.joints, mechanism.gravity)
@@ -139,13 +137,11 @@ def test_parameters_of_another_shape_are_refused() -> None:
 def test_norms_keep_their_digits_where_the_mass_matrix_is_singular_in_float64() -> None:
     """kappa_s of a bar chain whose middle bar shrinks to L is c / L^2 far beyond 1/u, and data roundoff stays known."""
     case = hard_cases()["zero_length_link"]
-    mechanism = load_mechanism(library_of(case), "bar_chain_3")
+    mechanism = case.unchanged_at(1.0)
     lengths = (1e-5, 1e-8, 1e-11)
     state = generic_sample(mechanism, 1, 3)
     states = States.concatenate([state] * len(lengths))
-    reference = ReferenceKernel(mechanism).evaluate(
-        states, np.array([case.mechanism_at(mechanism, length).parameter_values for length in lengths])
-    )
+    reference = ReferenceKernel(mechanism).evaluate(states, np.array([case.mechanism_at(length).parameter_values for length in lengths]))
     assert reference.certified.all()
     conditions = reference.condition
     assert conditions[-1] > 1e20
@@ -157,11 +153,7 @@ def test_decades_end_where_they_say() -> None:
     assert (len(values), values[0], values[-1]) == (POINTS, 1e-12, 1e12)
 
 
-_KERNELS: dict[str, tuple[ReferenceKernel, Mechanism]] = {}
-
-
+@functools.cache
 def _kernel(name: str) -> tuple[ReferenceKernel, Mechanism]:
-    if name not in _KERNELS:
-        mechanism = load_mechanism(Library.built_in(), name)
-        _KERNELS[name] = ReferenceKernel(mechanism), mechanism
-    return _KERNELS[name]
+    mechanism = load_mechanism(Library.built_in(), name)
+    return ReferenceKernel(mechanism), mechanism

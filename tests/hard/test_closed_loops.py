@@ -12,14 +12,14 @@ from support import where
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import Subject, accelerations, load_engine
 from harness.explain.pattern import subject_named
+from harness.files.model_file import ModelFile, read_model
 from harness.files.text.attributes import with_attributes
 from harness.hard import truths
 from harness.hard.atlas import AtlasStudy
-from harness.hard.cases import HardCase, hard_cases, library_of
-from harness.hard.cases.closed_loops import PROXIMAL_ONCE
+from harness.hard.cases import HardCase, hard_cases
 from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import measure
-from harness.hard.truths import model_file, states_at
+from harness.hard.truths import plain_point, plain_points
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.states import States
@@ -27,30 +27,24 @@ from harness.results.records import ACCELERATIONS
 from harness.truth.compare import Comparison, compare
 from harness.truth.constraints.manifold import closed, closes, distances
 
-CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), library_of(case))]
+CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), case.library)]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
+FOUR_BAR = read_model(BUILT_IN.model_path("four_bar", "mjcf"), "mjcf")
 
 
-def at_point(case: HardCase, place: int) -> tuple[States, Comparison]:
-    """States of one point, and MuJoCo's answers there against the problem that the file at this point declares."""
-    value = case.values[place]
-    mechanism = load_mechanism(library_of(case), case.system_at(value))
-    at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
-    file = model_file(case.name, mechanism.name, "mjcf")
-    assert file is not None
-    model = case.model_at(file, mechanism, value)
-    truth = truth_of(Assignment(BUILT_IN, MUJOCO, at, model))
-    loaded = load_engine(BUILT_IN, "mujoco").load(model, at.joints, at.gravity)
-    return states, compare(truth.kernel.evaluate(states), accelerations(loaded, states))
+def answers_at(case: HardCase, place: int, file: ModelFile | None = None) -> Comparison:
+    """MuJoCo's answers at one point, with the case's model or a file, against the problem that the model at this point declares."""
+    point, declared = plain_point(case, place), case.model_at(case.values[place], "mjcf")
+    truth = truth_of(Assignment(BUILT_IN, MUJOCO, point.mechanism, declared))
+    loaded = load_engine(BUILT_IN, "mujoco").load(file or declared, point.mechanism.joints, point.mechanism.gravity)
+    return compare(truth.kernel.evaluate(point.states), accelerations(loaded, point.states))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_states_close_at_the_points_own_parameters_unless_the_case_opens_them(case: HardCase) -> None:
     for place in (0, len(case.values) // 2):
-        value = case.values[place]
-        mechanism = load_mechanism(library_of(case), case.system_at(value))
-        at, states = case.mechanism_at(mechanism, value), states_at(case, mechanism, value, place)
-        assert closes(at, states).all() == (case.opened is None)
+        point = plain_point(case, place)
+        assert closes(point.mechanism, point.states).all() == (case.opened is None)
 
 
 @pytest.mark.parametrize("angle", [2e-4, 1e-3, 3e-3])
@@ -65,10 +59,9 @@ def test_bars_nearly_in_line_close(angle: float) -> None:
 
 
 def test_a_drift_is_as_far_as_its_knob_says() -> None:
-    case = hard_cases()["loop_drift"]
-    mechanism = load_mechanism(BUILT_IN, "four_bar")
-    for value in (1e-9, 1e-4, 1e-1):
-        away = distances(mechanism, states_at(case, mechanism, value, 0))["closure"]
+    case = replace(hard_cases()["loop_drift"], values=(1e-9, 1e-4, 1e-1))
+    for value, point in zip(case.values, plain_points(case), strict=True):
+        away = distances(point.mechanism, point.states)["closure"]
         assert ((0.4 * value < away) & (away < 1.1 * value)).all()
 
 
@@ -76,7 +69,7 @@ def test_a_law_that_does_not_follow_the_distance_is_condemned(monkeypatch: pytes
     """With the impedance of a closed loop, what MuJoCo answers half a millimetre away is another problem's."""
     case = replace(hard_cases()["loop_drift"], values=(1e-9, 5e-4))
     monkeypatch.setattr("harness.hard.truths.hard_cases", lambda: {case.name: case})
-    loaded = load_engine(BUILT_IN, "mujoco").load(model_file(case.name, "four_bar", "mjcf"), ("crank", "coupler", "follower"), 9.81)  # type: ignore[arg-type]
+    loaded = load_engine(BUILT_IN, "mujoco").load(FOUR_BAR, ("crank", "coupler", "follower"), 9.81)
 
     def worst() -> list[float]:
         points = truths.true_points(case.name, MUJOCO, BUILT_IN)
@@ -92,18 +85,11 @@ def test_a_law_that_does_not_follow_the_distance_is_condemned(monkeypatch: pytes
 @pytest.mark.parametrize(("name", "attribute"), [("loop_impedance", "equality/connect"), ("unequal_impedance", "equality/connect[2]")])
 def test_an_attribute_that_is_forgotten_is_seen(name: str, attribute: str) -> None:
     case = hard_cases()[name]
-    _, right = at_point(case, 20)
-    assert (right.verdicts == "agrees").all()
-    value = case.values[20]
-    mechanism = load_mechanism(library_of(case), case.system_at(value))
-    file = model_file(name, mechanism.name, "mjcf")
-    assert file is not None
-    changed = case.model_at(file, mechanism, value)
-    assert changed.text == with_attributes(file, {attribute: {"solimp": f"{_impedance(name, value)!r} {_impedance(name, value)!r}"}}).text
-    states = states_at(case, mechanism, value, 20)
-    truth = truth_of(Assignment(BUILT_IN, MUJOCO, mechanism, changed))
-    forgotten = load_engine(BUILT_IN, "mujoco").load(file, mechanism.joints, mechanism.gravity)
-    assert (compare(truth.kernel.evaluate(states), accelerations(forgotten, states)).verdicts == "disagrees").any()
+    assert (answers_at(case, 20).verdicts == "agrees").all()
+    file = read_model(BUILT_IN.model_path(case.system_at(0.0), "mjcf"), "mjcf")
+    solimp = f"{_impedance(name, case.values[20])!r} {_impedance(name, case.values[20])!r}"
+    assert case.model_at(case.values[20], "mjcf").text == with_attributes(file, {attribute: {"solimp": solimp}}).text
+    assert (answers_at(case, 20, file).verdicts == "disagrees").any()
 
 
 def _impedance(name: str, value: float) -> float:
@@ -115,10 +101,8 @@ def test_the_model_follows_the_knob(name: str) -> None:
     """At an easy point MuJoCo agrees with what the changed file declares, and not with that of the file as it is written."""
     case = hard_cases()[name]
     place = len(case.values) - 1 if name == "grashof_limit" else 10
-    _, right = at_point(case, place)
-    assert (right.verdicts == "agrees").all()
-    _, wrong = at_point(replace(case, name=name, changes={}), place)
-    assert (wrong.verdicts == "disagrees").any()
+    assert (answers_at(case, place).verdicts == "agrees").all()
+    assert (answers_at(replace(case, changes={}), place).verdicts == "disagrees").any()
 
 
 @pytest.mark.costly
@@ -135,11 +119,9 @@ def test_a_case_is_asked_of_the_subjects_it_is_about() -> None:
     study = AtlasStudy(Library.built_in(), cases=["proximal_once", "dead_point"])
     asked = {(name, str(subject)) for name, subject, *_ in map(where, study.tasks())}
     assert asked == {("proximal_once", "pinocchio/urdf"), *(("dead_point", one) for one in ("lagrange", "mujoco/mjcf", "pinocchio/urdf"))}
-    assert PROXIMAL_ONCE.subjects == ("pinocchio/urdf",) and subject_named("pinocchio/urdf") == PINOCCHIO
+    assert hard_cases()["proximal_once"].subjects == ("pinocchio/urdf",) and subject_named("pinocchio/urdf") == PINOCCHIO
 
 
 def test_a_path_that_finds_no_element_is_refused() -> None:
-    file = model_file("loop_drift", "four_bar", "mjcf")
-    assert file is not None
     with pytest.raises(ValueError, match=r"no element at \"equality/connect\[@name='nothing'\]\""):
-        with_attributes(file, {"equality/connect[@name='nothing']": {"solimp": "0.5 0.5"}})
+        with_attributes(FOUR_BAR, {"equality/connect[@name='nothing']": {"solimp": "0.5 0.5"}})

@@ -14,8 +14,8 @@ import sympy as sp
 from catalogue import BUILT_IN
 
 from harness.arrays import Array
-from harness.hard.cases import POINTS, hard_cases, library_of
-from harness.hard.truths import states_at
+from harness.hard.cases import POINTS, hard_cases
+from harness.hard.truths import plain_point
 from harness.lagrange.derivation import load_mechanism
 from harness.lagrange.expressions import assemble
 from harness.programs.kernels import BallKernel
@@ -73,9 +73,8 @@ def by_chart(mechanism: Mechanism, states: States) -> list[tuple[StraightLinePro
 
 def hard_point(name: str, place: int) -> tuple[Mechanism, States]:
     """One point of a case, and its states; other points are neither derived nor certified for it."""
-    case = hard_cases()[name]
-    mechanism = load_mechanism(library_of(case), case.system_at(case.values[place]))
-    return case.mechanism_at(mechanism, case.values[place]), states_at(case, mechanism, case.values[place], place)
+    point = plain_point(hard_cases()[name], place)
+    return point.mechanism, point.states
 
 
 def scales_of(inputs: Array) -> Array:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -37,18 +37,27 @@ from harness.truth.sampling import generic_sample
 POINTS = 30
 # States at each point; the worst of them counts.
 STATES = 8
+# Of a family of ever larger systems, how often each size comes.
+SEEDS = 3
 # What changes may refer to beside the parameters.
 KNOB = "knob"
 _ADDRESS = re.compile(r"(?P<tag>\S+?)(?: (?P<name>[^/@]+))?(?P<children>(?:/[^/@]+)*)@(?P<attribute>\w*)(?:\[(?P<index>\d+)\])?")
 
 Values = Mapping[str, float]
-# Address of a number to the parameter it holds, or to what it is of all parameters and the knob.
-Changes = Mapping[str, str | Callable[[Values], float]]
+# The parameter that a number holds, or what it is of all parameters and the knob.
+Rule = str | Callable[[Values], float]
+# Address of a number to its rule.
+Changes = Mapping[str, Rule]
 
 
 def anywhere(mechanism: Mechanism, value: float = 0.0, seed: int = 0) -> States:
     """``STATES`` states spread over the mechanism's ranges, the same for every value of a knob that changes the model."""
     return generic_sample(mechanism, STATES, 0)
+
+
+def at_each_seed(mechanism: Mechanism, value: float, seed: int) -> States:
+    """``STATES`` states spread over the mechanism's ranges, others for each seed: the Sobol sequence is spread by its scrambling."""
+    return generic_sample(mechanism, STATES, seed)
 
 
 @dataclass(frozen=True)
@@ -106,45 +115,58 @@ class HardCase:
     source: str
     remedy: str
 
+    @property
+    def library(self) -> Library:
+        """The library that holds the case's systems and models."""
+        own = _own_library()
+        return own if self.system_at(self.values[0]) in own.system_names() else Library.built_in()
+
     def system_at(self, value: float) -> str:
         """Name of the system at one value of the knob."""
         return self.system if isinstance(self.system, str) else self.system(value)
 
-    def mechanism_at(self, mechanism: Mechanism, value: float) -> Mechanism:
-        """``mechanism`` with the parameters of one value of the knob.
+    def unchanged_at(self, value: float) -> Mechanism:
+        """The mechanism at one value of the knob, with parameters of its own."""
+        return _mechanism(self.library, self.system_at(value))
+
+    def mechanism_at(self, value: float) -> Mechanism:
+        """The mechanism with the parameters of one value of the knob.
 
         Raises:
             ValueError: the case names a parameter that the mechanism has not.
         """
-        own, changed = [name for name, _, _ in mechanism.parameters], self.parameters(value)
+        mechanism, changed = self.unchanged_at(value), self.parameters(value)
+        own = [name for name, _, _ in mechanism.parameters]
         for name in changed:
             if name not in own:
                 raise ValueError(f"{self.name}: {mechanism.name} has no parameter {name!r}; {nearest(name, own)}")
         return with_parameters(mechanism, changed)
 
-    def model_at(self, model: ModelFile, mechanism: Mechanism, value: float) -> ModelFile:
-        """The model file at one value of the knob.
+    def model_at(self, value: float, model_format: str) -> ModelFile:
+        """The model file of one format at one value of the knob.
 
         Raises:
             ValueError: a change points at no number of the model.
             harness.errors.InvalidModel: the changed model is not physical.
         """
-        values: dict[str, float] = {KNOB: value, **{name: own for name, own, _ in self.mechanism_at(mechanism, value).parameters}}
-        elements = find_elements(model.text, model.format)
+        model = _file(self.library.model_path(self.system_at(value), model_format), model_format)
+        values: dict[str, float] = {KNOB: value, **{name: own for name, own, _ in self.mechanism_at(value).parameters}}
+        elements = find_elements(model.text, model_format)
         numbers = {
             number_at(elements, address): float(values[rule] if isinstance(rule, str) else rule(values))
-            for address, rule in self.changes.get(model.format, {}).items()
+            for address, rule in self.changes.get(model_format, {}).items()
         }
-        changed = parse_model(model.path, with_values(model.text, numbers), model.format) if numbers else model
-        return with_attributes(changed, self.attributes[model.format](value)) if model.format in self.attributes else changed
+        changed = parse_model(model.path, with_values(model.text, numbers), model_format) if numbers else model
+        return with_attributes(changed, self.attributes[model_format](value)) if model_format in self.attributes else changed
 
     def scene_at(self, value: float) -> Scene:
         """The mechanism and both its models at one value of the knob; raises as ``mechanism_at`` and ``model_at``."""
-        library = library_of(self)
-        mechanism = load_mechanism(library, self.system_at(value))
-        models = {suffix: read_model(library.model_path(mechanism.name, suffix), suffix) for suffix in MODEL_SUFFIXES}
-        changed = {suffix: self.model_at(model, mechanism, value) for suffix, model in models.items()}
-        return Scene(library, self.mechanism_at(mechanism, value), changed)
+        return Scene(self.library, self.mechanism_at(value), {suffix: self.model_at(value, suffix) for suffix in MODEL_SUFFIXES})
+
+
+# A case asks for one mechanism and one file at every value of its knob.
+_mechanism = functools.lru_cache(maxsize=4)(load_mechanism)
+_file = functools.lru_cache(maxsize=64)(read_model)
 
 
 def number_at(elements: list[Element], address: str) -> Number:
@@ -175,12 +197,6 @@ def _own_library() -> Library:
     return replace(Library.at(Path(__file__).parent), name="hard_cases")
 
 
-def library_of(case: HardCase) -> Library:
-    """The library that holds the case's systems and models."""
-    own = _own_library()
-    return own if case.system_at(case.values[0]) in own.system_names() else Library.built_in()
-
-
 _CASES = Registry(__name__, HardCase, "hard case")
 
 
@@ -197,6 +213,11 @@ def hard_cases() -> Mapping[str, HardCase]:
 def decades(low: float, high: float, count: int = POINTS) -> tuple[float, ...]:
     """``count`` values from 10^low to 10^high, evenly spaced in their logarithm."""
     return tuple(10.0 ** (low + (high - low) * i / (count - 1)) for i in range(count))
+
+
+def of_sizes(sizes: Sequence[float]) -> tuple[float, ...]:
+    """Values of a knob that is a size, each at ``SEEDS`` seeds."""
+    return tuple(float(size) for size in sizes for _ in range(SEEDS))
 
 
 def with_columns(part: Array, columns: Mapping[int, float | Array]) -> Array:

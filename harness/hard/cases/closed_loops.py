@@ -6,15 +6,15 @@ States are closed at each point's own parameters. MuJoCo is held against what th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from dataclasses import replace
+from functools import partial
 
 from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.engines.adapters.pinocchio.constraints import Solver
-from harness.hard.cases import STATES, HardCase, Theory, Values, anywhere, decades, posed, shares, with_columns
+from harness.hard.cases import STATES, HardCase, Theory, anywhere, at_each_seed, decades, of_sizes, posed, shares, with_columns
+from harness.hard.cases.long_chains import bar_inertias
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.sampling import generic_sample
 
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 7.1 and 10.1"
 _HUNT = "Hunt, Kinematic Geometry of Mechanisms, section 2.1; Bayo, Avello, Nonlinear Dynamics 5 (1994), on chains of four-bars"
@@ -49,10 +49,6 @@ DEAD_POINT = HardCase(
 )
 
 
-def _folded(value: float) -> dict[int, float]:
-    return {0: math.pi - value}
-
-
 GRASHOF_LIMIT = HardCase(
     name="grashof_limit",
     title="four-bar whose shortest and longest bar are as long as the others, towards all bars in line",
@@ -61,93 +57,68 @@ GRASHOF_LIMIT = HardCase(
     values=decades(-7, -0.5),
     parameters=lambda angle: {"d": 2.2},
     changes={"mjcf": {"body follower@pos[0]": "d"}, "urdf": {"joint follower/origin@xyz[0]": "d"}},
-    states=posed(_folded),
+    states=posed(lambda angle: {0: math.pi - angle}),
     theory=_IN_LINE,
     source="Norton, Design of Machinery, 5th ed., section 2.12 (change points); there the rows of J depend on one another, "
     "and J M^-1 J' has a least eigenvalue of the angle's square",
     remedy="keep bars of Grashof's limit out of a mechanism that passes the line, or add the bar that decides the way",
 )
 
-PARALLELOGRAM_IN_LINE = HardCase(
-    name="parallelogram_in_line",
-    title="parallelogram of three cranks, towards all bars in line",
-    system="parallelogram",
-    knob=("angle of the cranks from the coupler", "rad"),
-    values=decades(-7, -0.5),
-    states=posed(lambda angle: {0: angle}),
-    theory=_IN_LINE,
-    source=_HUNT,
-    remedy="add a crank at an angle to the others, as locomotives have",
-)
-
-FOUR_BARS_IN_LINE = HardCase(
-    name="four_bars_in_line",
-    title="two four-bars side by side (A02), towards all bars in line",
-    system="four_bar_chain_2",
-    knob=("angle of the cranks from the couplers", "rad"),
-    values=decades(-7, -0.5),
-    states=posed(lambda angle: {0: angle}),
-    theory=_IN_LINE,
-    source=_HUNT,
-    remedy="add a crank at an angle to the others, as locomotives have",
-)
-
-
-def _masses(ratio: float) -> Values:
-    return {"m_c": 0.5 * ratio}
-
-
-def _across(values: Values) -> float:
-    return values["m_c"] * values["c"] ** 2 / 12
-
-
-def _along(values: Values) -> float:
-    return min(1e-15, _across(values))
-
-
-def _mass_ratio(name: str, title: str, decade: float, source: str, remedy: str, theory: Mapping[str, Theory]) -> HardCase:
-    return HardCase(
+IN_LINE = [
+    HardCase(
         name=name,
-        title=title,
+        title=f"{title}, towards all bars in line",
+        system=system,
+        knob=(f"angle of the cranks from the {coupler}", "rad"),
+        values=decades(-7, -0.5),
+        states=posed(lambda angle: {0: angle}),
+        theory=_IN_LINE,
+        source=_HUNT,
+        remedy="add a crank at an angle to the others, as locomotives have",
+    )
+    for name, title, system, coupler in (
+        ("parallelogram_in_line", "parallelogram of three cranks", "parallelogram", "coupler"),
+        ("four_bars_in_line", "two four-bars side by side (A02)", "four_bar_chain_2", "couplers"),
+    )
+]
+
+_ACROSS, _ALONG = bar_inertias("m_c", "c")
+_BODY, _LINK = "body follower/inertial", "link follower/inertial"
+MASS_RATIOS = [
+    HardCase(
+        name=f"loop_{weight}_follower",
+        title=f"four-bar whose follower is up to nine orders of magnitude {heavier} than its crank",
         system="four_bar",
         knob=("mass of the follower over the crank's", "1"),
-        values=decades(min(decade, 0), max(decade, 0)),
-        parameters=_masses,
+        values=values,
+        parameters=lambda ratio: {"m_c": 0.5 * ratio},
         changes={
-            "mjcf": {
-                "body follower/inertial@mass": "m_c",
-                "body follower/inertial@diaginertia[0]": _along,
-                "body follower/inertial@diaginertia[1]": _across,
-                "body follower/inertial@diaginertia[2]": _across,
-            },
-            "urdf": {
-                "link follower/inertial/mass@value": "m_c",
-                "link follower/inertial/inertia@iyy": _across,
-                "link follower/inertial/inertia@izz": _across,
-            },
+            "mjcf": {f"{_BODY}@mass": "m_c"} | {f"{_BODY}@diaginertia[{i}]": rule for i, rule in enumerate((_ALONG, _ACROSS, _ACROSS))},
+            "urdf": {f"{_LINK}/mass@value": "m_c"} | {f"{_LINK}/inertia@{moment}": _ACROSS for moment in ("iyy", "izz")},
         },
         theory=theory,
-        source=source,
+        source=f"{_HIGHAM}; {source}",
         remedy=remedy,
     )
-
-
-LIGHT_FOLLOWER = _mass_ratio(
-    "loop_light_follower",
-    "four-bar whose follower is up to nine orders of magnitude lighter than its crank",
-    -9,
-    _HIGHAM + "; a light bar's mobility 1/m is one eigenvalue of J M^-1 J', whose rounding, u/m, hides what the heavy bars add to it",
-    "solve the reduced equations, of independent coordinates alone, or give the bar the inertia that it has",
-    dict.fromkeys(("lagrange", "pinocchio/urdf"), Theory("unstable", growth=-0.5, digits_growth=-1.0)),
-)
-HEAVY_FOLLOWER = _mass_ratio(
-    "loop_heavy_follower",
-    "four-bar whose follower is up to nine orders of magnitude heavier than its crank",
-    9,
-    _HIGHAM + "; the heavy bar's mobility is nothing beside the light ones', which stay exact",
-    "accelerations are safe",
-    {},
-)
+    for weight, heavier, values, source, remedy, theory in (
+        (
+            "light",
+            "lighter",
+            decades(-9, 0),
+            "a light bar's mobility 1/m is one eigenvalue of J M^-1 J', whose rounding, u/m, hides what the heavy bars add to it",
+            "solve the reduced equations, of independent coordinates alone, or give the bar the inertia that it has",
+            dict.fromkeys(("lagrange", "pinocchio/urdf"), Theory("unstable", growth=-0.5, digits_growth=-1.0)),
+        ),
+        (
+            "heavy",
+            "heavier",
+            decades(0, 9),
+            "the heavy bar's mobility is nothing beside the light ones', which stay exact",
+            "accelerations are safe",
+            {},
+        ),
+    )
+]
 
 IMPEDANCE = HardCase(
     name="loop_impedance",
@@ -193,73 +164,61 @@ DRIFT = HardCase(
 )
 
 
-def _solved(algorithm: Literal["constraintDynamics", "lcaba"], iterations: int) -> Callable[[Any, float], PinocchioModel]:
-    def configured(model: PinocchioModel, mu: float) -> PinocchioModel:
-        return model.solved_by(Solver(algorithm, mu=mu, iterations=iterations))
-
-    return configured
+def _solved(solver: Solver, model: PinocchioModel, mu: float) -> PinocchioModel:
+    return model.solved_by(replace(solver, mu=mu))
 
 
-def _proximal(
-    name: str, title: str, configured: Callable[[Any, float], PinocchioModel], growth: float | None, source: str, remedy: str
-) -> HardCase:
-    theory = Theory() if growth is None else Theory("disagrees", growth=growth, digits_growth=growth)
-    return HardCase(
+PROXIMAL = [
+    HardCase(
         name=name,
-        title=title,
+        title=f"four-bar by Pinocchio's {title}",
         system="four_bar",
         knob=("proximal parameter mu", "1"),
         values=decades(-14, -1),
-        configured=configured,
+        configured=partial(_solved, solver),
         subjects=_PINOCCHIO,
-        theory=dict.fromkeys(_PINOCCHIO, theory),
+        theory=dict.fromkeys(_PINOCCHIO, Theory() if growth is None else Theory("disagrees", growth=growth, digits_growth=growth)),
         source=source,
         remedy=remedy,
     )
-
-
-PROXIMAL = _proximal(
-    "proximal_limit",
-    "four-bar by Pinocchio's constraintDynamics, iterated to its end",
-    _solved("constraintDynamics", 100),
-    None,
-    _PROXIMAL + "; the limit of the iterations does not depend on mu",
-    "any mu above 0 with accuracy 0 and 100 iterations",
-)
-PROXIMAL_ONCE = _proximal(
-    "proximal_once",
-    "four-bar by Pinocchio's constraintDynamics with one iteration",
-    _solved("constraintDynamics", 1),
-    1.0,
-    _PROXIMAL + "; one iteration leaves an error in proportion to mu",
-    "give ProximalSettings more iterations; the default is one",
-)
-LOOP_BODIES = _proximal(
-    "lcaba_mu",
-    "four-bar by Pinocchio's lcaba, twenty iterations",
-    _solved("lcaba", 20),
-    -1.0,
-    "Sathya, Carpentier, Constrained articulated body dynamics algorithms, IEEE Transactions on Robotics, 2024; rounding leaves u / mu of "
-    "M + J' J / mu",
-    "take constraintDynamics, or a mu near 1e-2 with many iterations",
-)
+    for name, title, solver, growth, source, remedy in (
+        (
+            "proximal_limit",
+            "constraintDynamics, iterated to its end",
+            Solver(iterations=100),
+            None,
+            f"{_PROXIMAL}; the limit of the iterations does not depend on mu",
+            "any mu above 0 with accuracy 0 and 100 iterations",
+        ),
+        (
+            "proximal_once",
+            "constraintDynamics with one iteration",
+            Solver(iterations=1),
+            1.0,
+            f"{_PROXIMAL}; one iteration leaves an error in proportion to mu",
+            "give ProximalSettings more iterations; the default is one",
+        ),
+        (
+            "lcaba_mu",
+            "lcaba, twenty iterations",
+            Solver("lcaba", iterations=20),
+            -1.0,
+            "Sathya, Carpentier, Constrained articulated body dynamics algorithms, IEEE Transactions on Robotics, 2024; rounding leaves "
+            "u / mu of M + J' J / mu",
+            "take constraintDynamics, or a mu near 1e-2 with many iterations",
+        ),
+    )
+]
 
 # Beyond some thirty bodies the bounds of double-double no longer suffice, and a state takes a quarter of a second in balls.
 SIZES = (2, 3, 4, 5, 6, 7, 8, 10, 12, 24)
-SEEDS = 3
-
-
-def _at_seed(mechanism: Mechanism, value: float, seed: int) -> States:
-    return generic_sample(mechanism, STATES, seed)
-
-
 LONG_CLOSED_CHAIN = HardCase(
     name="long_closed_chain",
     title="row of n four-bars, of up to 49 bodies",
     system=lambda bodies: f"four_bar_chain_{(bodies - 1) / 2:.0f}",
     knob=("number of bodies", "1"),
-    values=tuple(float(2 * size + 1) for size in SIZES for _ in range(SEEDS)),
-    states=_at_seed,
+    values=of_sizes([2 * size + 1 for size in SIZES]),
+    states=at_each_seed,
     source="Bayo, Avello, Singularity-free augmented Lagrangian algorithms, Nonlinear Dynamics 5 (1994); J M^-1 J' is tridiagonal by "
     "blocks, and regular away from the line",
     remedy="accelerations are safe away from configurations in which all bars are in line",
