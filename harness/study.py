@@ -77,6 +77,11 @@ def ask(function: Callable[..., Any], *arguments: Any, affinity: Hashable | None
     return outcome
 
 
+def call(function: Callable[..., Any], *arguments: Any) -> Any:
+    """What a function returns that takes no note; a task is ``ask(call, function, ...)``."""
+    return function(*arguments[:-1])
+
+
 @dataclass(eq=False)
 class _UnderWay:
     """An inquiry with the outcomes that it waits for."""

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.accounting import fold
-from harness.comparison.robot_library import ask_engine
-from harness.comparison.truth import STATES_OF_EFFECTS, Meant, largest_change, read_as, reference_of, request_of, spread
+from harness.comparison.robot_library import ask_engine, engine_of
+from harness.comparison.truth import Meant, fold, largest_change, question_of, read_as, reference_of, worst
 from harness.engines import Engine
-from harness.engines.request import EngineAnswers, EngineQuestion, Held
+from harness.engines.request import EngineAnswers, Held
 from harness.explain.changes.readings import element_at, find_readings
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.files.rules.constraint_law import ConstraintLaw
@@ -44,9 +43,9 @@ _HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
 _UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
 
 
-def judge_equalities(meant: Meant, caller: Engine) -> EqualitiesRecord:
+def judge_equalities(meant: Meant, engine: str) -> EqualitiesRecord:
     """The record of a plain engine on a file with equalities."""
-    robot = meant.robot
+    robot, caller = meant.robot, engine_of(engine)
     about: dict[str, Any] = {"path": str(robot.path), "engine": caller.name, "format": robot.format}
     if caller.why_no_equalities:
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=caller.why_no_equalities)
@@ -59,20 +58,19 @@ def judge_equalities(meant: Meant, caller: Engine) -> EqualitiesRecord:
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=free.refusal or _UNEXPLAINED)
     is_known = set(compare(read.truth, free.of(joints), factorises=True).verdicts.tolist()) <= _HELD
     active = [number for number, one in enumerate(robot.equalities) if one.is_active][:MOST_EFFECTS]
-    alone = {number: _effect(read, _asked(meant, caller, (number,), STATES_OF_EFFECTS)) for number in active} if is_known else {}
+    alone = {number: _effect(read, _asked(meant.few, caller, (number,))) for number in active} if is_known else {}
     parts = [_part(one, why_not.get(number, ""), alone.get(number)) for number, one in enumerate(robot.equalities)]
     if not is_known or not judged:
         return EqualitiesRecord(**about, parts=parts, message="" if is_known else _UNEXPLAINED)
     # The first answer was given, so that this one is no refusal.
     answers = _asked(meant, caller, judged)
     compared = compare(_declared_truth(read, caller, judged), answers.of(joints), factorises=True)
-    known = compared.known("backward_error")
     return EqualitiesRecord(
         **about,
         parts=parts,
         verdict=str(compared.verdicts[compared.worst]),
         explained=set(compared.verdicts.tolist()) <= _HELD,
-        backward_error=float(known.max()) if len(known) else None,
+        backward_error=worst(compared),
         together=_effect(read, answers),
     )
 
@@ -98,12 +96,10 @@ def _why_not(equality: Equality, read: Robot) -> str:
     return f"is about {missing}, which the engine does not have" if missing else ""
 
 
-def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int], most: int | None = None) -> EngineAnswers:
+def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int]) -> EngineAnswers:
     """Accelerations of the plain engine with some of the equalities."""
     held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
-    request = replace(request_of(meant.robot, aided=False), held=held)
-    states = spread(meant.robot, meant.states[np.arange(len(meant.states))[:most]], request.joints)
-    return ask_engine(caller.name, EngineQuestion(request, states.q, states.v, states.tau))
+    return ask_engine(caller.name, question_of(meant, aided=False, held=held))
 
 
 def _effect(read: Meant, answers: EngineAnswers) -> float | None:

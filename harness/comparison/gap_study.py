@@ -11,14 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.accounting import fold
 from harness.comparison.gap import Motion, shares_of
-from harness.comparison.matching import match, renamed_to
-from harness.comparison.meshes import compiled_meshes
+from harness.comparison.matching import SameStates, match, renamed_to
 from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
-from harness.comparison.robot_library import FilesLibrary, engines_of_files
-from harness.comparison.same_states import SameStates
-from harness.comparison.truth import request_of
+from harness.comparison.robot_library import FilesLibrary, engines_of_files, robot_at
+from harness.comparison.truth import fold, request_of
 from harness.engines import NotOffered, installed_version, load_engine, runs_elsewhere
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
@@ -33,7 +30,7 @@ from harness.programs.states import States
 from harness.results.gap import Gap, Gaps, Mover
 from harness.study import Inquiries, Inquiry, Part, ask
 from harness.trees.mechanism import mechanism_of
-from harness.trees.robot import Robot, read_robot
+from harness.trees.robot import Robot
 from harness.trees.stepping.step_forces import step_forces
 from harness.workers import Outcome, Task
 
@@ -152,7 +149,7 @@ class GapStudy(Inquiries):
 
 def _prepare(settings: GapSettings, note: Callable[[str], None]) -> tuple[tuple[_Case, _Case], tuple[str, ...], tuple[Array, Array]]:
     """Both cases, the joints of the first, and where both start."""
-    robots = [read_robot(path, floating_base=settings.floating_base, compile_meshes=compiled_meshes) for path in settings.paths]
+    robots = [robot_at(path, settings.floating_base) for path in settings.paths]
     matching = match(robots[0], robots[1], dict(settings.renamed))
     if matching.problem:
         raise InvalidRequest(f"the files are not one robot: {matching.problem}")

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.accounting import effects, fold, readings_that_do_not_hold
-from harness.comparison.truth import Meant, read_as, reference_of
+from harness.comparison.robot_library import engine_of
+from harness.comparison.truth import Meant, effects, fold, read_as, readings_that_do_not_hold, reference_of, worst
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import find_readings
@@ -35,8 +35,9 @@ ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution
 _NOWHERE = "at no state is an acceleration certain, for M is singular or not positive definite there"
 
 
-def judge(meant: Meant, answers: EngineAnswers, caller: Engine, aided: bool) -> SubjectRecord:
-    """The record of a subject that returned something."""
+def judge(meant: Meant, answers: EngineAnswers, engine: str, aided: bool) -> SubjectRecord:
+    """The record of an engine that returned something."""
+    caller = engine_of(engine)
     about: dict[str, Any] = {**subject_of(meant, caller, aided), "notes": answers.notes}
     if answers.refusal:
         rest = why_refused(meant.robot, answers.element)
@@ -59,7 +60,7 @@ def judge(meant: Meant, answers: EngineAnswers, caller: Engine, aided: bool) -> 
     after = compared if read is meant and compared is not None else _compare(read, answers)
     if _are_all(after, Verdict.UNDECIDED):
         return replace(record, verdict=Verdict.UNDECIDED, explained=True, message=_NOWHERE)
-    record = replace(record, left=_worst(after) if folded.applied else None)
+    record = replace(record, left=worst(after) if folded.applied else None)
     if _are_all(after, Verdict.AGREES):
         return replace(record, explained=True)
     if cause := _cause_of_lost_digits(read, answers, after, caller):
@@ -115,17 +116,11 @@ def _verdict(compared: Comparison | None) -> dict[str, Any]:
     """Of an engine that lacks a joint there is nothing to compare, and it disagrees."""
     if compared is None:
         return {"verdict": Verdict.DISAGREES.value}
-    relative = compared.known("relative_error")
     return {
         "verdict": str(compared.verdicts[compared.worst]),
-        "backward_error": _worst(compared),
-        "relative_error": float(relative.max()) if len(relative) else None,
+        "backward_error": worst(compared),
+        "relative_error": worst(compared, "relative_error"),
     }
-
-
-def _worst(compared: Comparison) -> float | None:
-    known = compared.known("backward_error")
-    return float(known.max()) if len(known) else None
 
 
 def _are_all(compared: Comparison, *allowed: Verdict) -> bool:

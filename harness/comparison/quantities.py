@@ -1,20 +1,26 @@
-"""Two robots whose files are built otherwise: the quantities of the parts that move together, in either file.
+"""Two robots whose files are built otherwise: the quantities of the parts that move together, and what differs in them.
 
 Both are taken in axes parallel to the world's with every joint at zero, where files of one robot hold the same numbers. A frame that
-is turned in one file turns all that it carries: a turn that makes what a joint carries fit is one difference, at that joint.
+is turned in one file turns all that it carries: a turn that makes what a joint carries fit is one difference, at that joint. What
+differs is set to the other file's value one by one: what that does is its effect alone.
 
 Source: Kabsch, A solution for the best rotation to relate two sets of vectors, Acta Cryst. A32 (1976).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.files.tree import Body, Place
+from harness.comparison.truth import Meant, effects_of_numbers, reference_of
+from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
+from harness.results.comparison import FileDifference
+from harness.trees.bodies.spatial import parameter_name
 from harness.trees.canonical import CanonicalNode, Mass, canonical
 from harness.trees.robot import Robot
 
@@ -31,6 +37,8 @@ JOINT_NUMBERS = {
     "spring_reference": "spring reference",
     "multiplier": "multiplier of the mimic",
 }
+# Stands for a number that is zero in the first file, so that it is a parameter of the equations.
+_ALMOST_ZERO = 1e-300
 # The joint, "" for none, and the quantity.
 Key = tuple[str, str]
 
@@ -148,3 +156,75 @@ def _quaternion(turn: Array) -> Array:
         return np.array([0.0, *vectors[:, values.argmax()]])
     vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (4 * w)
     return np.array([w, *vector])
+
+
+def differences_of_nodes(first: Meant, second: Robot) -> list[FileDifference]:
+    """The differences of two robots with equal names of joints, with what each does alone to the accelerations of the first."""
+    found = quantities(first.robot, second)
+    differing = {key: one for key, one in found.items() if one.differs}
+    effects = _effects(first, found, differing) if differing else {}
+    return [difference_of(one.what, shown(*one.values), one.places, effects[key]) for key, one in differing.items()]
+
+
+def difference_of(what: str, values: Sequence[str], places: Sequence[Place | None], alone: float | None) -> FileDifference:
+    """A difference whose places are written as "robot.urdf:12"; "" for none."""
+    first, second = ("" if place is None else f"{Path(place.path).name}:{place.line}" for place in places)
+    return FileDifference(what=what, first=values[0], second=values[1], first_place=first, second_place=second, alone=alone)
+
+
+def shown(first: Array, second: Array) -> tuple[str, str]:
+    """Both with as few digits as tell them apart."""
+    texts = ("", "")
+    for digits in (6, 9, 12, 17):
+        one, other = (" ".join(f"{value:.{digits}g}" for value in array.ravel().tolist()) for array in (first, second))
+        texts = (one, other)
+        if one != other:
+            break
+    return texts
+
+
+def _effects(first: Meant, found: Mapping[Key, FileQuantity], differing: Mapping[Key, FileQuantity]) -> dict[Key, float | None]:
+    # The numbers of the first file as parameters, each with a name of its own.
+    numbers = {
+        key: tuple(
+            Given(value or _ALMOST_ZERO, Place(first.robot.path, line), "value", index)
+            for index, value in enumerate(quantity.values[0].ravel().tolist())
+        )
+        for line, (key, quantity) in enumerate(found.items())
+    }
+    nodes = canonical(first.robot)
+    bodies = [body for name, node in nodes.items() for body in _bodies(name, node, numbers, found, differing)]
+    tree = replace(first.robot.tree, bodies=tuple(bodies), gravity=_three(numbers["", "gravity"]), total_mass=None, bounds=None)
+    reference = reference_of(replace(first.robot, tree=tree))
+    own = [0.0 if abs(value) <= _ALMOST_ZERO else value for value in reference.mechanism.parameter_values]
+    changes = {
+        key: {parameter_name(number): value for number, value in zip(numbers[key], one.values[1].ravel().tolist(), strict=True)}
+        for key, one in differing.items()
+    }
+    return effects_of_numbers(reference, first.states, changes, np.array(own))
+
+
+def _three(numbers: tuple[Given, ...]) -> Vector:
+    x, y, z = numbers
+    return x, y, z
+
+
+def _bodies(
+    name: str,
+    node: CanonicalNode,
+    numbers: Mapping[Key, tuple[Given, ...]],
+    found: Mapping[Key, FileQuantity],
+    differing: Mapping[Key, FileQuantity],
+) -> Iterator[Body]:
+    """The joint on a body without mass, and its masses on bodies fixed to that."""
+    turn = (Quaternion(numbers[name, "turn"]),) if (name, "turn") in differing else ()
+    felt: dict[str, Any] = {
+        key: numbers[name, key][0] for key in JOINT_NUMBERS if (node.joint.follows if key == "multiplier" else found[name, key].scale)
+    }
+    axis = _three(numbers[name, "axis"]) if node.axis.any() else node.joint.axis
+    joint = Joint(name, node.joint.kind, axis, in_degrees=node.joint.in_degrees, follows=node.joint.follows, **felt)
+    yield Body(name, node.parent or WORLD, (Placement(_three(numbers[name, "anchor"]), turn),), (joint,), None)
+    for key in [what.removeprefix("mass ") for owner, what in found if owner == name and what.startswith("mass ")]:
+        (mass,), moments = numbers[name, f"mass {key}"], numbers[name, f"moments {key}"]
+        inertia = Inertia((Placement(_three(numbers[name, f"centre {key}"])),), mass, moments)
+        yield Body(f"{name} {key}", name, (), (), inertia)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
-from harness.comparison.meshes import compiled_meshes
 from harness.comparison.truth import joints_without_inertia, request_of
 from harness.engines import (
     Engine,
@@ -29,12 +28,16 @@ from harness.engines import (
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest
+from harness.files.mjcf.meshes import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
 from harness.library import ROBOTS, Library, is_file, nearest
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.trees.mechanism import mechanism_of
-from harness.trees.robot import read_robot
+from harness.trees.robot import Robot, read_robot
+
+# What a geom weighs follows from these.
+_WEIGHED_BY = ("type", "size", "fromto", "meshname", "fitscale", "mass", "density", "typeinertia", "group")
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,54 @@ def ask_engine(engine: str, question: EngineQuestion) -> EngineAnswers:
     except Unsupported as missing:
         return EngineAnswers(refusal=str(missing))
     return answers
+
+
+def robot_at(path: Path, floating_base: bool = False) -> Robot:
+    """The robot in a file, in which meshes weigh what MuJoCo makes of them; raises as ``read_robot``."""
+    return read_robot(path, floating_base=floating_base, compile_meshes=compiled_meshes)
+
+
+def compiled_meshes(path: Path) -> dict[Number, CompiledMesh]:
+    """The geoms of meshes by body and geom, as MuJoCo's own compile weighs them.
+
+    Raises:
+        ValueError: MuJoCo refuses the file; with its words.
+
+    Source: MuJoCo documentation, XML reference, ``asset/mesh`` and ``compiler``; mjCBody::InertiaFromGeom, by which a body with one
+    geom has the mass and the principal moments of that.
+    """
+    import mujoco
+
+    # The default handler writes a log file into the current directory.
+    mujoco.set_mju_user_warning(lambda message: None)
+    spec = mujoco.MjSpec.from_file(str(path))
+    # What moves geoms to other bodies, drops some, or changes what they weigh.
+    spec.compiler.fusestatic = spec.compiler.discardvisual = False
+    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
+    spec.compiler.settotalmass = -1.0
+    shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
+    meshes = [geom for geom in spec.geoms if (geom.meshname or geom.type in shapes) and geom.parent.name != "world"]
+    alone = [_alone(spec, geom) for geom in meshes]
+    model = spec.compile()
+    return {
+        (geom.parent.id - 1, geom.id - int(model.body_geomadr[geom.parent.id])): CompiledMesh(
+            name=geom.name,
+            mass=float(model.body_mass[body.id]),
+            moments=model.body_inertia[body.id].tolist(),
+            position=model.geom_pos[geom.id].tolist(),
+            orientation=model.geom_quat[geom.id].tolist(),
+        )
+        for geom, body in zip(meshes, alone, strict=True)
+    }
+
+
+def _alone(spec: Any, geom: Any) -> Any:
+    """A body behind all others that holds nothing but a copy of a geom."""
+    body = spec.worldbody.add_body()
+    copy = body.add_geom()
+    for name in _WEIGHED_BY:
+        setattr(copy, name, getattr(geom, name))
+    return body
 
 
 @dataclass(frozen=True)
@@ -177,7 +228,7 @@ class RobotLibrary(FilesLibrary):
         Raises:
             InvalidModel: the file has no meaning, or nothing in it has an acceleration.
         """
-        robot = read_robot(Path(name), floating_base=self.floating_base, compile_meshes=compiled_meshes)
+        robot = robot_at(Path(name), self.floating_base)
         if not robot.joints:
             raise InvalidModel(robot.path, None, "no joint moves, so that there is no acceleration; expected a joint that moves by itself")
         if idle := joints_without_inertia(robot.tree):

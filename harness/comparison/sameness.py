@@ -1,34 +1,51 @@
 """Two files: one robot or not, and what differs, ranked by what each difference alone does to the accelerations.
 
 Whether they are one robot is decided by their certified accelerations at the same states. What differs is found in the files: number
-by number where they are built alike, else between what moves together, in frames that no author chose.
-
-Of files that are built otherwise, what differs is set to the other file's value one by one: what that does is its effect alone.
+by number where their trees have one shape, as those of a file and an edited copy of it, else between what moves together
+(``quantities``), in frames that no author chose.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
-from harness.comparison.matching import match, renamed_to
-from harness.comparison.numbers import OtherShape, different_numbers, place_text, ranked
-from harness.comparison.quantities import JOINT_NUMBERS, FileQuantity, Key, quantities
-from harness.comparison.same_states import SameStates
-from harness.comparison.truth import STATES_OF_EFFECTS, Meant, change, change_by_numbers, columns_of, read_as, reference_of
+from harness.comparison.matching import SameStates, match, renamed_to
+from harness.comparison.quantities import difference_of, differences_of_nodes
+from harness.comparison.truth import Meant, change, columns_of, effects_of_numbers, read_as, reference_of, worst
 from harness.explain.changes.readings import freed, with_joints, with_tree
-from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
+from harness.files.tree import Body, Given, Inertia, Joint, Tree
 from harness.results.comparison import FileDifference, PairRecord
+from harness.results.table import number_text
 from harness.trees.bodies.spatial import parameter_name
-from harness.trees.canonical import CanonicalNode, canonical
 from harness.trees.robot import Robot
 from harness.truth.compare import compare
 from harness.verdict import Verdict
+
+# What is said of a number by the field of a tree that holds it.
+_NAMES = {
+    "mass": "mass",
+    "moments": "moments of inertia",
+    "axis": "axis",
+    "anchor": "anchor",
+    "pose": "origin",
+    "damping": "damping",
+    "stiffness": "stiffness",
+    "spring_reference": "spring reference",
+    "friction_loss": "friction",
+    "limits": "limits",
+    "armature": "armature",
+    "reference": "reference",
+    "multiplier": "multiplier of the mimic",
+    "offset": "offset of the mimic",
+    "gravity": "gravity",
+}
+# Numbers that no equation of motion holds.
+_NOT_FELT = ("friction_loss", "limits")
 
 
 def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> PairRecord:
@@ -45,25 +62,25 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> Pai
     second = renamed_to(second, {other: one for one, other in matching.names.items()})
     led, (first, second) = _mimics(first, second), _freed(first, second)
     same_states = SameStates(first.robot, second)
-    other = read_as(first, second, same_states)
+    other = read_as(first, second, same_states.of_second)
     if other.undetermined:
         return replace(record, problem=f"{second.path.name}: {other.undetermined}")
     columns = columns_of(other.joints, first.robot.joints)
     compared = compare(first.truth, same_states.of_first(other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns])
     verdicts = set(compared.verdicts[first.truth.certified & other.truth.certified].tolist())
     same = verdicts == {Verdict.AGREES.value} and not led
-    backward, relative = compared.known("backward_error"), compared.known("relative_error")
     try:
-        differences = ranked(first, second, different_numbers(first.robot.tree, second.tree))
-    except OtherShape:
+        differences = _different_numbers(first, second)
+    except _OtherShape:
         differences = differences_of_nodes(first, second)
     return replace(
         record,
         same=same,
-        backward_error=float(backward.max()) if len(backward) else None,
-        relative_error=float(relative.max()) if len(relative) else None,
+        backward_error=worst(compared),
+        relative_error=worst(compared, "relative_error"),
         equivalent=same and bool(differences),
-        differences=[*led, *differences],
+        # The one that alone moves the accelerations of the first file most comes first.
+        differences=[*led, *sorted(differences, key=lambda one: -(one.alone or 0.0))],
     )
 
 
@@ -74,13 +91,9 @@ def _mimics(first: Meant, second: Robot) -> list[FileDifference]:
         other = second.joint(one.name)
         if one.follows != other.follows:
             alone = change(first, read_as(first, _free(first.robot, {one.name}))) if one.follows else None
-            places = [place_text(joint.places.get("multiplier")) for joint in (one, other)]
             said = [f"mimics {joint.follows}" if joint.follows else "moves by itself" for joint in (one, other)]
-            found.append(
-                FileDifference(
-                    what=f"joint {one.name}", first=said[0], second=said[1], first_place=places[0], second_place=places[1], alone=alone
-                )
-            )
+            places = [joint.places.get("multiplier") for joint in (one, other)]
+            found.append(difference_of(f"joint {one.name}", said, places, alone))
     return found
 
 
@@ -99,97 +112,72 @@ def _free(robot: Robot, names: Set[str]) -> Robot:
     return with_tree(robot, with_joints(robot.tree, change))
 
 
-# Stands for a number that is zero in the first file, so that it is a parameter of the equations.
-_ALMOST_ZERO = 1e-300
+class _OtherShape(Exception):
+    """The trees are made of other parts."""
 
 
-def differences_of_nodes(first: Meant, second: Robot) -> list[FileDifference]:
-    """The differences of two robots with equal names of joints, the one that moves the first's accelerations most first."""
-    all_of_them = quantities(first.robot, second)
-    differing = {key: one for key, one in all_of_them.items() if one.differs}
-    effects = _effects(first, all_of_them, differing) if differing else {}
+@dataclass(frozen=True)
+class _NumberPair:
+    """One number of a tree and that of another at its place; ``what`` says of which part."""
+
+    what: str
+    first: Fraction
+    second: Fraction
+
+
+def _different_numbers(first: Meant, second: Robot) -> list[FileDifference]:
+    """The numbers that differ, in the order of the first, with what each does alone.
+
+    Raises:
+        _OtherShape: bodies, joints or rotations are other ones.
+    """
+    pairs = [pair for pair in _pairs(first.robot.tree, second.tree, "", "") if pair.first != pair.second]
+    # A number that is no parameter of the first is set to the first's value in the second.
+    effects = _effects(read_as(first, second), [(pair.second, pair.first) for pair in pairs])
+    effects |= _effects(first, [(pair.first, pair.second) for pair in pairs])
     found = []
-    for key, one in differing.items():
-        value, other = shown(*one.values)
-        place, other_place = map(place_text, one.places)
-        found.append(
-            FileDifference(what=one.what, first=value, second=other, first_place=place, second_place=other_place, alone=effects.get(key))
-        )
-    return sorted(found, key=lambda one: -(one.alone or 0.0))
-
-
-def shown(first: Array, second: Array) -> tuple[str, str]:
-    """Both with as few digits as tell them apart."""
-    texts = ("", "")
-    for digits in (6, 9, 12, 17):
-        one, other = (" ".join(f"{value:.{digits}g}" for value in array.ravel().tolist()) for array in (first, second))
-        texts = (one, other)
-        if one != other:
-            break
-    return texts
-
-
-def _effects(first: Meant, all_of_them: Mapping[Key, FileQuantity], differing: Mapping[Key, FileQuantity]) -> dict[Key, float | None]:
-    writer = _CanonicalRobot(first.robot, all_of_them, differing)
-    reference = reference_of(writer.robot)
-    columns = {name: column for column, (name, _, _) in enumerate(reference.mechanism.parameters)}
-    own = np.array([0.0 if abs(value) <= _ALMOST_ZERO else value for value in reference.mechanism.parameter_values])
-    states = first.states[np.arange(min(STATES_OF_EFFECTS, len(first.states)))]
-    found: dict[Key, float | None] = {}
-    for key, quantity in differing.items():
-        changed = own.copy()
-        for number, value in zip(writer.numbers[key], quantity.values[1].ravel().tolist(), strict=True):
-            if parameter_name(number) in columns:
-                changed[columns[parameter_name(number)]] = value
-        found[key] = change_by_numbers(reference, states, own, changed)
+    for number, pair in enumerate(pairs):
+        places = [value.place if isinstance(value, Given) else None for value in (pair.first, pair.second)]
+        found.append(difference_of(pair.what, (_shown(pair.first), _shown(pair.second)), places, effects.get(number)))
     return found
 
 
-class _CanonicalRobot:
-    """The first robot in canonical axes.
-
-    Attributes:
-        numbers: of each quantity, as they are parameters of its equations.
-    """
-
-    def __init__(self, robot: Robot, all_of_them: Mapping[Key, FileQuantity], differing: Mapping[Key, FileQuantity]) -> None:
-        self._path, self._all, self._differing = robot.path, all_of_them, differing
-        self.numbers: dict[Key, tuple[Given, ...]] = {
-            key: _given(robot.path, line, quantity) for line, (key, quantity) in enumerate(all_of_them.items())
-        }
-        bodies = [body for name, node in canonical(robot).items() for body in self._bodies(name, node)]
-        tree = replace(robot.tree, bodies=tuple(bodies), gravity=self._three(("", "gravity")), total_mass=None, bounds=None)
-        self.robot = replace(robot, tree=tree)
-
-    def _three(self, key: Key) -> Vector:
-        x, y, z = self.numbers[key]
-        return x, y, z
-
-    def _bodies(self, name: str, node: CanonicalNode) -> list[Body]:
-        """The joint on a body without mass, and its masses on bodies fixed to that."""
-        turn = (Quaternion(self.numbers[name, "turn"]),) if (name, "turn") in self._differing else ()
-        numbers = {key: self.numbers[name, key][0] for key in JOINT_NUMBERS if self._all[name, key].scale}
-        joint = Joint(
-            name,
-            node.joint.kind,
-            axis=self._three((name, "axis")) if node.axis.any() else node.joint.axis,
-            armature=numbers.get("armature", Fraction(0)),
-            damping=numbers.get("damping", Fraction(0)),
-            stiffness=numbers.get("stiffness", Fraction(0)),
-            spring_reference=numbers.get("spring_reference", Fraction(0)),
-            in_degrees=node.joint.in_degrees,
-            follows=node.joint.follows,
-            multiplier=numbers["multiplier"] if node.joint.follows else Fraction(1),
-        )
-        found = [Body(name, node.parent or WORLD, (Placement(self._three((name, "anchor")), turn),), (joint,), None)]
-        for key in [what.removeprefix("mass ") for owner, what in self._all if owner == name and what.startswith("mass ")]:
-            (mass,), moments = self.numbers[name, f"mass {key}"], self.numbers[name, f"moments {key}"]
-            inertia = Inertia((Placement(self._three((name, f"centre {key}"))),), mass, moments)
-            found.append(Body(f"{name} {key}", name, (), (), inertia))
-        return found
+def _pairs(one: Any, other: Any, owner: str, what: str) -> Iterator[_NumberPair]:
+    if isinstance(one, Fraction) and isinstance(other, Fraction):
+        yield _NumberPair(what, one, other)
+    elif is_dataclass(one) and type(one) is type(other):
+        owner = _owner(one, owner)
+        for field in fields(one):
+            if field.name not in ("place", *_NOT_FELT):
+                named = f"{_NAMES.get(field.name, field.name)} of {owner}" if isinstance(one, Tree | Body | Joint | Inertia) else what
+                yield from _pairs(getattr(one, field.name), getattr(other, field.name), owner, named)
+    elif isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
+        for part, its_like in zip(one, other, strict=True):
+            yield from _pairs(part, its_like, owner, what)
+    elif one != other:
+        raise _OtherShape(what)
 
 
-def _given(path: Path, line: int, quantity: FileQuantity) -> tuple[Given, ...]:
-    """The numbers of the first file as parameters, each with a name of its own."""
-    place = Place(path, line)
-    return tuple(Given(value or _ALMOST_ZERO, place, "value", index) for index, value in enumerate(quantity.values[0].ravel().tolist()))
+def _owner(part: Any, owner: str) -> str:
+    if isinstance(part, Joint):
+        return f"joint {part.name}"
+    if isinstance(part, Body):
+        return f"link {part.name}"
+    return owner or "the world"
+
+
+def _effects(meant: Meant, numbers: Sequence[tuple[Fraction, Fraction]]) -> dict[int, float | None]:
+    """What it does to set one number of a robot to another value: by the place of those that are parameters of its equations."""
+    reference = reference_of(meant.robot)
+    names = {name for name, _, _ in reference.mechanism.parameters}
+    changes = {
+        place: {parameter_name(number): float(value)}
+        for place, (number, value) in enumerate(numbers)
+        if isinstance(number, Given) and parameter_name(number) in names
+    }
+    return effects_of_numbers(reference, meant.states, changes, np.array(reference.mechanism.parameter_values))
+
+
+def _shown(number: Fraction) -> str:
+    value = number_text(float(number))
+    return f"{number.attribute}[{number.index}] {value}" if isinstance(number, Given) and number.attribute else value

@@ -6,28 +6,23 @@ a task beside the truth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
-from harness.comparison.meshes import compiled_meshes
-from harness.comparison.robot_library import ask_engine, engine_of, robot_subjects
+from harness.comparison.robot_library import ask_engine, engine_of, robot_at, robot_subjects
 from harness.comparison.sameness import hold_against
-from harness.comparison.truth import Meant, meant, request_of, spread
-from harness.engines.request import EngineAnswers, EngineQuestion
+from harness.comparison.truth import Meant, meant, question_of
+from harness.crosscheck.settings import Settings
+from harness.engines.request import EngineAnswers
 from harness.errors import InvalidInput, InvalidModel
-from harness.results.comparison import (
-    EqualitiesRecord,
-    FileRecord,
-    FilesComparison,
-    PairRecord,
-    SubjectRecord,
-)
-from harness.study import Inquiries, Inquiry, Part, ask
-from harness.trees.robot import Robot, read_robot
+from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, PairRecord, SubjectRecord
+from harness.results.cross_check import Cause
+from harness.results.records import Record
+from harness.study import Inquiries, Inquiry, Part, ask, call
 from harness.verdict import Verdict
 
 STATES = 64
@@ -91,7 +86,7 @@ class RobotComparison(Inquiries):
     def _compared(self, path: Path) -> Inquiry[None]:
         """One file: what it is, and each engine asked by itself, so that one that aborts or hangs costs its own record."""
         settings = self.settings
-        outcome = yield from ask(_prepare, path, settings.floating_base, settings.states, settings.seed, affinity=path)
+        outcome = yield from ask(call, _prepare, path, settings.floating_base, settings.states, settings.seed, affinity=path)
         if outcome.value is None:
             failure = self.failure(outcome)
             problem = _words(outcome.exception) if isinstance(outcome.exception, InvalidInput) else failure
@@ -106,17 +101,17 @@ class RobotComparison(Inquiries):
     def _asked(self, found: Meant, engine: str, aided: bool) -> Inquiry[None]:
         """One engine in one stance on a file, judged beside the file's truth."""
         path, about = found.robot.path, subject_of(found, engine_of(engine), aided)
-        outcome = yield from ask(_ask, engine, question_of(found, aided))
+        outcome = yield from ask(call, ask_engine, engine, question_of(found, aided))
         answers: EngineAnswers = outcome.value
         if failure := self.failure(outcome):
             record = SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure)
         else:
-            outcome = yield from ask(_judge, found, answers, engine, aided, affinity=path)
+            outcome = yield from ask(call, judge, found, answers, engine, aided, affinity=path)
             failed = self.failure(outcome)
             record = SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failed) if failed else outcome.value
         yield self._kept(f"{path.name} {record.subject}", subjects=[record])
         if not failure and found.robot.equalities and found.certified is not None and not aided and not answers.refusal:
-            outcome = yield from ask(_judge_equalities, found, engine, affinity=path)
+            outcome = yield from ask(call, judge_equalities, found, engine, affinity=path)
             held = outcome.value
             if failure := self.failure(outcome):
                 model_format = found.robot.format
@@ -125,7 +120,7 @@ class RobotComparison(Inquiries):
 
     def _held(self, first: Path, second: Path) -> Inquiry[None]:
         """The second file against the first."""
-        outcome = yield from ask(_hold, self._meant[first], self._meant[second].robot, self.settings.renamed, affinity=first)
+        outcome = yield from ask(call, hold_against, self._meant[first], self._meant[second].robot, self.settings.renamed, affinity=first)
         failure = self.failure(outcome)
         record = PairRecord(first=str(first), second=str(second), same=False, problem=failure) if failure else outcome.value
         yield self._kept(f"{first.name} {second.name}", pairs=[record])
@@ -138,13 +133,6 @@ class RobotComparison(Inquiries):
 
 def _words(problem: InvalidInput) -> str:
     return f"line {problem.line}: {problem.problem}" if problem.line is not None else problem.problem
-
-
-def question_of(found: Meant, aided: bool) -> EngineQuestion:
-    """What a plain or aided engine is asked about a file whose truth is known."""
-    request = request_of(found.robot, aided)
-    states = spread(found.robot, found.states, request.joints)
-    return EngineQuestion(request, states.q, states.v, states.tau)
 
 
 def _file_record(found: Meant) -> FileRecord:
@@ -167,25 +155,48 @@ def _file_record(found: Meant) -> FileRecord:
     )
 
 
-# Tasks for worker processes.
+def _prepare(path: Path, floating_base: bool, count: int, seed: int) -> Meant:
+    return meant(robot_at(path, floating_base), count, seed)
 
 
-def _prepare(path: Path, floating_base: bool, count: int, seed: int, note: Callable[[str], None]) -> Meant:
-    robot: Robot = read_robot(path, floating_base=floating_base, compile_meshes=compiled_meshes)
-    return meant(robot, count, seed)
+# Of ``unstable`` the record itself says all there is to say.
+_EXPLAINED = {Verdict.DISAGREES.value, Verdict.UNSUPPORTED.value}
 
 
-def _ask(engine: str, question: EngineQuestion, note: Callable[[str], None]) -> EngineAnswers:
-    return ask_engine(engine, question)
+class RobotDiagnoses(RobotComparison):
+    """The causes of the records of a cross-check of robots' files that are not as expected; a ``harness.study.Study``.
+
+    They are what a comparison finds for the aided engines, so that a check says nothing else than ``harness compare``.
+    """
+
+    def __init__(self, settings: Settings, records: Sequence[Record], floating_base: bool) -> None:
+        self._wrong = [record for record in records if record.verdict in _EXPLAINED and not record.as_expected]
+        subjects = tuple(dict.fromkeys(record.subject for record in self._wrong))
+        paths = tuple(dict.fromkeys(Path(record.system) for record in self._wrong))
+        compared = ComparisonSettings(
+            paths, seed=settings.seed, floating_base=floating_base, pairwise=False, stances=(True,), subjects=subjects
+        )
+        super().__init__(compared, "diagnosis")
+
+    def causes(self) -> list[Cause]:
+        """Of each wrong record that the comparison speaks of, by system and subject."""
+        aided = {(record.path, record.subject): record for record in super().result().subjects}
+        found = [(record, aided.get((str(Path(record.system)), record.subject))) for record in self._wrong]
+        causes = [_cause(record, known) for record, known in found if known is not None]
+        return sorted(causes, key=lambda cause: (cause.system, cause.subject))
+
+    def result(self) -> Any:
+        return self.causes()
 
 
-def _judge(found: Meant, answers: EngineAnswers, engine: str, aided: bool, note: Callable[[str], None]) -> SubjectRecord:
-    return judge(found, answers, engine_of(engine), aided)
+def _cause(record: Record, known: SubjectRecord) -> Cause:
+    refuses = known.verdict == Verdict.UNSUPPORTED
+    inference = f"the file is the truth, and {record.subject} {'refuses' if refuses else 'differs from'} it"
+    return Cause(system=record.system, subject=record.subject, inference=inference, first_line="; ".join(_sentences(known)) or inference)
 
 
-def _judge_equalities(found: Meant, engine: str, note: Callable[[str], None]) -> EqualitiesRecord:
-    return judge_equalities(found, engine_of(engine))
-
-
-def _hold(first: Meant, second: Robot, renamed: Mapping[str, str], note: Callable[[str], None]) -> PairRecord:
-    return hold_against(first, second, renamed)
+def _sentences(known: SubjectRecord) -> Iterator[str]:
+    for reading in sorted(known.readings, key=lambda one: -(one.alone or 0.0)):
+        lines = ", ".join(map(str, reading.lines))
+        yield f"{reading.sentence}{f' (lines {lines})' if lines else ''}"
+    yield from known.rest

@@ -1,61 +1,43 @@
-"""Certified truth of robots, whose programs a process keeps."""
+"""Certified truth of robots, whose programs a process keeps, and of what the readings of an engine make of them.
+
+Readings act on one tree one after the other, so that one may undo another, or matter only beside it. What a reading does is therefore
+said alone; and where it does nothing alone, beside all others.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.same_states import SameStates
 from harness.engines import request
-from harness.engines.request import Aid, AskedJoint, Request
+from harness.engines.request import AskedJoint, EngineAnswers, EngineQuestion, Held, Request
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
+from harness.explain.changes.readings import Reading
 from harness.files.tree import Joint, Tree
 from harness.programs.states import States
+from harness.results.comparison import FELT, Effect
 from harness.storage import Kept
 from harness.trees.bodies.bounds import bounded
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
-from harness.truth.compare import Flags
+from harness.truth.compare import Comparison, Flags, compare
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 from harness.truth.sampling import sample
-
-
-def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:
-    """States of a robot's own joints, over ``joints`` of its tree: a joint that mimics another moves as the other lets it, unloaded."""
-    by_name = {joint.name: joint for joint in asked_joints(robot.tree)}
-    own = asked_joints(robot.tree, robot.joints)
-    q, v, tau = request.spread(own, [by_name[joint.name] for joint in joints], (states.q, states.v, states.tau))
-    return States(q, v, tau, np.zeros(len(states)))
-
-
-def request_of(robot: Robot, aided: bool) -> Request:
-    """What a plain or aided engine is to load."""
-    # One that eliminates joints that mimic is asked about those too.
-    follows = any(joint.follows for joint in robot.tree.joints)
-    joints = asked_joints(robot.tree, None if follows else robot.joints)
-    return Request(
-        path=robot.path,
-        format=robot.format,
-        joints=joints,
-        moving=robot.joints,
-        floating_base=robot.floating_base,
-        aid=_aid(robot, joints) if aided else None,
-    )
-
-
-def _aid(robot: Robot, joints: Sequence[AskedJoint]) -> Aid:
-    aid = aid_of(robot.tree, joints)
-    return replace(aid, inertias=inertias_of(robot.tree)) if robot.format == "urdf" else aid
-
+from harness.verdict import AGREEMENT
 
 # States at which the effect of one change is computed.
 STATES_OF_EFFECTS = 16
+# Readings that may not hold at once; with ten readings there are 55 ways.
+_MOST_DROPPED = 2
 # Programs of humanoids take megabytes.
 _REFERENCES: Kept[ReferenceKernel] = Kept(most=8)
+Named = TypeVar("Named", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -80,6 +62,12 @@ class Meant:
     def joints(self) -> tuple[AskedJoint, ...]:
         return asked_joints(self.robot.tree, self.robot.joints)
 
+    @property
+    def few(self) -> Meant:
+        """The same at the states at which effects are computed."""
+        first = np.arange(min(STATES_OF_EFFECTS, len(self.states)))
+        return Meant(self.robot, self.states[first], self.truth[first])
+
 
 def reference_of(robot: Robot) -> ReferenceKernel:
     """The evaluator of a robot's truth; kept in the process."""
@@ -89,20 +77,30 @@ def reference_of(robot: Robot) -> ReferenceKernel:
 def meant(robot: Robot, count: int, seed: int) -> Meant:
     """``count`` sampled states of a robot, and their truth."""
     if not robot.joints:
-        none = np.empty((0, 0))
-        return Meant(robot, States(none, none, none, np.empty(0)), None, "no joint moves, so that there is no acceleration")
-    reference = reference_of(robot)
-    states = sample(reference.mechanism, count, seed)
-    if undetermined := _undetermined(robot.tree):
-        return Meant(robot, states, None, undetermined)
-    return Meant(robot, states, reference.evaluate(states))
+        return _unmoved(robot, 0, "no joint moves, so that there is no acceleration")
+    return _certified(robot, sample(reference_of(robot).mechanism, count, seed))
 
 
-def _undetermined(tree: Tree) -> str:
-    """Why no acceleration is determined; "" where some are."""
-    idle = joints_without_inertia(tree)
-    named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
-    return f"no acceleration is determined, for nothing with mass or inertia moves with {named}" if idle else ""
+def read_as(original: Meant, robot: Robot, into: Callable[[States], States] = lambda states: states) -> Meant:
+    """The truth of another reading of a robot, ``robot``, at the states of the original, which ``into`` takes to its coordinates."""
+    if robot is original.robot:
+        return original
+    if not robot.joints:
+        return _unmoved(robot, len(original.states), "no joint is left")
+    return _certified(robot, into(_spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))))
+
+
+def _unmoved(robot: Robot, count: int, why: str) -> Meant:
+    none = np.empty((count, 0))
+    return Meant(robot, States(none, none, none, np.zeros(count)), None, why)
+
+
+def _certified(robot: Robot, states: States) -> Meant:
+    """The truth of a robot at its states; none where no acceleration is determined."""
+    if idle := joints_without_inertia(robot.tree):
+        named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
+        return Meant(robot, states, None, f"no acceleration is determined, for nothing with mass or inertia moves with {named}")
+    return Meant(robot, states, reference_of(robot).evaluate(states))
 
 
 def joints_without_inertia(tree: Tree) -> list[Joint]:
@@ -120,18 +118,42 @@ def joints_without_inertia(tree: Tree) -> list[Joint]:
     return [joint for joint, _ in of_body if not joint.follows and joint.name not in moved]
 
 
-def read_as(original: Meant, robot: Robot, same: SameStates | None = None) -> Meant:
-    """The truth of another reading of a robot, ``robot``, at the states of the original; ``same`` gives these in its coordinates."""
-    if robot is original.robot:
-        return original
-    if not robot.joints:
-        none = np.empty((len(original.states), 0))
-        return Meant(robot, States(none, none, none, np.zeros(len(none))), None, "no joint is left")
-    states = spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))
-    if undetermined := _undetermined(robot.tree):
-        return Meant(robot, states, None, undetermined)
-    states = states if same is None else same.of_second(states)
-    return Meant(robot, states, reference_of(robot).evaluate(states))
+# Questions to engines
+
+
+def request_of(robot: Robot, aided: bool) -> Request:
+    """What a plain or aided engine is to load."""
+    # One that eliminates joints that mimic is asked about those too.
+    follows = any(joint.follows for joint in robot.tree.joints)
+    joints = asked_joints(robot.tree, None if follows else robot.joints)
+    aid = aid_of(robot.tree, joints) if aided else None
+    if aid is not None and robot.format == "urdf":
+        aid = replace(aid, inertias=inertias_of(robot.tree))
+    return Request(path=robot.path, format=robot.format, joints=joints, moving=robot.joints, floating_base=robot.floating_base, aid=aid)
+
+
+def question_of(found: Meant, aided: bool, held: Held | None = None) -> EngineQuestion:
+    """What a plain or aided engine is asked about a file, with the equalities that it is to hold."""
+    asked = replace(request_of(found.robot, aided), held=held)
+    states = _spread(found.robot, found.states, asked.joints)
+    return EngineQuestion(asked, states.q, states.v, states.tau)
+
+
+def _spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:
+    """States of a robot's own joints, over ``joints`` of its tree: a joint that mimics another moves as the other lets it, unloaded."""
+    by_name = {joint.name: joint for joint in asked_joints(robot.tree)}
+    own = asked_joints(robot.tree, robot.joints)
+    q, v, tau = request.spread(own, [by_name[joint.name] for joint in joints], (states.q, states.v, states.tau))
+    return States(q, v, tau, np.zeros(len(states)))
+
+
+# Changes of accelerations
+
+
+def worst(compared: Comparison, name: str = "backward_error") -> float | None:
+    """The largest "backward_error" or "relative_error" that is known; None where none is."""
+    known = compared.known(name)
+    return float(known.max()) if len(known) else None
 
 
 def columns_of(joints: Sequence[AskedJoint], names: Sequence[str]) -> list[int]:
@@ -150,10 +172,7 @@ def change(original: Meant, other: Meant) -> float | None:
     if other.undetermined:
         return None
     both = original.truth.certified & other.truth.certified
-    if not both.any():
-        return None
-    moved = other.truth.high[:, columns_of(other.joints, original.robot.joints)]
-    return largest_change(original.truth, moved, both)
+    return largest_change(original.truth, other.truth.high[:, columns_of(other.joints, original.robot.joints)], both)
 
 
 def largest_change(truth: Reference, accelerations: Array, among: Flags) -> float | None:
@@ -165,8 +184,98 @@ def largest_change(truth: Reference, accelerations: Array, among: Flags) -> floa
     return float(known.max()) if len(known) else None
 
 
-def change_by_numbers(reference: ReferenceKernel, states: States, own: Array, changed: Array) -> float | None:
-    """The largest relative change of qdd when a robot's numbers, (number of parameters,), become others; as of ``change``."""
-    before, after = (reference.evaluate(states, np.tile(numbers, (len(states), 1))) for numbers in (own, changed))
-    both = before.certified & after.certified
-    return largest_change(before, after.high, both) if both.any() else None
+def effects_of_numbers(
+    reference: ReferenceKernel, states: States, changes: Mapping[Named, Mapping[str, float]], own: Array
+) -> dict[Named, float | None]:
+    """The largest relative change of qdd that each change does alone, {parameter: value}, at a few of the states; as of ``change``.
+
+    ``own`` are the values that are not changed, (number of parameters,).
+    """
+    columns = {name: column for column, (name, _, _) in enumerate(reference.mechanism.parameters)}
+    states = states[np.arange(min(STATES_OF_EFFECTS, len(states)))]
+    before = reference.evaluate(states, np.tile(own, (len(states), 1)))
+    found: dict[Named, float | None] = {}
+    for key, numbers in changes.items():
+        changed = own.copy()
+        for name, value in numbers.items():
+            if name in columns:
+                changed[columns[name]] = value
+        after = reference.evaluate(states, np.tile(changed, (len(states), 1)))
+        found[key] = largest_change(before, after.high, before.certified & after.certified)
+    return found
+
+
+# Readings
+
+
+@dataclass(frozen=True)
+class Folded:
+    """What readings make of a robot.
+
+    Attributes:
+        robot: after all of them. applied: each that changes what those before it leave, with the robot before it.
+    """
+
+    robot: Robot
+    applied: tuple[tuple[Reading, Robot], ...]
+
+
+def fold(robot: Robot, readings: Iterable[Reading]) -> Folded:
+    """The readings one after the other; those that leave everything as it is are none of it."""
+    applied = []
+    for reading in readings:
+        changed = reading.read(robot)
+        if changed is not robot:
+            applied.append((reading, robot))
+            robot = changed
+    return Folded(robot, tuple(applied))
+
+
+def effects(found: Meant, folded: Folded) -> list[Effect]:
+    """What each reading does, at a few states."""
+    few, readings = found.few, [reading for reading, _ in folded.applied]
+    return [_effect(few, reading, robot, readings) for reading, robot in folded.applied]
+
+
+def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Reading]) -> Effect:
+    alone = change(few, read_as(few, reading.read(few.robot)))
+    beside = None
+    if len(readings) > 1 and alone is not None and alone <= FELT:
+        every = read_as(few, fold(few.robot, readings).robot)
+        others = read_as(few, fold(few.robot, [one for one in readings if one is not reading]).robot)
+        beside = None if every.undetermined or others.undetermined else change(every, others)
+    return Effect(
+        name=reading.name,
+        sentence=reading.sentence,
+        concerns=reading.concerns,
+        lines=tuple(place.line for place in reading.places(robot)),
+        alone=alone,
+        source=reading.source,
+        beside=beside,
+    )
+
+
+def readings_that_do_not_hold(found: Meant, folded: Folded, answers: EngineAnswers) -> list[str]:
+    """The fewest readings without which all others explain an answer, a sentence; none where no one or two of them do.
+
+    They are declarations that the engine in use, or this file, departs from.
+    """
+    readings = [reading for reading, _ in folded.applied]
+    for count in range(1, min(_MOST_DROPPED, len(readings)) + 1):
+        for dropped in itertools.combinations(readings, count):
+            kept = fold(found.robot, [one for one in readings if one not in dropped]).robot
+            if _left(found.few, kept, answers) <= AGREEMENT and (left := _left(found, kept, answers)) <= AGREEMENT:
+                names = " and ".join(f'"{one.name}"' for one in dropped)
+                return [
+                    f"without the reading {names} {left:.3g} data roundoffs are left: the engine reads what that is about as the file says"
+                ]
+    return []
+
+
+def _left(found: Meant, robot: Robot, answers: EngineAnswers) -> float:
+    """The worst backward error of the first answers against what ``robot`` means; infinite where they cannot be compared."""
+    if not set(robot.joints) <= set(answers.accelerations):
+        return math.inf
+    read = read_as(found, robot)
+    left = None if read.undetermined else worst(compare(read.truth, answers.of(robot.joints)[: len(found.states)]))
+    return math.inf if left is None else left

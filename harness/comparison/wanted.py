@@ -21,7 +21,7 @@ def diagnoses_of(settings: Settings, records: Sequence[Record], **options: Any) 
     from harness.comparison.robot_library import RobotLibrary
 
     if isinstance(settings.library, RobotLibrary):
-        from harness.comparison.causes import RobotDiagnoses
+        from harness.comparison.study import RobotDiagnoses
 
         return RobotDiagnoses(settings, records, settings.library.floating_base)
     from harness.diagnosis.causes import Diagnoses

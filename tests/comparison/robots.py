@@ -5,26 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness.comparison.judgement import judge
-from harness.comparison.meshes import compiled_meshes
-from harness.comparison.robot_library import engines_of_files
-from harness.comparison.study import question_of
-from harness.comparison.truth import Meant, meant
+from harness.comparison.robot_library import engine_of, robot_at
+from harness.comparison.truth import Meant, meant, question_of
 from harness.results.comparison import SubjectRecord
-from harness.trees.robot import read_robot
 
 FILES = Path(__file__).parent / "files"
 STATES = 16
 
 
 def meant_by(path: Path, floating_base: bool = False) -> Meant:
-    return meant(read_robot(path, floating_base=floating_base, compile_meshes=compiled_meshes), STATES, seed=0)
+    return meant(robot_at(path, floating_base), STATES, seed=0)
 
 
 def record_of(path: Path, engine: str, aided: bool = False, floating_base: bool = False) -> SubjectRecord:
     """The record of a subject, asked in this process."""
     found = meant_by(path, floating_base)
-    asked = engines_of_files()[engine]
-    return judge(found, asked.ask(question_of(found, aided)), asked, aided)
+    return judge(found, engine_of(engine).ask(question_of(found, aided)), engine, aided)
 
 
 def edited(source: Path, folder: Path, *changes: tuple[str, str]) -> Path:

@@ -9,9 +9,7 @@ import pytest
 from comparison.robots import FILES, meant_by
 
 from harness.comparison import judgement
-from harness.comparison.accounting import fold
-from harness.comparison.robot_library import engines_of_files
-from harness.comparison.truth import read_as
+from harness.comparison.truth import fold, read_as
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import Law, Reading, readings_of, with_joints
 from harness.files.tree import Joint
@@ -39,7 +37,7 @@ def judged(hold: Sequence[Reading], declared: Sequence[Reading], monkeypatch: py
     truth = read_as(found, fold(found.robot, hold).robot).truth
     answers = EngineAnswers(dict(zip(found.robot.joints, truth.high.T[:, :, None], strict=True)))
     monkeypatch.setattr(judgement, "find_readings", lambda *_: list(declared))
-    return judgement.judge(found, answers, engines_of_files()["pinocchio"], aided=False)
+    return judgement.judge(found, answers, "pinocchio", aided=False)
 
 
 def test_readings_that_cancel_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

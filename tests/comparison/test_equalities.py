@@ -9,7 +9,6 @@ from comparison.robots import FILES, edited, line_of, meant_by
 
 from harness.comparison import equalities
 from harness.comparison.equalities import judge_equalities
-from harness.comparison.robot_library import engines_of_files
 from harness.report.comparison import sections
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord
 from harness.verdict import AGREEMENT, Verdict
@@ -19,7 +18,7 @@ LINES = ('name="loop"', 'name="cam"', 'name="rope"', 'name="gear"', 'name="winch
 
 
 def held_by(path: Path, engine: str = "mujoco") -> EqualitiesRecord:
-    return judge_equalities(meant_by(path), engines_of_files()[engine])
+    return judge_equalities(meant_by(path), engine)
 
 
 @pytest.mark.parametrize("name", ["four_bar.xml", "mimic.urdf", "four_bar.urdf"])
@@ -60,7 +59,7 @@ def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> N
     own, other = meant_by(path), meant_by(changed)
     declared = equalities._declared_truth
     monkeypatch.setattr(equalities, "_declared_truth", lambda _, caller, numbers: declared(other, caller, numbers))
-    record = judge_equalities(own, engines_of_files()["mujoco"])
+    record = judge_equalities(own, "mujoco")
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from comparison import robots
 from comparison.robots import record_of
 
-from harness.comparison.meshes import compiled_meshes
+from harness.comparison import robot_library
+from harness.comparison.robot_library import compiled_meshes
 from harness.files.mjcf.meshes import CompiledMesh, Number
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison
@@ -56,7 +56,7 @@ def test_other_numbers_of_a_mesh_are_felt(path: Path, monkeypatch: pytest.Monkey
     def heavier(file: Path) -> dict[Number, CompiledMesh]:
         return {number: replace(mesh, mass=mesh.mass * (1 + 1e-9)) for number, mesh in compiled_meshes(file).items()}
 
-    monkeypatch.setattr(robots, "compiled_meshes", heavier)
+    monkeypatch.setattr(robot_library, "compiled_meshes", heavier)
     assert record_of(path, "mujoco").verdict == Verdict.DISAGREES
 
 

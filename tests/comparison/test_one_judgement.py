@@ -9,9 +9,9 @@ import pytest
 from support import InThisProcess, completed, cross_checked
 
 from harness.comparison.judgement import judge
-from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of
-from harness.comparison.study import ComparisonSettings, RobotComparison, question_of
-from harness.comparison.truth import Meant, reference_of
+from harness.comparison.robot_library import RobotLibrary, ask_engine
+from harness.comparison.study import ComparisonSettings, RobotComparison
+from harness.comparison.truth import Meant, question_of, reference_of
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject
@@ -58,7 +58,7 @@ def test_a_file_that_compare_explains_is_as_expected_for_check(file: Path) -> No
 
     robot, state = read_robot(file), States.at(*(worst.worst_state[name] for name in ("q", "v", "tau")))
     meant = Meant(robot, state, reference_of(robot).evaluate(state))
-    aided = judge(meant, ask_engine("mujoco", question_of(meant, True)), engine_of("mujoco"), aided=True)
+    aided = judge(meant, ask_engine("mujoco", question_of(meant, True)), "mujoco", aided=True)
     assert (aided.verdict, aided.outcome) == ("unstable", "lost digits"), "the same state has the same verdict"
 
 

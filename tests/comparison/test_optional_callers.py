@@ -14,8 +14,8 @@ from comparison.robots import FILES, edited, meant_by
 from robot_files import EVERYTHING
 
 from harness.comparison import judgement
-from harness.comparison.robot_library import FilesLibrary, ask_engine, engine_of, engines_of_files
-from harness.comparison.study import question_of
+from harness.comparison.robot_library import FilesLibrary, ask_engine, engines_of_files
+from harness.comparison.truth import question_of
 from harness.engines import describe_engines
 from harness.engines.adapters.adam import with_origins
 from harness.results.comparison import SubjectRecord
@@ -50,7 +50,7 @@ def record_of(engine: str, path: Path, asked: Path | None = None, aided: bool = 
     found = meant_by(path, floating_base)
     question = question_of(found, aided)
     question = replace(question, request=replace(question.request, path=asked or path))
-    return judgement.judge(found, ask_engine(engine, question), engine_of(engine), aided)
+    return judgement.judge(found, ask_engine(engine, question), engine, aided)
 
 
 def arm(folder: Path, changes: tuple[tuple[str, str], ...] = ()) -> Path:

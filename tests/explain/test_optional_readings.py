@@ -10,7 +10,7 @@ from comparison.robots import FILES, edited
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.comparison.accounting import fold
+from harness.comparison.truth import fold
 from harness.explain.changes.readings import Reading, find_readings
 from harness.explain.changes.readings.pybullet import diagonalized, half_extents
 from harness.files.tree import Inertia, Tree

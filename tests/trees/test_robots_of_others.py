@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from support_robots import by_mujoco, by_pinocchio, only_single_axes
 
-from harness.comparison.meshes import compiled_meshes
+from harness.comparison.robot_library import robot_at
 from harness.errors import InvalidModel
 from harness.trees.mechanism import mechanism_of
-from harness.trees.robot import read_robot
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
@@ -46,7 +45,7 @@ def robots() -> list[Path]:
 def test_a_robot_is_read_as_its_engine_compiles_it_or_refused_by_name(path: Path | None) -> None:
     assert path is not None, "no robots are installed; install the extra: pip install 'rigid-body-harness[robots]'"
     try:
-        robot = read_robot(path, compile_meshes=compiled_meshes)
+        robot = robot_at(path)
     except InvalidModel as error:
         assert error.path == path and error.line is not None
         assert path.name in REFUSED and REFUSED[path.name] in error.problem, error
