@@ -92,10 +92,8 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports whose pages have no charts, which take nearly all of the time: for what else is in them."""
-    for module in ("charts", "benchmark_charts", "hard_charts"):
-        monkeypatch.setattr(f"harness.report.{module}.plots", lambda summary: {})
-    for module in ("charts", "benchmark_charts"):
-        monkeypatch.setattr(f"harness.report.{module}.plots_of", lambda summary, system: {})
+    for place in ("charts.plots", "charts.plots_of", "charts.hard_plots", "benchmark_charts.plots", "benchmark_charts.plots_of"):
+        monkeypatch.setattr(f"harness.report.{place}", lambda summary, system="": {})
 
 
 @pytest.fixture(scope="session")

@@ -94,7 +94,7 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     """A table for each part that was measured, what is not as expected, and the cheapest ways."""
     from harness.report import benchmarks as tables
 
-    costs = [cost for system in summary.systems for cost in summary.accelerations(system)]
+    costs = [cost for system in summary.systems for cost in summary.accelerations[system]]
     unused = () if any(cost.from_rigid is not None for cost in costs) else ("distance from rigid",)
     print_titled("accelerations", tables.accelerations(costs).without("slowest", "timed", "states", "remark", *unused))
     if costs:
@@ -113,7 +113,12 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     gaps = [*(one.gap for one in summary.benchmark.motion), *(one.gap for one in summary.benchmark.drifts)]
     gap = () if any(one is not None for one in gaps) else ("constraints open by",)
     print_titled("motion", tables.best_motions(summary).without(*gap))
-    print_titled("energy over long runs", tables.drifts(summary.drifts()).without("grows as time to the", "time", *gap))
+    print_titled(
+        "energy over long runs",
+        tables.drifts(drift for system in sorted(summary.drifts) for drift in summary.drifts[system]).without(
+            "grows as time to the", "time", *gap
+        ),
+    )
     print_titled("stationary action", tables.paths(summary.benchmark.stationarity))
     print_titled("figures of the text", tables.figures(summary.benchmark.figures))
     for kind in tables.KINDS:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
-from harness.report.figures import GREY, RED, Columns, Style, drawable, hover, inside, line_across, log_figure, log_range, scatter, styles
-from harness.results.benchmark import AccelerationCost, Growth, MotionCost, QuantityCost
+from harness.report.figures import GREY, Points, Style, drawable, inside, log_figure, log_range, styles
+from harness.results.benchmark import AccelerationCost, DerivativeCost, MotionCost
 from harness.results.pareto import cost_of, way_of
 from harness.results.table import error_text, seconds_text
 from harness.verdict import AGREEMENT
@@ -19,103 +20,87 @@ if TYPE_CHECKING:
 _BACKWARD_ERRORS = 1e-3, 1e18
 _STATE_ERRORS = 1e-17, 10.0
 _AXES = {"seconds": "wall time per second of motion [s]", "evaluations": "evaluations of the accelerations per second of motion"}
+_Cost = TypeVar("_Cost", AccelerationCost, MotionCost)
+_LINE: dict[str, Any] = {"line_width": 1.2, "line_alpha": 0.7}
 
 
 def plots(summary: BenchmarkSummary) -> dict[str, plotting.figure | None]:
     """The plots over all systems by name, "growth cost" and "growth error"; None without data."""
     return {
-        "growth cost": _growth(summary, "time per state [s]", [growth.seconds_per_state for growth in summary.benchmark.growth]),
-        "growth error": _growth(summary, "worst backward error", [growth.backward_errors for growth in summary.benchmark.growth]),
+        "growth cost": _growth(summary, "time per state", " [s]", seconds_text, "seconds_per_state"),
+        "growth error": _growth(summary, "worst backward error", "", error_text, "backward_errors"),
     }
 
 
 def plots_of(summary: BenchmarkSummary, system: str) -> dict[str, plotting.figure | None]:
     """The plots of one system by name, as "accelerations", "derivative errors" and "motion seconds"; None without data."""
-    derived = {"derivative errors": _derivative_errors(summary, system), "derivative costs": _derivative_costs(summary, system)}
-    further = {f"quantity {name}": _quantity(summary, costs) for name, costs in summary.quantities(system).items()}
-    return (
-        {"accelerations": _accelerations(summary, system)}
-        | further
-        | derived
-        | {f"motion {by}": _motion(summary, system, by) for by in _AXES}
-    )
+    known = styles_of(summary)
+    found = {"accelerations": _answers(summary.accelerations[system], lambda cost: known["method_styles"][way_of(cost)])}
+    for name, costs in summary.quantities(system).items():
+        # A mark for each subject and number of states at once.
+        found[f"quantity {name}"] = _answers(costs, lambda cost: known["quantity_styles"][cost.method])
+    for name, drawn in (("errors", _derivative_errors), ("costs", _derivative_costs)):
+        found[f"derivative {name}"] = drawn(summary.derivatives[system], known["derivative_styles"])
+    return found | {f"motion {by}": _motion(summary.motion[system], known["integrator_styles"], by) for by in _AXES}
 
 
-def method_styles(summary: BenchmarkSummary) -> dict[str, Style]:
-    """The style of each method, the same in all plots."""
-    growing = {growth.method for growth in summary.benchmark.growth}
-    return styles(sorted({*summary.methods, *growing}))
+def styles_of(summary: BenchmarkSummary) -> dict[str, dict[str, Style]]:
+    """The style of each method, subject, way of computing derivatives, and integrator: the same in all plots."""
+    measured = summary.benchmark
+    return {
+        "method_styles": styles(sorted({*summary.methods, *(growth.method for growth in measured.growth)})),
+        "quantity_styles": styles(sorted({cost.method for cost in measured.quantities})),
+        "derivative_styles": styles(sorted({cost.method for cost in measured.derivatives})),
+        "integrator_styles": styles(summary.integrators),
+    }
 
 
-def quantity_styles(summary: BenchmarkSummary) -> dict[str, Style]:
-    """The style of each subject that was asked for quantities beyond accelerations, the same in all plots."""
-    return styles(sorted({cost.method for cost in summary.benchmark.quantities}))
-
-
-def derivative_styles(summary: BenchmarkSummary) -> dict[str, Style]:
-    """The style of each way of computing derivatives, the same in all plots."""
-    return styles(sorted({cost.method for cost in summary.benchmark.derivatives}))
-
-
-def _derivative_errors(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
+def _derivative_errors(costs: Sequence[DerivativeCost], known: dict[str, Style]) -> plotting.figure | None:
     """Errors over the steps of finite differences, with those of derivatives without one as level lines."""
-    costs = summary.derivatives(system)
     steps = [step for cost in costs for step in cost.steps if drawable(step) and step > 0]
     if not steps:
         return None
     y_range = low, high = log_range([error for cost in costs for error in cost.errors], _STATE_ERRORS)
-    plot = log_figure(380, "step", "relative error", log_range(steps), y_range)
+    points = Points[tuple[float, float, DerivativeCost]](
+        log_figure(380, "step", "relative error", log_range(steps), y_range),
+        lambda one: (one[0], inside(one[1], low, high)),
+        {
+            "method": lambda one: one[2].method,
+            "step": lambda one: f"{one[0]:g}" if one[2].steps else "none",
+            "error": lambda one: error_text(one[1]),
+        },
+    )
     for cost in costs:
         own = zip(cost.steps, cost.errors, strict=False) if cost.steps else [(step, error) for error in cost.errors[:1] for step in steps]
-        points = sorted((step, error) for step, error in own if drawable(step) and step > 0 and drawable(error))
-        words = {
-            "method": [cost.method] * len(points),
-            "step": [f"{step:g}" if cost.steps else "none" for step, _ in points],
-            "error": [error_text(error) for _, error in points],
-        }
-        style, y = derivative_styles(summary)[cost.method], [inside(error, low, high) for _, error in points]
-        _draw_line(plot, style, [step for step, _ in points], y, words)
-    hover(plot)
-    return plot
+        shown = sorted((step, error) for step, error in own if drawable(step) and step > 0 and drawable(error))
+        points.draw([(*one, cost) for one in shown], known[cost.method], **_LINE)
+    return points.shown()
 
 
-def _derivative_costs(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
+def _derivative_costs(measured: Sequence[DerivativeCost], known: dict[str, Style]) -> plotting.figure | None:
     """The error at the best step over what a state costs, by how many states are asked for at once."""
-    costs = [cost for cost in summary.derivatives(system) if drawable(cost.error)]
-    seconds = [one for cost in costs for one in cost.seconds_per_state if drawable(one) and one > 0]
+    costs = [cost for cost in measured if drawable(cost.error)]
+    lines = [
+        [(cost, *one) for one in zip(cost.states, cost.seconds_per_state, strict=False) if drawable(one[1]) and one[1] > 0]
+        for cost in costs
+    ]
+    seconds = [one[2] for line in lines for one in line]
     if not seconds:
         return None
     y_range = low, high = log_range([cost.error for cost in costs], _STATE_ERRORS)
-    plot = log_figure(380, "time per state [s]", "relative error", log_range(seconds), y_range)
-    for cost in costs:
-        points = [(count, one) for count, one in zip(cost.states, cost.seconds_per_state, strict=False) if drawable(one) and one > 0]
-        words = {
-            "method": [cost.method] * len(points),
-            "states at once": [f"{count:,}" for count, _ in points],
-            "time per state": [seconds_text(one) for _, one in points],
-            "error": [error_text(cost.error)] * len(points),
-        }
-        y = [inside(cost.error, low, high)] * len(points)
-        _draw_line(plot, derivative_styles(summary)[cost.method], [one for _, one in points], y, words)
-    hover(plot)
-    return plot
-
-
-def _draw_line(plot: plotting.figure, style: Style, x: Sequence[float], y: Sequence[float], words: Columns) -> None:
-    """Points, and a line through them."""
-    plot.line(x, y, line_color=style[0], line_width=1.2, line_alpha=0.7)
-    scatter(plot, style, x, y, words)
-
-
-def _accelerations(summary: BenchmarkSummary, system: str) -> plotting.figure | None:
-    known = method_styles(summary)
-    return _answers(summary.accelerations(system), lambda cost: known[way_of(cost)])
-
-
-def _quantity(summary: BenchmarkSummary, costs: Sequence[QuantityCost]) -> plotting.figure | None:
-    """A mark for each subject and number of states at once."""
-    known = quantity_styles(summary)
-    return _answers(costs, lambda cost: known[cost.method])
+    points = Points[tuple[DerivativeCost, int, float]](
+        log_figure(380, "time per state [s]", "relative error", log_range(seconds), y_range),
+        lambda one: (one[2], inside(one[0].error, low, high)),
+        {
+            "method": lambda one: one[0].method,
+            "states at once": lambda one: f"{one[1]:,}",
+            "time per state": lambda one: seconds_text(one[2]),
+            "error": lambda one: error_text(one[0].error),
+        },
+    )
+    for cost, line in zip(costs, lines, strict=True):
+        points.draw(line, known[cost.method], **_LINE)
+    return points.shown()
 
 
 def _answers(measured: Sequence[AccelerationCost], style_of: Callable[[AccelerationCost], Style]) -> plotting.figure | None:
@@ -123,94 +108,87 @@ def _answers(measured: Sequence[AccelerationCost], style_of: Callable[[Accelerat
     costs = [cost for cost in measured if cost.seconds_per_state and drawable(cost.backward_error)]
     if not costs:
         return None
-    low, high = log_range(
-        [1.0, AGREEMENT, *(e for cost in costs for e in (cost.backward_error, cost.median_backward_error))], _BACKWARD_ERRORS
-    )
+    errors = [error for cost in costs for error in (cost.backward_error, cost.median_backward_error)]
+    y_range = low, high = log_range([1.0, AGREEMENT, *errors], _BACKWARD_ERRORS)
     x_range = log_range([cost.seconds_per_state for cost in costs])
-    plot = log_figure(380, "time per state [s]", "backward error", x_range, (low, high))
-    _draw_front(
-        plot, [(c.seconds_per_state or 0.0, inside(c.backward_error, low, high)) for c in acceleration_front(costs)], x_range[1], high
+    worst = Points[AccelerationCost](
+        log_figure(380, "time per state [s]", "backward error", x_range, y_range),
+        lambda cost: (cost.seconds_per_state or 0.0, inside(cost.backward_error, low, high)),
+        {
+            "method": way_of,
+            "time per state": lambda cost: seconds_text(cost.seconds_per_state),
+            "fastest to slowest": lambda cost: f"{seconds_text(cost.fastest)} to {seconds_text(cost.slowest)}",
+            "worst error": lambda cost: error_text(cost.backward_error),
+            "median error": lambda cost: error_text(cost.median_backward_error),
+        },
     )
+    _draw_front(worst, acceleration_front(costs), x_range[1], high)
+    medians = replace(worst, place=lambda cost: (cost.seconds_per_state or 0.0, inside(cost.median_backward_error, low, high)))
     chosen = [cost for cost in costs if drawable(cost.median_backward_error)]
-    x, medians = [cost.seconds_per_state or 0.0 for cost in chosen], [inside(cost.median_backward_error, low, high) for cost in chosen]
-    worst = [inside(cost.backward_error, low, high) for cost in chosen]
-    plot.segment(x, medians, x, worst, line_color=[style_of(cost)[0] for cost in chosen], line_width=1, line_alpha=0.6)
-    for shown, error, alpha in ((chosen, "median_backward_error", 0.0), (costs, "backward_error", 0.75)):
-        words = {
-            "method": [way_of(cost) for cost in shown],
-            "time per state": [seconds_text(cost.seconds_per_state) for cost in shown],
-            "fastest to slowest": [f"{seconds_text(cost.fastest)} to {seconds_text(cost.slowest)}" for cost in shown],
-            "worst error": [error_text(cost.backward_error) for cost in shown],
-            "median error": [error_text(cost.median_backward_error) for cost in shown],
-        }
-        x, y = [cost.seconds_per_state or 0.0 for cost in shown], [inside(getattr(cost, error), low, high) for cost in shown]
-        scatter(plot, [style_of(cost) for cost in shown], x, y, words, fill_alpha=alpha)
-    hover(plot)
-    line_across(plot, "width", AGREEMENT, RED)
-    return plot
+    x, bottoms = medians.places(chosen)
+    colours = [style_of(cost)[0] for cost in chosen]
+    worst.plot.segment(x, bottoms, x, worst.places(chosen)[1], line_color=colours, line_width=1, line_alpha=0.6)
+    medians.draw(chosen, style_of, fill_alpha=0.0)
+    worst.draw(costs, style_of)
+    return worst.shown("width")
 
 
-def _motion(summary: BenchmarkSummary, system: str, by: str) -> plotting.figure | None:
-    costs = [cost for cost in summary.motion(system) if cost.duration and drawable(cost.state_error) and _spent(cost, by) > 0]
+def _motion(measured: Sequence[MotionCost], known: dict[str, Style], by: str) -> plotting.figure | None:
+    costs = [cost for cost in measured if cost.duration and drawable(cost.state_error) and _spent(cost, by) > 0]
     if not costs:
         return None
     y_range = low, high = log_range([cost.state_error for cost in costs], _STATE_ERRORS)
     x_range = log_range([_spent(cost, by) for cost in costs])
-    plot = log_figure(380, _AXES[by], "relative error of the end state", x_range, y_range)
-    _draw_front(plot, [(_spent(cost, by), inside(cost.state_error, low, high)) for cost in motion_front(costs, by)], x_range[1], high)
-    known = styles(summary.integrators)
-    lines = {name: [cost for cost in costs if cost.integrator == name] for name in sorted({cost.integrator for cost in costs})}
-    plot.multi_line(
-        [[_spent(cost, by) for cost in own] for own in lines.values()],
-        [[inside(cost.state_error, low, high) for cost in own] for own in lines.values()],
-        line_color=[known[name][0] for name in lines],
-        line_width=1.2,
-        line_alpha=0.7,
+    points = Points[MotionCost](
+        log_figure(380, _AXES[by], "relative error of the end state", x_range, y_range),
+        lambda cost: (_spent(cost, by), inside(cost.state_error, low, high)),
+        {
+            "way": way_of,
+            "time per second of motion": lambda cost: seconds_text(cost_of(cost)),
+            "evaluations": lambda cost: f"{cost.evaluations:,}",
+            "error of the end state": lambda cost: error_text(cost.state_error),
+            "energy": lambda cost: error_text(cost.energy_error),
+        },
     )
-    x, y = [_spent(cost, by) for cost in costs], [inside(cost.state_error, low, high) for cost in costs]
-    words = {
-        "way": [way_of(cost) for cost in costs],
-        "time per second of motion": [seconds_text(cost_of(cost)) for cost in costs],
-        "evaluations": [f"{cost.evaluations:,}" for cost in costs],
-        "error of the end state": [error_text(cost.state_error) for cost in costs],
-        "energy": [error_text(cost.energy_error) for cost in costs],
-    }
-    scatter(plot, [known[cost.integrator] for cost in costs], x, y, words)
-    hover(plot)
-    return plot
+    _draw_front(points, motion_front(costs, by), x_range[1], high)
+    names = sorted({cost.integrator for cost in costs})
+    lines = [points.places([cost for cost in costs if cost.integrator == name]) for name in names]
+    points.plot.multi_line([x for x, _ in lines], [y for _, y in lines], line_color=[known[name][0] for name in names], **_LINE)
+    points.draw(costs, lambda cost: known[cost.integrator])
+    return points.shown()
 
 
-def _growth(summary: BenchmarkSummary, label: str, values: Sequence[Sequence[float | None]]) -> plotting.figure | None:
-    lines = [(growth, _known(growth, own)) for growth, own in zip(summary.benchmark.growth, values, strict=True)]
-    lines = [(growth, known) for growth, known in lines if known]
-    if not lines:
+def _growth(summary: BenchmarkSummary, what: str, unit: str, text: Callable[[float], str], part: str) -> plotting.figure | None:
+    """``part`` of each growth over the numbers of bodies; ``what`` that is, with its unit, and its text."""
+    lines: list[list[tuple[str, int, float]]] = []
+    for growth in summary.benchmark.growth:
+        values = zip(growth.sizes, getattr(growth, part), strict=False)
+        lines.append([(growth.method, size, value) for size, value in values if drawable(value) and size > 0])
+    shown = [one for line in lines for one in line]
+    if not shown:
         return None
-    y_range = low, high = log_range([value for _, known in lines for _, value in known])
-    sizes = [size for _, known in lines for size, _ in known]
-    plot = log_figure(320, "number of bodies", label, (min(sizes) / 1.3, max(sizes) * 1.3), y_range)
-    for growth, known in lines:
-        style = method_styles(summary)[growth.method]
-        x, y = [size for size, _ in known], [inside(value, low, high) for _, value in known]
-        shown = [seconds_text(value) if label.startswith("time") else error_text(value) for _, value in known]
-        words = {"method": [growth.method] * len(x), "bodies": [str(size) for size in x], label.removesuffix(" [s]"): shown}
-        _draw_line(plot, style, x, y, words)
-    hover(plot)
-    return plot
+    y_range = low, high = log_range([value for _, _, value in shown])
+    sizes = [size for _, size, _ in shown]
+    points = Points[tuple[str, int, float]](
+        log_figure(320, "number of bodies", what + unit, (min(sizes) / 1.3, max(sizes) * 1.3), y_range),
+        lambda one: (one[1], inside(one[2], low, high)),
+        {"method": lambda one: one[0], "bodies": lambda one: str(one[1]), what: lambda one: text(one[2])},
+    )
+    for line in filter(None, lines):
+        points.draw(line, styles_of(summary)["method_styles"][line[0][0]], **_LINE)
+    return points.shown()
 
 
-def _draw_front(plot: plotting.figure, corners: Sequence[tuple[float, float]], right: float, top: float) -> None:
+def _draw_front(points: Points[_Cost], front: Sequence[_Cost], right: float, top: float) -> None:
     """A staircase from the top of the plot to its right: below and left of it there is nothing."""
-    if not corners:
+    if not front:
         return
+    corners: list[tuple[float, float]] = [points.place(cost) for cost in front]
     x, y = [corners[0][0]], [top]
     for (cost, error), (following, _) in zip(corners, [*corners[1:], (right, 0.0)], strict=True):
         x += [cost, following]
         y += [error, error]
-    plot.line(x, y, line_color=GREY, line_width=4, line_alpha=0.35)
-
-
-def _known(growth: Growth, values: Iterable[float | None]) -> list[tuple[int, float]]:
-    return [(size, value) for size, value in zip(growth.sizes, values, strict=False) if value is not None and drawable(value) and size > 0]
+    points.plot.line(x, y, line_color=GREY, line_width=4, line_alpha=0.35)
 
 
 def _spent(cost: MotionCost, by: str) -> float:

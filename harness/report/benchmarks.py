@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.benchmark import (
     AccelerationCost,
     Benchmark,
-    Cheapest,
     DerivativeCost,
     Drift,
     EngineFinding,
@@ -32,6 +32,7 @@ from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
 _Answered = TypeVar("_Answered", AccelerationCost, QuantityCost)
 _Cost = TypeVar("_Cost", AccelerationCost, QuantityCost, MotionCost)
+_Measured = TypeVar("_Measured", AccelerationCost, DerivativeCost, MotionCost, Drift, Stationarity)
 
 
 class BenchmarkSummary:
@@ -43,6 +44,8 @@ class BenchmarkSummary:
         benchmark: its measurements, with ``cheapest``.
         systems: sorted names of every system whose accelerations, other quantities or motion were measured.
         methods, integrators: sorted names; a method has its number of threads in the name where it is not 1.
+        accelerations: by system, cheapest first, those without a time last. derivatives: most exact first, those that could not last.
+        motion: by integrator and from coarse to fine. drifts: long runs by integrator. paths: stationary action by path, coarse to fine.
         problems: sentences on what could not be measured.
         unexpected: sentences on what is not as theory or text has it and is not explained.
     """
@@ -55,54 +58,25 @@ class BenchmarkSummary:
         self.systems = sorted({cost.system for part in costs for cost in part})
         self.methods = sorted({way_of(cost) for cost in benchmark.accelerations})
         self.integrators = sorted({one.integrator for part in (benchmark.motion, benchmark.orders, benchmark.drifts) for one in part})
-        self.problems = benchmark.problems
-        self.unexpected = self.unexpected_of(benchmark)
-
-    @staticmethod
-    def unexpected_of(benchmark: Benchmark) -> list[str]:
-        """The attribute ``unexpected`` of a benchmark."""
-        return list(_unexpected(benchmark))
+        self.problems, self.unexpected = benchmark.problems, benchmark.unexpected
+        self.accelerations = _by_system(
+            benchmark.accelerations, lambda cost: (cost.seconds_per_state is None, cost.seconds_per_state or 0.0, cost.method)
+        )
+        self.derivatives = _by_system(benchmark.derivatives, lambda cost: (cost.of, cost.error is None, cost.error or 0.0, cost.method))
+        self.motion = _by_system(benchmark.motion, lambda cost: (cost.integrator, -(cost.step or cost.tolerance or 0.0)))
+        self.drifts = _by_system(benchmark.drifts, attrgetter("integrator"))
+        self.paths = _by_system(benchmark.stationarity, lambda entry: (entry.path, -entry.step))
 
     @cached_property
     def trends(self) -> list[Trend]:
         """Trends of the cost of every method, in units of the reference computation beside it."""
         return trends([readings_of_costs(found) for _, found in self.nights])
 
-    def accelerations(self, system: str) -> list[AccelerationCost]:
-        """The methods on ``system``, cheapest first, those without a time last."""
-        shown = [cost for cost in self.benchmark.accelerations if cost.system == system]
-        return sorted(shown, key=lambda cost: (cost.seconds_per_state is None, cost.seconds_per_state or 0.0, cost.method))
-
     def quantities(self, system: str) -> dict[str, list[QuantityCost]]:
         """The costs of quantities beyond accelerations on ``system``, by quantity, each by subject and from few states at once to many."""
         shown = [cost for cost in self.benchmark.quantities if cost.system == system]
         ordered = sorted(shown, key=attrgetter("quantity", "method", "states"))
         return {quantity: list(costs) for quantity, costs in groupby(ordered, key=attrgetter("quantity"))}
-
-    def derivatives(self, system: str) -> list[DerivativeCost]:
-        """The ways of computing derivatives on ``system``, most exact first, those that could not last."""
-        shown = [cost for cost in self.benchmark.derivatives if cost.system == system]
-        return sorted(shown, key=lambda cost: (cost.of, cost.error is None, cost.error or 0.0, cost.method))
-
-    def motion(self, system: str) -> list[MotionCost]:
-        """The integrators on ``system``, by name and from coarse to fine."""
-        shown = [cost for cost in self.benchmark.motion if cost.system == system]
-        return sorted(shown, key=lambda cost: (cost.integrator, -(cost.step or cost.tolerance or 0.0)))
-
-    def cheapest(self, kind: str) -> list[tuple[str, list[Cheapest]]]:
-        """System and its cheapest ways, one for each error asked for, largest error first."""
-        chosen = [entry for entry in self.benchmark.cheapest if entry.kind == kind]
-        return [(system, list(entries)) for system, entries in groupby(chosen, key=attrgetter("system"))]
-
-    def drifts(self, system: str | None = None) -> list[Drift]:
-        """Long runs by system and integrator, of one system or of all."""
-        chosen = [drift for drift in self.benchmark.drifts if system in (None, drift.system)]
-        return sorted(chosen, key=attrgetter("system", "integrator"))
-
-    def paths(self, system: str) -> list[Stationarity]:
-        """Stationary action on ``system``, by path and from coarse to fine."""
-        chosen = [entry for entry in self.benchmark.stationarity if entry.system == system]
-        return sorted(chosen, key=lambda entry: (entry.path, -entry.step))
 
     def explanations(self, verdicts: Sequence[str]) -> dict[str, list[str]]:
         """The reasons why orders of convergence have one of ``verdicts``, each with the places where it holds."""
@@ -111,6 +85,16 @@ class BenchmarkSummary:
             if order.explanation and order.verdict in verdicts:
                 places.setdefault(order.explanation, []).append(f"{order.integrator} on {order.system}")
         return places
+
+
+def _by_system(measured: Iterable[_Measured], key: Callable[[_Measured], Any]) -> dict[str, list[_Measured]]:
+    """What was measured on each system, in the order of ``key``; nothing on any other."""
+    found: dict[str, list[_Measured]] = defaultdict(list)
+    for one in measured:
+        found[one.system].append(one)
+    for own in found.values():
+        own.sort(key=key)
+    return found
 
 
 def acceleration_front(costs: Sequence[_Answered]) -> list[_Answered]:
@@ -130,24 +114,6 @@ def _front(costs: Sequence[_Cost], spent: str, error: str, below: float) -> list
     points = [(getattr(cost, spent), getattr(cost, error)) for cost in costs]
     known = [place for place, point in enumerate(points) if None not in point and point[1] < below]
     return [costs[known[place]] for place in front([points[place] for place in known])]
-
-
-def _unexpected(benchmark: Benchmark) -> Iterator[str]:
-    """A sentence for each measurement that contradicts theory or text without an explanation."""
-    for order in benchmark.orders:
-        if not order.as_expected:
-            orders = f"{_number(order.measured)}, expected {_number(order.expected)}"
-            yield f"{order.integrator} on {order.system}: order of convergence {orders}"
-    for drift in benchmark.drifts:
-        if not drift.as_expected:
-            yield f"{drift.integrator} on {drift.system}: energy over a long run is {drift.verdict}, expected {drift.expected}"
-    for figure in benchmark.figures:
-        if not figure.as_expected:
-            yield f"{figure.system}, {figure.what}: printed {figure.printed:g} {figure.unit}, computed {figure.computed:g} {figure.unit}"
-
-
-def _number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.2f}"
 
 
 _Entry = TypeVar("_Entry")
@@ -195,7 +161,7 @@ def best_motions(summary: BenchmarkSummary) -> Table:
     orders = {(order.system, order.integrator): order for order in summary.benchmark.orders}
     rows: list[list[object]] = []
     for system in summary.systems:
-        for integrator, costs in groupby(summary.motion(system), key=attrgetter("integrator")):
+        for integrator, costs in groupby(summary.motion[system], key=attrgetter("integrator")):
             known = [(error, cost) for cost in costs if (error := error_of(cost)) is not None]
             error, best = min(known, key=lambda entry: entry[0], default=(None, None))
             order = orders.get((system, integrator))
@@ -219,7 +185,7 @@ def orders(summary: BenchmarkSummary, cell: Callable[[Order], Cell] | None = Non
 
 def drift_matrix(summary: BenchmarkSummary) -> Table:
     """System by integrator: how energy wanders."""
-    entries = {(drift.system, drift.integrator): drift for drift in summary.drifts()}
+    entries = {(drift.system, drift.integrator): drift for drift in summary.benchmark.drifts}
     return _matrix(entries, _drift_cell, "How energy wanders over a long run")
 
 
@@ -232,18 +198,15 @@ def path_matrix(summary: BenchmarkSummary) -> Table:
 
 def cheapest(summary: BenchmarkSummary, kind: str, pages: Mapping[str, str] | None = None) -> Table:
     """System by error asked for: the fastest way whose error is small enough, and its cost. ``pages``: of systems, from this page."""
-    found = summary.cheapest(kind)
-    heads = [f"error at most {entry.error:g}" for entry in found[0][1]] if found else []
-    rows = [
-        [Cell(system, link=pages[system] if pages else "")]
-        + [Cell(e.way, [f"{seconds_text(e.cost)} {KINDS[kind]}{_fastest(e)}"]) if e.way else Cell("none reaches it") for e in entries]
-        for system, entries in found
-    ]
+    chosen = [entry for entry in summary.benchmark.cheapest if entry.kind == kind]
+    rows: list[list[object]] = []
+    for system, entries in groupby(chosen, key=attrgetter("system")):
+        rows.append([Cell(system, link=pages[system] if pages else "")])
+        for one in entries:
+            fastest = f", fastest {seconds_text(one.fastest)}" if one.fastest is not None else ""
+            rows[-1].append(Cell(one.way, [f"{seconds_text(one.cost)} {KINDS[kind]}{fastest}"]) if one.way else "none reaches it")
+    heads = [f"error at most {error:g}" for error in dict.fromkeys(entry.error for entry in chosen)]
     return Table(["system", *heads], rows, caption=_CAPTIONS[kind])
-
-
-def _fastest(way: Cheapest) -> str:
-    return f", fastest {seconds_text(way.fastest)}" if way.fastest is not None else ""
 
 
 def _matrix(entries: Mapping[tuple[str, str], _Entry], cell: Callable[[_Entry], Cell], caption: str) -> Table:

@@ -11,10 +11,13 @@ import base64
 import functools
 import gzip
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeGuard, TypeVar
 
 from markupsafe import Markup
+
+from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
     from bokeh import plotting
@@ -28,8 +31,8 @@ COLOURS = ("#2f8fd0", "#e0731d", "#16a37b", "#c766a5", "#b8860b", "#8a70d6", "#7
 GREY, RED = "#808080", "#d9534f"
 LOWEST, HIGHEST = 1e-300, 1e300
 _LEAST_SPAN = 100.0
-Columns = Mapping[str, Sequence[Any]]
 Style = tuple[str, str, str]
+_Item = TypeVar("_Item")
 
 
 def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
@@ -50,7 +53,8 @@ def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
         for plot in drawn.values():
             document.add_root(plot)
     script, divs = components(drawn, wrap_script=False)
-    return {"charts": [_packed(script)], "plots": {name: _named(name, drawn[name], div) for name, div in divs.items()}}
+    packed = base64.b64encode(gzip.compress(script.encode(), mtime=0)).decode()
+    return {"charts": [packed], "plots": {name: _named(name, drawn[name], div) for name, div in divs.items()}}
 
 
 @functools.cache
@@ -59,10 +63,6 @@ def library() -> str:
     from bokeh.resources import Resources
 
     return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) + "\n"
-
-
-def _packed(script: str) -> str:
-    return base64.b64encode(gzip.compress(script.encode(), mtime=0)).decode()
 
 
 def _named(name: str, plot: Any, div: str) -> Markup:
@@ -98,27 +98,51 @@ def log_figure(height: int, x_label: str, y_label: str, x_range: tuple[float, fl
     return new_figure(height, x_label, y_label, x_axis_type="log", y_axis_type="log", x_range=x_range, y_range=y_range)
 
 
-def scatter(
-    plot: plotting.figure, style: Style | Sequence[Style], x: Sequence[Any], y: Sequence[Any], words: Columns, fill_alpha: float = 0.75
-) -> None:
-    """Points, each with the ``words`` that ``hover`` shows beside it, by their title; ``style`` is that of all of them, or one each."""
-    from bokeh.models import ColumnDataSource
+@dataclass(frozen=True)
+class Points(Generic[_Item]):
+    """Items as marks on a plot.
 
-    colour, marker = style[:2] if isinstance(style, tuple) else ("colour", "marker")
-    looks = {} if isinstance(style, tuple) else {"colour": [own[0] for own in style], "marker": [own[1] for own in style]}
-    source = ColumnDataSource({**words, **looks, "x": list(x), "y": list(y)})
-    points = plot.scatter("x", "y", source=source, name="point", marker=marker, size=9, color=colour, fill_alpha=fill_alpha)
-    points.tags = list(words)
+    Attributes:
+        place: x and y of an item. words: what is shown beside an item, by title.
+    """
 
+    plot: plotting.figure
+    place: Callable[[_Item], tuple[Any, float]]
+    words: Mapping[str, Callable[[_Item], object]]
 
-def hover(plot: plotting.figure) -> None:
-    """Show the words of a point beside it; to be called when all points are there."""
-    from bokeh.models import HoverTool
-    from bokeh.models.renderers import GlyphRenderer
+    def places(self, items: Iterable[_Item]) -> tuple[list[Any], list[float]]:
+        """All x and all y."""
+        found = [self.place(item) for item in items]
+        return [x for x, _ in found], [y for _, y in found]
 
-    points: list[DataRenderer] = [shown for shown in plot.renderers if isinstance(shown, GlyphRenderer) and shown.name == "point"]
-    titles = dict.fromkeys(title for shown in points for title in shown.tags)
-    plot.add_tools(HoverTool(renderers=points, tooltips=[(str(title), f"@{{{title}}}") for title in titles]))
+    def draw(self, items: Iterable[_Item], style: Style | Callable[[_Item], Style], fill_alpha: float = 0.75, **line: Any) -> None:
+        """A mark for each item, in a style of all of them or of its own; ``line`` is the width and more of a line through them."""
+        from bokeh.models import ColumnDataSource
+
+        items = list(items)
+        x, y = self.places(items)
+        if line:
+            self.plot.line(x, y, line_color=style[0] if isinstance(style, tuple) else GREY, **line)
+        columns: dict[str, list[Any]] = {title: [str(word(item)) for item in items] for title, word in self.words.items()}
+        colour, marker = style[:2] if isinstance(style, tuple) else ("colour", "marker")
+        if not isinstance(style, tuple):
+            looks = [style(item) for item in items]
+            columns |= {"colour": [own[0] for own in looks], "marker": [own[1] for own in looks]}
+        source = ColumnDataSource({**columns, "x": x, "y": y})
+        shown = self.plot.scatter("x", "y", source=source, name="point", marker=marker, size=9, color=colour, fill_alpha=fill_alpha)
+        shown.tags = list(self.words)
+
+    def shown(self, limit: Literal["width", "height"] | None = None) -> plotting.figure:
+        """The plot when all items are drawn: the words of a mark are shown beside it, and a line across says how much agrees."""
+        from bokeh.models import HoverTool
+        from bokeh.models.renderers import GlyphRenderer
+
+        marks: list[DataRenderer] = [one for one in self.plot.renderers if isinstance(one, GlyphRenderer) and one.name == "point"]
+        titles = dict.fromkeys(title for one in marks for title in one.tags)
+        self.plot.add_tools(HoverTool(renderers=marks, tooltips=[(str(title), f"@{{{title}}}") for title in titles]))
+        if limit is not None:
+            line_across(self.plot, limit, AGREEMENT, RED)
+        return self.plot
 
 
 def line_across(plot: plotting.figure, dimension: Literal["width", "height"], location: float, colour: str) -> None:
@@ -128,7 +152,7 @@ def line_across(plot: plotting.figure, dimension: Literal["width", "height"], lo
     plot.add_layout(Span(dimension=dimension, location=location, line_color=colour, line_dash="dashed", line_width=1.5))
 
 
-def drawable(value: float | None) -> bool:
+def drawable(value: float | None) -> TypeGuard[float]:
     """True where a logarithmic axis has a place for ``value``, if only its end."""
     return value is not None and not math.isnan(value) and value >= 0
 

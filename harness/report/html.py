@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.report import benchmarks, charts, hard_cases, hard_charts
+from harness.report import benchmarks, charts, hard_cases
 from harness.report.benchmarks import acceleration_front, motion_front
 from harness.report.figures import embed
 from harness.report.site_tables import error_of
@@ -96,7 +96,7 @@ def environment() -> Environment:
     made.globals |= {
         "style": Markup(asset("style.css")), "limit": AGREEMENT, "counted": counted, "states_of": states_of, "way_of": way_of,
         "changed_versions": changed_versions, "changes_table": changes_table, "tables": benchmarks, "hard_tables": hard_cases,
-        "acceleration_front": acceleration_front, "motion_front": motion_front, "silent_marker": hard_charts.SILENT_MARKER[1],
+        "acceleration_front": acceleration_front, "motion_front": motion_front, "silent_marker": charts.SILENT_MARKER[1],
     }  # fmt: skip
     return made
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from harness.report import benchmark_charts, charts, comparison, hard_charts, site_tables
+from harness.report import benchmark_charts, charts, comparison, site_tables
 from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
@@ -127,12 +127,9 @@ class Pages:
             upstream={subject: issues(split(subject)[0], row.features) for subject in subjects},
             measured=measured if name in measured.systems else None,
             subject_styles=styles(summary.subjects),
-            method_styles=benchmark_charts.method_styles(measured),
-            quantity_styles=benchmark_charts.quantity_styles(measured),
-            derivative_styles=benchmark_charts.derivative_styles(measured),
-            integrator_styles=styles(measured.integrators),
             families=[family for family in self._cases.families if name in family.systems],
             hard_anchors=self._hard_anchors,
+            **benchmark_charts.styles_of(measured),
         )
 
     def _engine(self, engine: str, page: str) -> Drawn:
@@ -175,22 +172,22 @@ class Pages:
             benchmark_charts.plots(measured),
             run=self.run,
             benchmark=measured,
-            method_styles=benchmark_charts.method_styles(measured),
             cost_pages={system: f"{self._row_pages[system]}#cost" for system in measured.systems},
             fronts=self._fronts(measured),
+            **benchmark_charts.styles_of(measured),
         )
 
     def _fronts(self, measured: BenchmarkSummary) -> Table:
         rows: list[list[object]] = []
         for system in measured.systems:
-            accelerations = [way_of(cost) for cost in acceleration_front(measured.accelerations(system))]
-            motions = [way_of(cost) for cost in motion_front(measured.motion(system), "seconds")]
+            accelerations = [way_of(cost) for cost in acceleration_front(measured.accelerations[system])]
+            motions = [way_of(cost) for cost in motion_front(measured.motion[system], "seconds")]
             rows.append([Cell(system, link=f"{self._row_pages[system]}#cost"), "; ".join(accelerations), "; ".join(motions)])
         return Table(["system", "accelerations", "motion, by wall time"], rows, "Pareto front of each system", "matrix")
 
     def _hard(self, hard: HardSummary) -> Drawn:
         about = {"hard_styles": styles(hard.subjects), "hard_anchors": self._hard_anchors}
-        return draw("hard_page.html", site_tables.HARD, hard_charts.plots(hard), run=self.run, hard=hard, **about)
+        return draw("hard_page.html", site_tables.HARD, charts.hard_plots(hard), run=self.run, hard=hard, **about)
 
     def _robots(self, survey: Survey) -> Iterator[tuple[str, Drawn]]:
         found, names = comparison.published(survey.found), short_names(survey.found)

@@ -399,3 +399,22 @@ class Benchmark(StudyResult):
     cheapest: list[Cheapest] = field(default_factory=list, metadata={"derived": True})
     problems: list[str] = field(default_factory=list)
     yardsticks: list[Yardstick] = field(default_factory=list)
+
+    @property
+    def unexpected(self) -> list[str]:
+        """A sentence for each measurement that contradicts theory or text without an explanation."""
+        found = []
+        for order in (one for one in self.orders if not one.as_expected):
+            measured, expected = ("unknown" if value is None else f"{value:.2f}" for value in (order.measured, order.expected))
+            found.append(f"{order.integrator} on {order.system}: order of convergence {measured}, expected {expected}")
+        found += [
+            f"{drift.integrator} on {drift.system}: energy over a long run is {drift.verdict}, expected {drift.expected}"
+            for drift in self.drifts
+            if not drift.as_expected
+        ]
+        found += [
+            f"{figure.system}, {figure.what}: printed {figure.printed:g} {figure.unit}, computed {figure.computed:g} {figure.unit}"
+            for figure in self.figures
+            if not figure.as_expected
+        ]
+        return found

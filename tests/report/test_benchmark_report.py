@@ -296,10 +296,10 @@ def test_cheapest_is_the_fastest_that_is_exact_enough() -> None:
 
 def test_fronts_of_a_system() -> None:
     summary = BenchmarkSummary(RUN, sample())
-    assert [cost.method for cost in acceleration_front(summary.accelerations("collar"))] == [
+    assert [cost.method for cost in acceleration_front(summary.accelerations["collar"])] == [
         "heyoka float32", "heyoka float64", "certified balls"
     ]  # fmt: skip
-    assert [(cost.integrator, cost.step) for cost in motion_front(summary.motion("arm_2r"), "evaluations")] == [
+    assert [(cost.integrator, cost.step) for cost in motion_front(summary.motion["arm_2r"], "evaluations")] == [
         ("euler-cromer", 0.1), ("pinocchio RK4", 0.1), ("pinocchio RK4", 0.01), ("pinocchio RK4", 0.001)
     ]  # fmt: skip
 

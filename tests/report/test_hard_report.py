@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from support import Page, missing, pages_of, site_of
 
 from harness.report import build
+from harness.report.charts import hard_plots
 from harness.report.hard_cases import HardSummary
-from harness.report.hard_charts import plots
 from harness.report.markdown import VOLATILE
 from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting, StableStep
 from harness.results.cross_check import CrossCheckResult
@@ -121,7 +121,7 @@ def test_the_page_fetches_nothing_and_leads_where_its_links_say(page: Page, file
 
 
 def test_a_chart_holds_every_point_both_bounds_and_what_hovers_beside_it() -> None:
-    plot = plots(HardSummary(RUN, sample()))["hard gimbal"]
+    plot = hard_plots(HardSummary(RUN, sample()))["hard gimbal"]
     assert plot is not None
     [drawn] = [renderer for renderer in plot.renderers if renderer.name == "point"]
     data: Any = drawn.data_source.data
@@ -142,7 +142,7 @@ def test_a_chart_holds_every_point_both_bounds_and_what_hovers_beside_it() -> No
 
 def test_a_bound_below_the_limit_of_agreement_is_drawn_at_that_limit() -> None:
     low = [replace(point, unstable_bound=5.0) for point in points(0.0)]
-    plot = plots(HardSummary(RUN, Atlas(rows=[row("easy", "lagrange", low)])))["hard easy"]
+    plot = hard_plots(HardSummary(RUN, Atlas(rows=[row("easy", "lagrange", low)])))["hard easy"]
     assert plot is not None
     bound = next(renderer for renderer in plot.renderers if type(renderer.glyph).__name__ == "VArea")
     assert set(bound.data_source.data["y2"]) == {64.0}
@@ -159,7 +159,7 @@ def test_a_bound_below_the_limit_of_agreement_is_drawn_at_that_limit() -> None:
 )
 def test_axes_of_knobs(knobs: tuple[float, float], axis: str, places: list[float]) -> None:
     own = [replace(points(0.0)[0], knob=knob) for knob in knobs]
-    plot = plots(HardSummary(RUN, Atlas(rows=[row("easy", "lagrange", own)])))["hard easy"]
+    plot = hard_plots(HardSummary(RUN, Atlas(rows=[row("easy", "lagrange", own)])))["hard easy"]
     assert plot is not None and type(plot.x_scale).__name__ == axis
     [drawn] = [renderer for renderer in plot.renderers if renderer.name == "point"]
     assert drawn.data_source.data["x"] == pytest.approx(places)

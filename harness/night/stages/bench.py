@@ -9,7 +9,6 @@ from harness.bench.parts import THOROUGHNESS, BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
 from harness.library import member_of
 from harness.night.stage import NightChoice, Stage, TrendNumbers, one_study
-from harness.report.benchmarks import BenchmarkSummary
 from harness.results.benchmark import Benchmark
 from harness.results.night import BROKEN, LEFT_OUT, Case
 from harness.results.pareto import way_of
@@ -55,7 +54,7 @@ def _cases(found: Benchmark) -> Iterator[Case]:
     for problem in dict.fromkeys(found.problems):
         if problem not in own:
             yield Case.of((NAME, "not measured", problem.partition(":")[0]), [problem], outcome=BROKEN)
-    for sentence in BenchmarkSummary.unexpected_of(found):
+    for sentence in found.unexpected:
         yield Case.of((NAME, "theory", sentence.partition(":")[0]), [sentence])
 
 
