@@ -8,7 +8,7 @@ from pathlib import Path
 
 from harness.arrays import Array
 from harness.engines import EQUATIONS, ConstraintLaw, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
-from harness.engines.audit import audit, require_constraints
+from harness.engines.interface import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism

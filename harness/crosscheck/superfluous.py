@@ -21,7 +21,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Engine, Model, Subject, Unsupported, accelerations, engine_paths, installed_version, load_engine, runs_elsewhere
-from harness.engines.audit import audit
+from harness.engines.interface import audit
 from harness.errors import InvalidModel
 from harness.files.lint.formats import STAGES
 from harness.files.model_file import ModelFile

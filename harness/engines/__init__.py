@@ -17,43 +17,88 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from harness.arrays import Array
-from harness.engines.engine import Engine as Engine
-from harness.engines.engine import require_model as require_model
-from harness.engines.files import EQUATIONS as EQUATIONS
-from harness.engines.files import FORMATS as FORMATS
-from harness.engines.files import LOADING_SECONDS as LOADING_SECONDS
-from harness.engines.files import EngineFile as EngineFile
-from harness.engines.files import describe_engines as describe_engines
-from harness.engines.files import engine_files as engine_files
-from harness.engines.files import engine_paths as engine_paths
-from harness.engines.files import file_engine as file_engine
-from harness.engines.files import file_engines as file_engines
-from harness.engines.files import installed_version as installed_version
-from harness.engines.files import load_engine as load_engine
-from harness.engines.files import runs_elsewhere as runs_elsewhere
-from harness.engines.held import HeldBody as HeldBody
-from harness.engines.held import HeldJoint as HeldJoint
-from harness.engines.held import HeldModel as HeldModel
-from harness.engines.held import HeldSpring as HeldSpring
-from harness.engines.held import LoadedModel as LoadedModel
-from harness.engines.held import Terms as Terms
-from harness.engines.interface import InvalidAnswer as InvalidAnswer
-from harness.engines.interface import NotOffered as NotOffered
-from harness.engines.interface import Unsupported as Unsupported
-from harness.engines.interface import answer_of as answer_of
+from harness.engines.engine import Engine, require_model
+from harness.engines.files import (
+    EQUATIONS,
+    FORMATS,
+    LOADING_SECONDS,
+    EngineFile,
+    describe_engines,
+    engine_files,
+    engine_paths,
+    file_engine,
+    file_engines,
+    installed_version,
+    load_engine,
+    runs_elsewhere,
+)
+from harness.engines.interface import (
+    HeldBody,
+    HeldJoint,
+    HeldModel,
+    HeldSpring,
+    InvalidAnswer,
+    LoadedModel,
+    NotOffered,
+    Terms,
+    Unsupported,
+    answer_of,
+)
 from harness.environments.folders import environment_of, split_name
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile
-from harness.files.rules.constraint_law import ConstraintLaw as ConstraintLaw
-from harness.files.rules.constraint_law import Impedance as Impedance
-from harness.files.rules.constraint_law import InverseWeight as InverseWeight
-from harness.files.rules.step_rule import ImplicitPart as ImplicitPart
-from harness.files.rules.step_rule import StepRule as StepRule
+from harness.files.rules.constraint_law import ConstraintLaw, Impedance, InverseWeight
+from harness.files.rules.step_rule import ImplicitPart, StepRule
 from harness.library import Library, nearest
 
 if TYPE_CHECKING:
     from harness.programs.mechanisms.mechanism import Mechanism
     from harness.programs.states import States
+
+
+__all__ = [
+    "EQUATIONS",
+    "FORMATS",
+    "LOADING_SECONDS",
+    "ConstraintLaw",
+    "Engine",
+    "EngineFile",
+    "HeldBody",
+    "HeldJoint",
+    "HeldModel",
+    "HeldSpring",
+    "Impedance",
+    "ImplicitPart",
+    "InvalidAnswer",
+    "InverseWeight",
+    "LoadedModel",
+    "Model",
+    "NotOffered",
+    "StepRule",
+    "Subject",
+    "Terms",
+    "Unsupported",
+    "accelerations",
+    "answer_of",
+    "asked_of",
+    "describe_engines",
+    "engine_files",
+    "engine_paths",
+    "factorises_mass_matrix",
+    "file_engine",
+    "file_engines",
+    "installed_version",
+    "is_native",
+    "known_subjects",
+    "load_engine",
+    "load_model",
+    "require_model",
+    "runs_elsewhere",
+    "select_subjects",
+    "subjects",
+    "subjects_beside",
+    "subjects_of",
+]
 
 
 class Model(Protocol):

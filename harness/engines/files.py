@@ -14,7 +14,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, cast
 
-from harness.engines.elsewhere.engine import EngineElsewhere
+from harness.engines.elsewhere.interpreter import EngineElsewhere
 from harness.engines.engine import Engine
 from harness.environments.folders import environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest

@@ -1,4 +1,4 @@
-"""What a loaded model may be asked for beside accelerations, and the check of what it returns.
+"""What a loaded model may be asked for beside accelerations, the plain data that it gives, and the checks of what it returns.
 
 Each is a method of the model. q is (n, nq), v and qdd (n, nv), their columns as in ``forward_dynamics``; joints are those that ``load``
 was given, each once.
@@ -32,15 +32,21 @@ Vectors are along the world's axes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Rows
+from harness.errors import InvalidModel
+from harness.files.joint_kinds import JointKind
+from harness.files.model_file import ModelFile
+from harness.library import nearest
 
 if TYPE_CHECKING:
     from harness.engines import Model
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 METHODS = (
     "mass_matrix",
@@ -57,6 +63,111 @@ METHODS = (
     "inverse_dynamics_derivatives",
     "regressor",
 )
+# Coarser than what the comparison sees by far: the audit finds another mechanism, the comparison finds
+# another digit.
+AUDIT_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class LoadedModel:
+    """Joint sizes, gravity and mass that an engine holds after loading, for the audit.
+
+    Attributes:
+        joints: name of each moving joint to its (number of positions, number of velocities).
+        gravity: acceleration of gravity [m/s^2], (x, y, z).
+        total_mass: sum of the masses of all moving bodies [kg].
+    """
+
+    joints: Mapping[str, tuple[int, int]]
+    gravity: tuple[float, float, float]
+    total_mass: float
+
+
+@dataclass(frozen=True)
+class Terms(Rows):
+    """The terms of M qdd + velocity + gravity = passive + applied at n states, as an engine computes them.
+
+    Attributes:
+        mass: M, (n, nv, nv), symmetric. velocity, gravity, passive, applied: (n, nv) [N or N m].
+    """
+
+    mass: Array
+    velocity: Array
+    gravity: Array
+    passive: Array
+    applied: Array
+
+
+@dataclass(frozen=True)
+class HeldJoint:
+    """A joint as an engine holds it after loading, in the world's frame with every joint at zero.
+
+    Attributes:
+        parent: name of the joint whose body carries it; "" for the world.
+        anchor: a point of the axis, or the centre of a ball [m], (3,), on the parent's side of the joint; moved: the same point on
+            the other side, which a slide or a free joint takes away. axis: unit vector, (3,); zero for ball, free and planar joints.
+        armature: reflected inertia [kg or kg m^2]. damping: [N s/m or N m s]. stiffness: [N/m or N m];
+            spring_reference: position at which the spring is relaxed [m or rad]. All of them as the engine, with what
+            the harness adds for it, applies them.
+        frame: rotation to the world of the axes in which a ball, free or planar joint has its velocity, (3, 3); the identity
+            for hinges and slides.
+    """
+
+    kind: JointKind
+    parent: str
+    anchor: Array
+    moved: Array
+    axis: Array
+    armature: float
+    damping: float
+    stiffness: float
+    spring_reference: float
+    frame: Array
+
+
+@dataclass(frozen=True)
+class HeldBody:
+    """Everything that moves rigidly with one joint and no further one, in the world's frame with every joint at zero.
+
+    Attributes:
+        mass: [kg]. centre: of mass [m], (3,). inertia: about it [kg m^2], (3, 3). name: the engine's, "" where it has none.
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class HeldSpring:
+    """A spring and damper between points, with every joint at zero.
+
+    Attributes:
+        points: of its line in the world, from end to end [m], (n, 3).
+        stiffness: [N/m]. damping: [N s/m]. free_length: [m].
+    """
+
+    points: Array
+    stiffness: float
+    damping: float
+    free_length: float
+
+
+@dataclass(frozen=True)
+class HeldModel:
+    """Everything that an engine holds after loading, for the static audit.
+
+    Attributes:
+        gravity: [m/s^2], (3,). joints: by name. bodies: by the name of the last joint that moves them; a body without
+            mass and inertia between two joints may be absent, as formats differ in whether they need one.
+        springs: between points, in document order; those in a joint stand in the joint.
+    """
+
+    gravity: Array
+    joints: Mapping[str, HeldJoint]
+    bodies: Mapping[str, HeldBody]
+    springs: tuple[HeldSpring, ...] = ()
 
 
 class Unsupported(Exception):
@@ -89,3 +200,56 @@ def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[
     else:
         return np.asarray(answer)
     raise InvalidAnswer(f"{method} returned {found}; expected an array of shape {shape} of float64")
+
+
+def audit(loaded: LoadedModel | None, model: ModelFile | None, mechanism: Mechanism) -> None:
+    """Check constraints by name, joints by name and size, gravity and total mass; nothing where an engine reads no file.
+
+    What the engine does not say is not checked.
+
+    Raises:
+        InvalidModel: with the line, the value found and the value expected.
+    """
+    if model is not None:
+        require_constraints(model, mechanism)
+    if loaded is None or model is None:
+        return
+    for joint in mechanism.joints:
+        if joint not in loaded.joints:
+            hint = nearest(joint, sorted(loaded.joints)) if loaded.joints else "the model has none at all"
+            raise InvalidModel(model.path, model.root_line, f"has no moving joint {joint!r}, which the system needs; {hint}")
+    for joint, (positions, velocities) in loaded.joints.items():
+        line = model.joint_lines.get(joint, model.root_line)
+        if joint not in mechanism.joints:
+            raise InvalidModel(model.path, line, f"joint {joint!r} moves, but the system has joints {', '.join(mechanism.joints)} only")
+        nq, nv = mechanism.joint_sizes[joint]
+        if (positions, velocities) != (nq, nv):
+            kind = {(4, 3): "a ball joint", (7, 6): "a free joint"}.get((nq, nv), "a joint of one degree of freedom")
+            problem = f"joint {joint!r} has nq = {positions} and nv = {velocities}, expected {nq} and {nv}; use {kind}"
+            raise InvalidModel(model.path, line, problem)
+    expected = (0.0, 0.0, -mechanism.gravity)
+    if any(abs(found - wanted) > AUDIT_TOLERANCE * mechanism.gravity for found, wanted in zip(loaded.gravity, expected, strict=True)):
+        # Adding zero turns -0 into 0.
+        found_text, expected_text = (" ".join(f"{component + 0.0:g}" for component in vector) for vector in (loaded.gravity, expected))
+        raise InvalidModel(model.path, model.gravity_line, f"gravity is {found_text} m/s^2, expected {expected_text} as the system says")
+    if abs(loaded.total_mass - mechanism.total_mass) > AUDIT_TOLERANCE * mechanism.total_mass:
+        masses = f"{loaded.total_mass:.10g} kg in all, expected {mechanism.total_mass:.10g} kg as the system says"
+        raise InvalidModel(model.path, model.root_line, f"the moving bodies have {masses}")
+
+
+def require_constraints(model: ModelFile, mechanism: Mechanism) -> None:
+    """Check that a file has the constraints of a mechanism, by name.
+
+    Raises:
+        InvalidModel: it lacks one, or has another.
+    """
+    wanted = () if mechanism.constraints is None else mechanism.constraints.names
+    found = {constraint.name: constraint.line for constraint in model.constraints}
+    for name in wanted:
+        if name not in found:
+            hint = nearest(name, sorted(found)) if found else "the model has none at all"
+            raise InvalidModel(model.path, model.root_line, f"has no constraint {name!r}, which the system needs; {hint}")
+    for name, line in found.items():
+        if name not in wanted:
+            expected = f"the system has {', '.join(map(repr, wanted))} only" if wanted else "the system has none"
+            raise InvalidModel(model.path, line, f"constraint {name!r} ties joints, but {expected}")

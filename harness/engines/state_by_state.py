@@ -15,8 +15,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.coordinates import FREE, Columns, cross_matrix, rotation
-from harness.engines.held import Terms
-from harness.engines.interface import NotOffered
+from harness.engines.interface import NotOffered, Terms
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.request import Request, projected
 from harness.files.facts import PointSpring

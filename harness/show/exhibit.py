@@ -14,7 +14,7 @@ from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.held import SOUND, differences, held_by, soundness
 from harness.crosscheck.tasks import derive, read
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
-from harness.engines.audit import audit
+from harness.engines.interface import audit
 from harness.errors import InvalidInput
 from harness.files.model_file import ModelFile
 from harness.files.text.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs

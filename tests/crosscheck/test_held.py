@@ -18,7 +18,7 @@ from harness.crosscheck.held import SOUND, Difference, differences
 from harness.crosscheck.held_quantities import OF_BODIES
 from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_native, load_engine, subjects
 from harness.engines.adapters.mujoco.held import fused
-from harness.engines.audit import audit
+from harness.engines.interface import audit
 from harness.errors import InvalidModel
 from harness.explain.changes.mistakes import mended_mistakes
 from harness.files.model_file import ModelFile, parse_model, read_model

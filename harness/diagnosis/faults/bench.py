@@ -27,7 +27,7 @@ from harness.engines import (
     select_subjects,
     subjects_beside,
 )
-from harness.engines.audit import audit
+from harness.engines.interface import audit
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch

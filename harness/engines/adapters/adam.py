@@ -19,10 +19,9 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.output import captured_output
+from harness.engines.reading import captured_output, moving_mass, refuse_constraints, take_root_off
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
-from harness.engines.urdf_text import moving_mass, refuse_constraints, take_root_off
 from harness.files.model_file import ModelFile
 
 

@@ -21,10 +21,9 @@ from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.coordinates import FREE, rotation
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.output import captured_standard_error
+from harness.engines.reading import captured_standard_error, links_without_inertia, read_without_meshes
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.engines.urdf_text import links_without_inertia, read_without_meshes
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 

@@ -18,10 +18,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import Engine, LoadedModel
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.output import captured_standard_error
+from harness.engines.reading import captured_standard_error, moving_mass, refuse_constraints, root_link, take_root_off
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
-from harness.engines.urdf_text import moving_mass, refuse_constraints, root_link, take_root_off
 from harness.files.model_file import ModelFile
 
 _GRAVITY = (0.0, 0.0, -9.81)

@@ -22,10 +22,9 @@ from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.coordinates import rotation
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.output import captured_output
+from harness.engines.reading import captured_output, elements_of, moving_mass, refuse_constraints, take_root_off, text_of, without_shapes
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.engines.urdf_text import elements_of, moving_mass, refuse_constraints, take_root_off, text_of, without_shapes
 from harness.files.model_file import ModelFile
 
 _GRAVITY = (0.0, 0.0, -9.81)

@@ -1,4 +1,4 @@
-"""The interpreter of an environment, one for each process that asks it, and the models it holds.
+"""Engines in environments of their own: the interpreter of one, one for each process that asks it, and the models it holds.
 
 No library does this: execnet hides the exit status and standard error of a process, which name its death; see ``harness.workers.local``.
 """
@@ -13,12 +13,18 @@ import weakref
 from collections.abc import Mapping, Sequence
 from multiprocessing import Pipe
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.arrays import Array
 from harness.engines.elsewhere.transport import dumps, loads
+from harness.engines.engine import handed_over
 from harness.environments.folders import Environment
+from harness.files.model_file import ModelFile
 from harness.workers.program import is_worker
+
+if TYPE_CHECKING:
+    from harness.engines import Engine, Model
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 # Never imported here: it is a program of the environment's interpreter.
 _SERVER = Path(__file__).with_name("server.py")
@@ -141,3 +147,28 @@ class DistantModel:
             # Bound to this object: who holds the method alone must not have the model forgotten.
             return functools.partial(self._call, name)
         raise AttributeError(f"the model of {self._interpreter} offers no {name}")
+
+
+class EngineElsewhere:
+    """An ``Engine`` whose models are loaded by the interpreter of an environment; what else it says is said by its engine file here."""
+
+    def __init__(self, engine: Engine, path: Path, module: str, environment: Environment) -> None:
+        self.requires, self.formats = engine.requires, engine.formats
+        self.environment = environment
+        self._engine, self._path, self._module = engine, path, module
+
+    def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
+        """See ``harness.engines.Engine``; raises what the engine file raises."""
+        interpreter = interpreter_of(self.environment)
+        return interpreter.load(self._path, self._module, self.environment.engine, (handed_over(source), joints, gravity))
+
+    def evaluate(self, method: str, *arguments: Any) -> Any:
+        """What a method of the engine file's ``ENGINE`` returns in the environment, or raises there."""
+        interpreter = interpreter_of(self.environment)
+        return interpreter.evaluate(self._path, self._module, self.environment.engine, method, arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        # Copies and pickles ask before ``__init__`` has run.
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._engine, name)

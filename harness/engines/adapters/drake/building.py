@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.engines.adapters.drake.files import armatures_passed_over, refused_warnings, silent, springs_at_world, text_for_parser
+from harness.engines.reading import root_link
 from harness.engines.request import Aid, Request
-from harness.engines.urdf_text import root_link
 from harness.files.tree import WORLD
 
 # Of a plant without a time step.

@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from lxml import etree
 
 from harness.engines import Unsupported
+from harness.engines.reading import refuse_unexpressed, root_link
 from harness.engines.request import Refused, Request
-from harness.engines.urdf_text import refuse_unexpressed, root_link
 from harness.files.document.xml import Document, describe, literal_tag, parse_document
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.defaults import resolved, resolved_text

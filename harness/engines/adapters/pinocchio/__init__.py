@@ -32,7 +32,7 @@ from harness.engines.adapters.pinocchio.forces import ForceElements, joint_place
 from harness.engines.adapters.pinocchio.mimics import MimicJoints
 from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
 from harness.engines.adapters.pinocchio.versions import armature, read_urdf, set_armature
-from harness.engines.output import captured_standard_error
+from harness.engines.reading import captured_standard_error
 from harness.engines.request import Request
 from harness.errors import InvalidModel
 from harness.files.model_file import ModelFile

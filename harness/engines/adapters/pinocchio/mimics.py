@@ -16,7 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import Unsupported
 from harness.engines.adapters.pinocchio.versions import read_mimics
-from harness.engines.output import captured_standard_error
+from harness.engines.reading import captured_standard_error
 from harness.files.model_file import ModelFile
 
 Columns = tuple[Array, Array, Array]

@@ -16,7 +16,7 @@ from typing import Any
 from lxml import etree
 
 from harness.engines import Unsupported
-from harness.engines.output import captured_standard_error
+from harness.engines.reading import captured_standard_error
 from harness.files.document.xml import Document, describe, shorten
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.defaults import childclass_of, of_class, resolved

@@ -19,7 +19,7 @@ from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
 from harness.engines.adapters.pinocchio.versions import set_armature
 from harness.engines.coordinates import accelerations_from_body, body_turn, to_body
 from harness.engines.loaded_file import LoadedFile
-from harness.engines.output import captured_standard_error
+from harness.engines.reading import captured_standard_error
 from harness.engines.request import AskedJoint, Refused, Request, projected
 from harness.files.facts import ForceElement, JointDamper, JointSpring
 
