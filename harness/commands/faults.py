@@ -161,7 +161,7 @@ def _print_faults(faults: Sequence[Fault]) -> None:
 
 def print_caught(caught: Sequence[SmallestChange]) -> None:
     """One row per live number of a model, and how far theory was kept in all."""
-    from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
+    from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY
 
     if not caught:
         say("no live numbers: no model was walked")

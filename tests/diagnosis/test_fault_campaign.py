@@ -16,9 +16,9 @@ from click.testing import CliRunner
 from support import make_library
 
 from harness.cli import main
-from harness.diagnosis.faults import baseline
 from harness.diagnosis.faults import bench as fault_bench
 from harness.diagnosis.faults import campaign as fault_campaign
+from harness.diagnosis.faults import reader
 from harness.diagnosis.faults.bench import Answer, FaultBench
 from harness.diagnosis.faults.campaign import CampaignSettings, number_faults, run_campaign
 from harness.diagnosis.faults.study import select_models
@@ -168,7 +168,7 @@ def test_a_blunt_check_is_told_by_what_is_not_caught(monkeypatch: pytest.MonkeyP
         middle = reference.high + reference.low
         return compare(reference, middle + (accelerations - middle) / 1e8)
 
-    monkeypatch.setattr(baseline, "compare", blunt)
+    monkeypatch.setattr(reader, "compare", blunt)
     faults = campaign("spring_damper", "urdf", replace(SMALL, kinds=["number"], diagnosed=0))
     assert any("were not caught" in sentence for sentence in broken_bars(faults))
     assert any("times what theory promises" in sentence for sentence in broken_bars(faults))

@@ -27,9 +27,9 @@ from harness.crosscheck import tasks
 from harness.crosscheck.expected import AGREES
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
-from harness.diagnosis.faults import baseline, campaign
-from harness.diagnosis.faults.baseline import FURTHEST, RESOLUTION, Baseline, require_sound, smallest_caught
+from harness.diagnosis.faults import campaign, reader
 from harness.diagnosis.faults.campaign import number_faults, smallest_changes
+from harness.diagnosis.faults.reader import FURTHEST, RESOLUTION, Reader, require_sound, smallest_caught
 from harness.diagnosis.faults.study import select_pairs
 from harness.diagnosis.faults.summary import SmallestChange
 from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
@@ -159,7 +159,7 @@ def test_a_blunt_check_is_told_by_its_ratio(monkeypatch: pytest.MonkeyPatch) -> 
         middle = reference.high + reference.low
         return accepted(reference, middle + (accelerations - middle) / 100, factorises)
 
-    monkeypatch.setattr(baseline, "compare", blunt)
+    monkeypatch.setattr(reader, "compare", blunt)
     for subject in subjects(LIBRARY):
         if subject.format != "equations" and is_native(LIBRARY, subject):
             numbers = smallest_changes(LIBRARY, "cart_pendulum", subject, 64, 0, lambda text: None)
@@ -167,7 +167,7 @@ def test_a_blunt_check_is_told_by_its_ratio(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_number_that_is_never_caught_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Baseline, "catches", lambda *arguments: False)
+    monkeypatch.setattr(Reader, "catches", lambda *arguments: False)
     numbers = smallest_changes(LIBRARY, "simple_pendulum", Subject("mujoco", "mjcf"), 16, 0, lambda text: None)
     assert numbers
     assert all(math.isinf(number.smallest) for number in numbers)

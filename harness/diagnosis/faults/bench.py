@@ -14,7 +14,7 @@ from typing import Any
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
-from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED, Baseline, least_that, require_sound, smallest_caught
+from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY, RED, Reader, least_that, require_sound, smallest_caught
 from harness.engines import (
     EQUATIONS,
     Engine,
@@ -69,14 +69,6 @@ class Answer:
         return self.refused_by in REFUSED or self.movement > NOISE
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reader(Baseline):
-    """A subject that reads the file, and what its answers to changed texts are judged by."""
-
-    subject: Subject
-    engine: Engine
-
-
 class FaultBench:
     """One model of one system, the subjects that read it, and the others, whose verdicts no fault of the file may change.
 
@@ -106,17 +98,16 @@ class FaultBench:
         if not self.readers:
             raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
 
-    def _reference(self, subject: Subject, model: ModelFile | None, diagnostic: bool = False) -> Reference:
+    def _reference(self, subject: Subject, engine: Engine, model: ModelFile | None, diagnostic: bool = False) -> Reference:
         """The truth of a subject on an unmodified model, certified once."""
-        assignment = Assignment(self._library, subject, self.mechanism, model)
-        kernel, states = reference_kernel_of(assignment), self._diagnostic_states if diagnostic else self._states
+        kernel = reference_kernel_of(Assignment(self._library, subject, self.mechanism, model))
+        states = self._diagnostic_states if diagnostic else self._states
         if (kernel, diagnostic) not in self._references:
             self._references[kernel, diagnostic] = kernel.evaluate(states)
         reference = self._references[kernel, diagnostic]
         if model is not self.model:
             return reference
-        gaps = gaps_of(self._load(load_engine(self._library, subject.engine), model), states)
-        return beside_gaps(reference, self.mechanism, states, gaps)
+        return beside_gaps(reference, self.mechanism, states, gaps_of(self._load(engine, self.model), states))
 
     def _join(self, subject: Subject) -> str:
         """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
@@ -124,41 +115,39 @@ class FaultBench:
         if file.version is None:
             return f"{subject}: {f'{file.requires[1]} is not installed' if file.outcome.value else 'its engine file cannot be loaded'}"
         engine = load_engine(self._library, subject.engine)
-        source: Any = {EQUATIONS: self.mechanism, self.model.format: self.model}.get(subject.format)
-        if source is None:
+        model = self.model if subject.format == self.model.format else None
+        if model is None and subject.format != EQUATIONS:
             try:
                 # A family's writer may make it where there is no file.
-                source = read_model(self._library.model_path(self._name, subject.format), subject.format)
+                model = read_model(self._library.model_path(self._name, subject.format), subject.format)
             except InvalidModel:
                 return ""
-        path = source.path if isinstance(source, ModelFile) else self._library.system_path(self._name)
-        watched = None
+        path = self._library.system_path(self._name) if model is None else model.path
         try:
-            if source is self.model:
-                watched = watch(engine, self.mechanism, self.model, self._states)
-            answers = watched.healthy if watched else accelerations(self._load(engine, source), self._states)
+            watched = watch(engine, self.mechanism, self.model, self._states) if model is self.model else None
+            answers = watched.healthy if watched else accelerations(self._load(engine, model or self.mechanism), self._states)
         except Unsupported as reason:
             return f"{subject}: {reason}"
         except ValueError as error:
             raise InvalidInput(path, None, f"{subject} refuses it before any fault is planted: {error}") from error
-        reference = self._reference(subject, source if isinstance(source, ModelFile) else None)
-        expected = self._expected.of(self._name, subject)
+        reference = self._reference(subject, engine, model)
         comparison = compare(reference, answers, engine.factorises_mass_matrix)
-        require_sound(path, self._name, subject, comparison, expected)
+        require_sound(path, self._name, subject, comparison, self._expected.of(self._name, subject))
         if watched:
-            self.readers.append(Reader(reference, watched, engine.factorises_mass_matrix, subject=subject, engine=engine))
+            self.readers.append(Reader(subject, engine, reference, watched))
         else:
             self.others[str(subject)] = gravest(comparison.verdicts.tolist())
         return ""
 
-    def _load(self, engine: Engine, source: Any) -> Model:
+    def _load(self, engine: Engine, source: ModelFile | Mechanism) -> Model:
         return engine.load(source, self.mechanism.joints, self.mechanism.gravity)
 
     def diagnostic(self, reader: Reader) -> tuple[States, Reference]:
         """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
         if reader.subject not in self._diagnostic:
-            reference = self._reference(reader.subject, self.model, diagnostic=True)
-            sound = Baseline(reference, watch(reader.engine, self.mechanism, self.model, self._diagnostic_states)).sound
+            reference = self._reference(reader.subject, reader.engine, self.model, diagnostic=True)
+            healthy = watch(reader.engine, self.mechanism, self.model, self._diagnostic_states).healthy
+            sound = compare(reference, healthy).verdicts == Verdict.AGREES.value
             self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
         return self._diagnostic[reader.subject]
 

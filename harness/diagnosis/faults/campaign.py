@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.crosscheck.superfluous import CHANGE
-from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY, RED
 from harness.diagnosis.faults.bench import REFUSED, Answer, FaultBench
+from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY, RED
 from harness.diagnosis.faults.summary import Fault, SmallestChange
 from harness.engines import Subject, Unsupported
 from harness.errors import InvalidModel
@@ -107,42 +107,37 @@ class ModelCampaign:
                 note(f"{self.model.path}: diagnosis of {kind}: {one.statement} {one.places[0]}")
                 yield self._diagnosed(fault, one, place) if place in chosen else fault
 
-    def _is_sought(self, kind: str) -> bool:
-        """True for a kind that a diagnosis looks for."""
-        return kind == NUMBER or self._mistakes[kind].changes is not None
-
     def _caught(self, planted: Change) -> Fault:
         where = tuple(dict.fromkeys(place.key for place in planted.places))
+        # Of a kind that a diagnosis looks for.
+        known = planted.kind == NUMBER or self._mistakes[planted.kind].changes is not None
         about: dict[str, Any] = {"system": self.name, "format": self.model.format, "kind": planted.kind}
-        about |= {"statement": planted.statement, "where": where, "known": self._is_sought(planted.kind)}
-        if planted.is_sized:
-            return self._caught_in_sizes(planted, about)
-        answer = self.bench.ask(planted.text(1.0), planted.through)
-        return Fault(
-            **about, live=answer.is_live, caught_by=answer.caught_by, blamed=self.bench.blamed(answer), **self._refusal(answer, where)
-        )
-
-    def _caught_in_sizes(self, planted: Change, about: dict[str, Any]) -> Fault:
-        probe, _ = self.bench.ask_sized(planted, CHANGE)
-        about = {**about, "live": probe.is_live, "sizes": tuple(self.settings.sizes)}
-        if probe.refused_by in REFUSED:
-            # Physics forbids the number to change alone: the refusal names it.
-            return Fault(**about, caught_by=probe.refused_by, **self._refusal(probe, about["where"]))
-        if not about["live"]:
-            return Fault(**about)
+        about |= {
+            "statement": planted.statement,
+            "where": where,
+            "known": known,
+            "sizes": tuple(self.settings.sizes if planted.is_sized else ()),
+        }
+        probe, _ = self.bench.ask_sized(planted, CHANGE if planted.is_sized else 1.0)
+        fault = Fault(**about, live=probe.is_live)
+        if not planted.is_sized or probe.refused_by in REFUSED:
+            # Where physics forbids a number to change alone, the refusal names it.
+            return replace(fault, caught_by=probe.caught_by, blamed=self.bench.blamed(probe), **self._refusal(probe, where))
+        if not fault.live:
+            return fault
         smallest, theory, order = self.bench.smallest(planted)
-        answers = {size: self.bench.ask_sized(planted, size)[0] for size in self.settings.sizes}
-        must = [size for size in self.settings.sizes if size >= _least(theory)]
-        blamed_at = [size for size in must if self.bench.blamed(answers[size])]
-        return Fault(
-            **about,
+        answers = {size: self.bench.ask_sized(planted, size)[0] for size in fault.sizes}
+        must = [size for size in fault.sizes if size >= _least(theory)]
+        blamed_at = next((size for size in must if self.bench.blamed(answers[size])), None)
+        return replace(
+            fault,
             missed=tuple(size for size in must if not answers[size].caught_by),
             caught_by=next((answer.caught_by for answer in answers.values() if answer.caught_by), ""),
             smallest=smallest,
             theory=theory,
             order=order,
-            blamed=self.bench.blamed(answers[blamed_at[0]]) if blamed_at else "",
-            blamed_at=blamed_at[0] if blamed_at else None,
+            blamed="" if blamed_at is None else self.bench.blamed(answers[blamed_at]),
+            blamed_at=blamed_at,
         )
 
     def _refusal(self, answer: Answer, where: Sequence[tuple[int, str, str]]) -> dict[str, Any]:

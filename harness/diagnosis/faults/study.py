@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
@@ -16,21 +15,12 @@ from harness.study import Inquiries, Inquiry, Part, ask
 from harness.verdict import Verdict
 
 
-@dataclass(frozen=True)
-class _RowsTask:
-    """The task of one model: ``function(library, system, format or subject, *given)``."""
-
-    function: Callable[..., Any]
-    library: Library
-    given: tuple[Any, ...]
-
-
 class FaultStudy(Inquiries):
-    """Rows of every model, each found by one task; a ``harness.study.Study``.
+    """Rows of every model, each found by one task, ``function(library, system, format or subject, *given)``; a ``harness.study.Study``.
 
     Args:
         models: (system, format or subject) of each. left_out: the same of those that are expected to be unsupported, to the reason.
-        order: of all rows, as names of attributes. rows_of: the task of one model.
+        order: of all rows, as names of attributes.
 
     Attributes:
         deaths: a sentence for each model whose process died.
@@ -39,12 +29,19 @@ class FaultStudy(Inquiries):
     title = "faults"
 
     def __init__(
-        self, models: Sequence[tuple[str, Any]], left_out: Mapping[tuple[str, str], str], order: Sequence[str], rows_of: _RowsTask
+        self,
+        library: Library,
+        models: Sequence[tuple[str, Any]],
+        left_out: Mapping[tuple[str, str], str],
+        order: Sequence[str],
+        function: Callable[..., Any],
+        given: Sequence[Any],
     ) -> None:
         super().__init__()
         self.left_out, self.deaths, self.steps = dict(left_out), list[str](), len(models)
-        self._models, self._order, self._rows_of, self._rows = models, order, rows_of, list[Any]()
-        for file in engine_files(rows_of.library).values():
+        self._library, self._models, self._order, self._rows = library, models, order, list[Any]()
+        self._function, self._given = function, given
+        for file in engine_files(library).values():
             self.failure(file.outcome)
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
@@ -54,8 +51,7 @@ class FaultStudy(Inquiries):
         return sorted(self._rows, key=attrgetter(*self._order))
 
     def _ask(self, name: str, what: Any) -> Inquiry[None]:
-        asked = self._rows_of
-        outcome = yield from ask(asked.function, asked.library, name, what, *asked.given, affinity=name)
+        outcome = yield from ask(self._function, self._library, name, what, *self._given, affinity=name)
         if outcome.crash is not None:
             noted = f" at {outcome.crash.note}" if outcome.crash.note else ""
             self.deaths.append(f"{name}, {what}: {self.failure(outcome)}{noted}")
@@ -70,7 +66,7 @@ def campaign(library: Library, names: Sequence[str], settings: CampaignSettings,
     """Every kind of fault in the models of ``names``, or in those of ``formats``: what is caught, what is named; rows are ``Fault``."""
     models, left_out = select_models(library, names)
     chosen = [model for model in models if model[1] in formats or not formats]
-    return FaultStudy(chosen, left_out, ("system", "format", "kind"), _RowsTask(run_campaign, library, (settings,)))
+    return FaultStudy(library, chosen, left_out, ("system", "format", "kind"), run_campaign, [settings])
 
 
 def smallest(library: Library, names: Sequence[str], subjects: Sequence[str], states: int, seed: int) -> FaultStudy:
@@ -80,7 +76,7 @@ def smallest(library: Library, names: Sequence[str], subjects: Sequence[str], st
     """
     pairs, excused = select_pairs(library, names, select_subjects(library, subjects, native_only=True))
     left_out = {(name, str(subject)): reason for (name, subject), reason in excused.items()}
-    return FaultStudy(pairs, left_out, ("system", "subject"), _RowsTask(smallest_changes, library, (states, seed)))
+    return FaultStudy(library, pairs, left_out, ("system", "subject"), smallest_changes, [states, seed])
 
 
 def select_pairs(

@@ -6,11 +6,11 @@ import itertools
 import math
 import operator
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
-from harness.diagnosis.faults.baseline import MOST_ABOVE_THEORY
+from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY
 from harness.files.text.scan import TextPlace
 from harness.results.study_result import StudyResult
 
@@ -176,18 +176,24 @@ class SmallestChange:
         return {**about.pop("place"), **about}
 
 
-# What is counted of a kind, and of which count it is a share.
-_SHARES = {
-    "caught": "live",
-    "named": "judged",
-    "in_class": "judged",
-    "found": "diagnosed",
-    "found_in_class": "diagnosed",
-    "right": "found",
-    "misled": "diagnosed",
-    "stopped": "diagnosed",
+# What is counted of a kind: of which other count it is a part, and which faults of that.
+_PARTS: dict[str, tuple[str, Callable[[Fault], object]]] = {
+    "live": ("planted", lambda one: one.live),
+    "judged": ("live", lambda one: one.judged),
+    "diagnosed": ("judged", lambda one: one.diagnosed is not None),
+    "caught": ("live", lambda one: one.caught),
+    "named": ("judged", lambda one: one.named),
+    "in_class": ("judged", lambda one: one.named or one.in_class),
+    "found": ("diagnosed", lambda one: one.named),
+    "found_in_class": ("diagnosed", lambda one: one.named or one.in_class),
+    "right": ("found", lambda one: one.right_value),
+    "misled": ("diagnosed", lambda one: one.misled),
+    "stopped": ("diagnosed", lambda one: one.stopped),
+    "blamed": ("live", lambda one: one.blamed),
 }
-_COUNTS = ("planted", "live", "judged", "diagnosed", *_SHARES)
+# The counts that ``shares`` gives, and the parts of which it gives a share.
+_COUNTS = ("planted", *(name for name in _PARTS if name != "blamed"))
+_SHARES = _COUNTS[_COUNTS.index("caught") :]
 
 
 def by_kind(faults: Iterable[Fault]) -> list[KindOfFault]:
@@ -197,31 +203,21 @@ def by_kind(faults: Iterable[Fault]) -> list[KindOfFault]:
 
 
 def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
-    live = [fault for fault in faults if fault.live]
-    judged = [fault for fault in live if fault.judged]
-    sized = [(one.smallest, one.theory) for one in live if one.smallest is not None and one.theory is not None and one.order == 1]
-    diagnosed = [fault for fault in judged if fault.diagnosed is not None]
-    seconds = [fault.seconds for fault in diagnosed]
+    parts = {"planted": faults}
+    for name, (whole, is_part) in _PARTS.items():
+        parts[name] = [fault for fault in parts[whole] if is_part(fault)]
+    sized = [(one.smallest, one.theory) for one in parts["live"] if one.smallest is not None and one.theory is not None and one.order == 1]
+    smallest, theory = (statistics.median(sizes) for sizes in zip(*sized, strict=True)) if sized else (None, None)
+    seconds = [fault.seconds for fault in parts["diagnosed"]]
+    counts: dict[str, Any] = {name: len(own) for name, own in parts.items()}
     return KindOfFault(
         kind=kind,
-        planted=len(faults),
-        live=len(live),
-        caught=sum(fault.caught for fault in live),
-        judged=len(judged),
-        named=sum(fault.named for fault in judged),
-        in_class=sum(fault.named or fault.in_class for fault in judged),
-        blamed=sum(bool(fault.blamed) for fault in live),
-        smallest=statistics.median(smallest for smallest, _ in sized) if sized else None,
-        theory=statistics.median(theory for _, theory in sized) if sized else None,
+        **counts,
+        smallest=smallest,
+        theory=theory,
         seconds=statistics.median(seconds) if seconds else None,
         longest=max(seconds, default=None),
         known=all(fault.known for fault in faults),
-        diagnosed=len(diagnosed),
-        found=sum(fault.named for fault in diagnosed),
-        found_in_class=sum(fault.named or fault.in_class for fault in diagnosed),
-        right=sum(bool(fault.right_value) for fault in diagnosed),
-        misled=sum(fault.misled for fault in diagnosed),
-        stopped=sum(fault.stopped for fault in diagnosed),
     )
 
 
@@ -232,27 +228,22 @@ def shares(kinds: Sequence[KindOfFault]) -> dict[str, dict[str, float | int]]:
     """
     found: dict[str, dict[str, float | int]] = {}
     for name, known in (("known", True), ("unknown", False)):
-        own = [kind for kind in kinds if kind.known == known]
-        of_all = {part: sum(getattr(kind, part) for kind in own) for part in _COUNTS}
-        if not of_all["live"]:
-            continue
-        ratios = {part: (of_all[part], of_all[whole]) for part, whole in _SHARES.items()}
-        found[name] = {**of_all, **{f"share_{part}": some / whole for part, (some, whole) in ratios.items() if whole}}
+        of_all = {part: sum(getattr(kind, part) for kind in kinds if kind.known == known) for part in _COUNTS}
+        if of_all["live"]:
+            wholes = {part: of_all[_PARTS[part][0]] for part in _SHARES}
+            found[name] = {**of_all, **{f"share_{part}": of_all[part] / whole for part, whole in wholes.items() if whole}}
     return found
 
 
 def broken_bars(faults: Sequence[Fault]) -> list[str]:
     """The bars that a campaign breaks, one sentence each."""
-    every, known_kinds = _kind("", faults), _kind("", [fault for fault in faults if fault.known])
-    missed, known = every.live - every.caught, f"{known_kinds.in_class} of {known_kinds.judged} diagnosed faults"
-    above = sum(not fault.as_in_theory for fault in faults if fault.live)
+    every, known = _kind("", faults), _kind("", [fault for fault in faults if fault.known])
+    missed, above = every.live - every.caught, sum(not fault.as_in_theory for fault in faults if fault.live)
+    in_class = f"{known.in_class} of {known.judged} diagnosed faults were named first or in their class"
     bars = [
         (missed, f"{missed} of {every.live} faults that change the dynamics were not caught"),
         (every.blamed, f"{every.blamed} faults were blamed on somebody sound"),
         (above, f"{above} numbers are caught only beyond {MOST_ABOVE_THEORY:g} times what theory promises"),
-        (
-            known_kinds.in_class < MUST_BE_NAMED * known_kinds.judged,
-            f"{known} were named first or in their class, fewer than {MUST_BE_NAMED:.0%}",
-        ),
+        (known.in_class < MUST_BE_NAMED * known.judged, f"{in_class}, fewer than {MUST_BE_NAMED:.0%}"),
     ]
     return [sentence for broken, sentence in bars if broken]

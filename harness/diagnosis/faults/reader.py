@@ -1,4 +1,4 @@
-"""The baseline of answers to a changed model: certified states, and those of them at which the unchanged model agrees.
+"""A reader of a file: its answers to changed texts, judged at those certified states at which it agrees on the unchanged file.
 
 A relative change epsilon of a number moves the accelerations by epsilon |D|, D their derivative by its logarithm. The check
 fails from AGREEMENT data roundoffs on, so at one state the smallest change that it catches is, by theory,
@@ -26,7 +26,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.expected import Expectation
 from harness.crosscheck.explanation import written_columns
-from harness.engines import Subject
+from harness.engines import Engine, Subject
 from harness.errors import InvalidInput
 from harness.explain.columns import Whitening
 from harness.explain.one_number import Projection, explaining_directions
@@ -46,30 +46,31 @@ FURTHEST = 2.0**20
 
 
 @dataclass(frozen=True)
-class Baseline:
-    """One subject's answers, to the unchanged model and to changed texts of it, at n states with certified accelerations.
+class Reader:
+    """One subject's answers, to the unchanged model and to changed texts of it, at n states with certified accelerations."""
 
-    ``factorises`` as of ``harness.truth.compare.compare``.
-    """
-
+    subject: Subject
+    engine: Engine
     reference: Reference
     watch: Watch
-    factorises: bool = False
 
     @cached_property
     def sound(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) bool; true where the subject agrees on the unchanged model. A state at which it does not can show no change."""
-        return np.asarray(compare(self.reference, self.watch.healthy, self.factorises).verdicts == Verdict.AGREES.value)
+        return np.asarray(self.compared(self.watch.healthy).verdicts == Verdict.AGREES.value)
 
     @cached_property
     def columns(self) -> list[Array]:
         """What a change of each number of the model does at the sound states; see ``harness.crosscheck.explanation``."""
-        columns = written_columns(self.watch, self.reference)
-        return [column.values[self.sound] for column in columns]
+        return [column.values[self.sound] for column in written_columns(self.watch, self.reference)]
+
+    def compared(self, accelerations: Array) -> Comparison:
+        """The judgement of answers, (n, nv), at all states."""
+        return compare(self.reference, accelerations, self.engine.factorises_mass_matrix)
 
     def verdict(self, accelerations: Array) -> str:
         """The worst verdict on answers, (n, nv), over the states that are sound, as a cross-check comes to it."""
-        verdict = gravest(compare(self.reference, accelerations, self.factorises).verdicts[self.sound].tolist())
+        verdict = gravest(self.compared(accelerations).verdicts[self.sound].tolist())
         if verdict == Verdict.UNSTABLE.value:
             residual = Whitening(self.reference).residual(accelerations)[self.sound]
             if explaining_directions([Projection.of(self.reference[self.sound], residual, self.columns)]):
