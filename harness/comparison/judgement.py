@@ -20,7 +20,7 @@ from harness.comparison.truth import Meant, effects, fold, read_as, readings_tha
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import find_readings
-from harness.explain.fit import left_by
+from harness.explain.fit import best_change
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
@@ -161,14 +161,14 @@ def is_explained_by_number(meant: Meant, accelerations: Array) -> bool:
     side = _side(meant, accelerations)
     if not 0 < float(np.linalg.norm(side.here)) < np.inf:
         return False
-    least = min((left_by(column.values[side.seen], side.here) for column in side.columns()), default=1.0)
+    least = min((best_change(column.values[side.seen], side.here)[1] for column in side.columns()), default=1.0)
     return least < WORTH_NAMING * _left_by_rounding(side)
 
 
 def _side(meant: Meant, accelerations: Array) -> TextbookSide:
     """The answers beside the truth of the file, at the states that have both."""
     kept = np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
-    return TextbookSide(reference_of(meant.robot), meant.states[kept], accelerations[kept], certified=meant.truth[kept])
+    return TextbookSide(reference_of(meant.robot), meant.states[kept], accelerations[kept], meant.robot.path, certified=meant.truth[kept])
 
 
 def _left_by_rounding(side: TextbookSide) -> float:

@@ -22,7 +22,7 @@ from harness.explain.model_side import diagnose
 from harness.explain.result import Conclusion, Diagnosis, digits_of
 from harness.explain.search import EVALUATIONS, Limits
 from harness.explain.terms import TermComparison, TermTruth, batches_at, compare_terms, wrong_blocks
-from harness.explain.textbook_side import TextbookSide, diagnose_textbook, textbook_evaluations
+from harness.explain.textbook_side import TextbookSide, search_parameters, textbook_evaluations
 from harness.library import Library, member_of
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
@@ -136,16 +136,16 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     terms = compare_terms(TermTruth(kernel, positions), loaded, str(assignment.subject), of_answers.factorises)
     limits = Limits(scope.evaluations, scope.tolerance, of_answers.factorises)
     note("diagnosing the model")
-    of_model = None
+    of_model, certified = None, kernel.evaluate(states)
     if watched is not None:
-        truth = beside_gaps(kernel.evaluate(states), mechanism, states, gaps_of(loaded, states))
-        of_model = diagnose(watched, truth, limits)
+        of_model = diagnose(watched, beside_gaps(certified, mechanism, states, gaps_of(loaded, states)), limits)
     note("diagnosing the textbook's side")
     path = library.system_path(mechanism.name)
     member = member_of(path)
     evaluations = int(textbook_evaluations(mechanism) * scope.evaluations / EVALUATIONS)
-    side = TextbookSide(kernel, states, answer, replace(limits, evaluations=evaluations), len(mechanism.parameters))
-    of_textbook = diagnose_textbook(side, path if member is None else member[0])
+    limits = replace(limits, evaluations=evaluations)
+    side = TextbookSide(kernel, states, answer, path if member is None else member[0], limits, certified)
+    of_textbook = search_parameters(side, len(mechanism.parameters)).diagnosis()
     return SubjectDiagnosis(str(assignment.subject), terms, of_model, of_textbook)
 
 

@@ -65,8 +65,7 @@ def fit(
         if float(np.linalg.norm(here, axis=1).max()) <= SMALL_ENOUGH:
             break
         longest = LONGEST * max(abs(value), scale)
-        length, along = _lengths(slope, here)
-        step = float(np.clip(-along / length, -longest, longest))
+        step = float(np.clip(best_change(slope, here)[0], -longest, longest))
         taken = _lessened(residual, value, step, size, is_spent)
         stalled = taken is None
         if taken is not None:
@@ -82,14 +81,18 @@ def fit(
     return value
 
 
-def _lengths(column: Array, here: Array) -> tuple[float, float]:
-    """Length of a column, and of a residual along it; in numbers of about 1, as beside a state of 1e-160 squares overflow."""
+def best_change(column: Array, here: Array) -> tuple[float, float]:
+    """The change that leaves least of a residual if all were linear, and the share that it leaves; 0 and 1 where nothing does anything.
+
+    ``column``: derivative of the residual, shaped alike. In numbers of about 1, as beside a state of 1e-160 squares overflow.
+    """
     largest = float(np.abs(column).max())
     if not 0 < largest < math.inf:
-        return 0.0, 0.0
+        return 0.0, 1.0
     unit = column / largest
     length = float(np.linalg.norm(unit))
-    return largest * length, float(np.vdot(unit, here)) / length
+    along = float(np.vdot(unit, here)) / length
+    return -along / (largest * length), math.sqrt(max(0.0, 1 - (along / float(np.linalg.norm(here))) ** 2))
 
 
 def _lessened(
@@ -123,26 +126,6 @@ def as_well(left: float) -> float:
     return max(AS_WELL, TIMES_AS_WELL * left)
 
 
-def settled(value: float, slope: Array | None, left: float, tolerance: float, left_at: Callable[[float], float]) -> tuple[float, float]:
-    """(value, largest backward error) of the shortest decimal that explains as well as a fitted value which leaves ``left``.
-
-    ``slope``: whitened derivative (n, nv) there [data roundoffs per unit], None where it has none. ``left_at``: the
-    largest backward error at a value.
-    """
-    steepest = 0.0 if slope is None else float(np.linalg.norm(slope, axis=1).max())
-    if not 0 < steepest < np.inf:
-        return value, left
-    limit = min(tolerance, as_well(left))
-    short = shortest_decimal(value, 2 * limit / steepest, lambda at: left_at(at) <= limit)
-    return short, left if short == value else left_at(short)
-
-
-def left_by(column: Array, here: Array) -> float:
-    """Share of a residual that the best change leaves if all were linear; ``column``: its derivative, shaped alike."""
-    length, along = _lengths(column, here)
-    return math.sqrt(max(0.0, 1 - (along / float(np.linalg.norm(here))) ** 2)) if length else 1.0
-
-
 def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> list[tuple[int, bool]]:
     """Places of all columns, (n, nv) each, in the order of what the best change of each leaves of a residual (n, nv) if all were linear.
 
@@ -154,9 +137,7 @@ def screen(columns: Sequence[Array], scales: Sequence[float], here: Array) -> li
         return []
     screened = []
     for place, (column, scale) in enumerate(zip(columns, scales, strict=True)):
-        length, along = _lengths(column, here)
-        share, step = ((along / size) ** 2, abs(along) / length) if length else (0.0, 0.0)
-        unexplained = math.sqrt(max(0.0, 1 - share))
-        worth = unexplained <= BEND * step / scale + NOT_WORTH_FITTING * math.sqrt(len(here)) / size
+        step, unexplained = best_change(column, here)
+        worth = unexplained <= BEND * abs(step) / scale + NOT_WORTH_FITTING * math.sqrt(len(here)) / size
         screened.append((unexplained, place, worth))
     return [(place, worth) for _, place, worth in sorted(screened)]

@@ -7,18 +7,16 @@ Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.explain.base_parameters import BaseParameters, base_parameters
 from harness.explain.changes import NUMBER, Change
 from harness.explain.changes.mistakes import mended_mistakes
 from harness.explain.changes.numbers import INERTIAS, numeric_changes
-from harness.explain.columns import DIFFERENCE, ChangeColumn, derivative, find_columns
+from harness.explain.columns import DIFFERENCE, BaseParameters, ChangeColumn, base_parameters, derivative, find_columns
 from harness.explain.one_number import Projection, explaining_directions
 from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_digits
 from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
@@ -33,28 +31,48 @@ from harness.verdict import AGREEMENT, Verdict
 AS_SIGNIFICANT = 0.9
 
 
-class ModelSide(Side[Array]):
+class ModelSide(Side):
     """Changed texts of a model file are evaluated to the engine's answers."""
 
     def __init__(self, watch: Watch, certified: Certified, limits: Limits = DEFAULT_LIMITS) -> None:
-        super().__init__(certified, watch.healthy, limits)
-        self._watch = watch
+        super().__init__(watch.model.path, certified, watch.healthy, limits)
+        self._watch, self._model = watch, watch.model
         # Of derivatives, relative to a value or its scale.
         self.step = DIFFERENCE
 
-    def evaluate(self, text: str) -> Array | None:
-        return self._watch.accelerations(text)
+    def evaluate(self, text: str) -> tuple[Certified, Array] | None:
+        answers = self._watch.accelerations(text)
+        return None if answers is None else (self.certified, answers)
 
-    def residual_of(self, evaluated: Array) -> Array:
-        return self.whitening.residual(evaluated)
+    def answer(self, text: str) -> Array | None:
+        """Those to a changed text, which are counted; None where it is refused."""
+        evaluated = self.evaluated(text)
+        return None if evaluated is None else evaluated[1]
 
     def slope(self, change: Change, value: float) -> Array | None:
-        slope = derivative(self.evaluated, change.text, value, self.step * max(change.scale, abs(value)))
+        slope = derivative(self.answer, change.text, value, self.step * max(change.scale, abs(value)))
         return None if slope is None else self.whitening.change(slope)[self.seen]
 
-    def columns(self, changes: Sequence[Change]) -> list[ChangeColumn]:
+    def columns(self, changes: Sequence[Change], step: float | None = None) -> list[ChangeColumn]:
         """Of all changes with a free value, at the model as it is."""
-        return find_columns(self.evaluated, self.certified, changes, lambda: self.is_spent, lambda change: self.step * change.scale)
+        relative = self.step if step is None else step
+        return find_columns(self.answer, self.certified, changes, lambda: self.is_spent, lambda change: relative * change.scale)
+
+    def shown(self, tried: Tried) -> TriedChange:
+        change, value, model = tried.change, tried.value, self._model
+        place = change.place
+        if value is not None and not tried.explains:
+            value = to_four_digits(value, change.start or 0.0)
+        found = written(model.text, model.format, place)
+        shown = written(change.text(0.0 if value is None else value), model.format, place)
+        if shown == found:
+            # The place is where something is missing, or what changes stands elsewhere.
+            shown = "" if value is None else repr(value)
+        elif change.kind == NUMBER and place.index is not None:
+            # A component of an axis stops at the axis's length.
+            value = float(shown.split()[place.index])
+        shown = f'"{shown}"' if " " in shown else shown
+        return TriedChange(change.kind, change.statement, place, value, tag(place, found), shown, tried.left, tried.explains)
 
 
 def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS) -> Diagnosis:
@@ -67,11 +85,10 @@ def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS
     """
     model, side = watch.model, ModelSide(watch, reference, limits)
     search = ChangeSearch(side)
-    as_change = partial(_tried_change, model)
     if not search.is_needed and not limits.factorises:
-        return search.diagnosis(model.path, as_change)
+        return search.diagnosis()
     # Where lost digits are tolerated, nearly nothing explains as well as anything.
-    if limits.tolerance <= AGREEMENT and (least := felt_least_inertia(watch, side.left_of, limits.tolerance)) is not None:
+    if limits.tolerance <= AGREEMENT and (least := felt_least_inertia(watch, side)) is not None:
         return Diagnosis(model.path, Conclusion.EXPLAINED, side.before, (least,), limits.evaluations)
     numbers = numeric_changes(model)
     structural = [change for mistake in mended_mistakes() for change in mistake.mend(model)]
@@ -84,15 +101,15 @@ def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS
     if limits.factorises:
         _try_directions(search, side, reference, columns)
     if search.is_needed and not search.explaining:
-        search.try_zeros(numbers)
+        search.try_outright(numbers)
         search.fit_best(columns)
         _fit_closely(search, side, columns)
         if search.is_large or not search.explaining:
-            search.try_without_value(change for change in structural if change.start is None)
-        search.fit_best(find_columns(side.evaluated, reference, valued, lambda: side.is_spent))
+            search.try_outright(change for change in structural if change.start is None)
+        search.fit_best(side.columns(valued, DIFFERENCE))
         # What is left out may be felt by its square only, or there may be no answer without it.
         search.fit_from_other_starts([*numbers, *valued])
-    diagnosis = search.diagnosis(model.path, as_change)
+    diagnosis = search.diagnosis()
     if base is None:
         return diagnosis
     together = _together(model, diagnosis.tried[0], columns, base) if diagnosis.explaining else ()
@@ -106,21 +123,21 @@ def explaining_numbers(watch: Watch, certified: Certified) -> list[TriedChange]:
     if not search.is_needed:
         return []
     search.fit_best(side.columns(numeric_changes(watch.model)))
-    return [_tried_change(watch.model, tried) for tried in search.found() if tried.explains]
+    return [side.shown(tried) for tried in search.found() if tried.explains]
 
 
 def _try_directions(search: ChangeSearch, side: ModelSide, reference: Reference, columns: Sequence[ChangeColumn]) -> None:
     """Keep the numbers that explain the errors of all states, each at the value that leaves no more than lost digits."""
-    here = side.residual_of(side.answers)
+    here = side.whitening.residual(side.answers)
     directions = explaining_directions([Projection.of(reference, here, [column.values for column in columns])])
     for one in directions:
         change = columns[one.index].change
         value = (change.start or 0.0) - one.change
-        mended = side.evaluated(change.text(value))
+        mended = side.answer(change.text(value))
         if one.significance < AS_SIGNIFICANT * directions[0].significance or mended is None:
             continue
         if Verdict.DISAGREES.value not in compare(reference, mended, factorises=True).verdicts[reference.certified]:
-            search.keep(Tried(change, value, side.left_of(mended), True))
+            search.keep(Tried(change, value, side.left_of(reference, mended), True))
 
 
 def _fit_closely(search: ChangeSearch, side: ModelSide, columns: Sequence[ChangeColumn]) -> None:
@@ -138,23 +155,6 @@ def _fit_closely(search: ChangeSearch, side: ModelSide, columns: Sequence[Change
         side.step = DIFFERENCE
 
 
-def _tried_change(model: ModelFile, tried: Tried) -> TriedChange:
-    change, value = tried.change, tried.value
-    place = change.place
-    if value is not None and not tried.explains:
-        value = to_four_digits(value, change.start or 0.0)
-    found = written(model.text, model.format, place)
-    shown = written(change.text(0.0 if value is None else value), model.format, place)
-    if shown == found:
-        # The place is where something is missing, or what changes stands elsewhere.
-        shown = "" if value is None else repr(value)
-    elif change.kind == NUMBER and place.index is not None:
-        # A component of an axis stops at the axis's length.
-        value = float(shown.split()[place.index])
-    shown = f'"{shown}"' if " " in shown else shown
-    return TriedChange(change.kind, change.statement, place, value, tag(place, found), shown, tried.left, tried.explains)
-
-
 def _together(model: ModelFile, first: TriedChange, columns: Sequence[ChangeColumn], base: BaseParameters) -> tuple[str, ...]:
     """The other values whose changes together do what a change of this one does, as the file has them."""
     of_change = first.place, first.statement
@@ -169,13 +169,11 @@ _REMEDIES = {
 }
 
 
-def felt_least_inertia(watch: Watch, left_of: Callable[[Array], float], tolerance: float) -> TriedChange | None:
+def felt_least_inertia(watch: Watch, side: ModelSide) -> TriedChange | None:
     """The change that explains the answers if they are right without the least inertias of the file, which point masses have; None if not.
 
     Less cannot be tried, for the reader refuses it. Answers change in proportion to so little: those without any inertia are as far
     from those of the file as those with twice as much, on the other side.
-
-    ``left_of`` gives the largest backward error of answers [data roundoffs], which explains up to ``tolerance``.
 
     Source: MuJoCo documentation, XML reference, ``body/inertial``, and ``mjMINVAL``.
     """
@@ -191,7 +189,7 @@ def felt_least_inertia(watch: Watch, left_of: Callable[[Array], float], toleranc
         return None
     doubled = {number: 2 * LEAST for _, numbers in least for number in numbers}
     twice = watch.accelerations(with_values(model.text, doubled))
-    if twice is None or (left := left_of(2 * watch.healthy - twice)) > tolerance:
+    if twice is None or (left := side.left_of(side.certified, 2 * watch.healthy - twice)) > side.limits.tolerance:
         return None
     attribute, (number, *_) = least[0]
     place = TextPlace(attribute.line, number.element, attribute.name, None, attribute.value)

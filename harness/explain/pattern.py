@@ -20,7 +20,7 @@ from harness.results.records import Record
 from harness.verdict import AGREEMENT, Verdict
 
 NOTHING, UNDECIDED, FAILURE = "nothing", "undecided", "failure"
-_WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
+_WRONG = Verdict.DISAGREES, Verdict.ERROR
 
 
 @dataclass(frozen=True)
@@ -112,17 +112,20 @@ def infer(
     """
     everything = {subject_named(name): verdict for name, verdict in verdicts.items()}
     failed = {subject_named(name): message for name, message in failures.items()}
-    silenced = {subject for subject, verdict in everything.items() if verdict == Verdict.ERROR}
-    answered = {Verdict.AGREES.value, Verdict.DISAGREES.value} & set(everything.values())
-    if not answered and {_reads(subject) for subject in silenced} == {True, False}:
+    silenced = _with(everything, Verdict.ERROR)
+    if not _with(everything, Verdict.AGREES, Verdict.DISAGREES) and {_reads(subject) for subject in silenced} == {True, False}:
         return Inference("system", f"the system itself cannot be used: nobody answered, not even the equations ({_listed(silenced)})")
     given = {subject: verdict for subject, verdict in everything.items() if subject not in failed}
     silent = "; ".join(_failed(failed))
-    if failed and not {verdict for verdict in given.values() if verdict in _WRONG}:
-        right = {subject for subject, verdict in given.items() if verdict == Verdict.AGREES}
-        return Inference(FAILURE, f"{silent}; right are {_listed(right) or 'none'}")
+    if failed and not _with(given, *_WRONG):
+        return Inference(FAILURE, f"{silent}; right are {_listed(_with(given, Verdict.AGREES)) or 'none'}")
     inference = _infer_with_files(given, _everyone(everything, available) - set(failed), meanings)
     return replace(inference, sentence=f"{inference.sentence}; {silent}") if silent else inference
+
+
+def _with(given: Mapping[Subject, str], *verdicts: Verdict) -> set[Subject]:
+    """The subjects that have one of these verdicts."""
+    return {subject for subject, verdict in given.items() if verdict in verdicts}
 
 
 def _failed(failures: Mapping[Subject, str]) -> Iterator[str]:
@@ -142,10 +145,10 @@ def _infer_with_files(given: Mapping[Subject, str], everyone: Collection[Subject
     suspects = wrong_files if right_files else set()
     others = {one: verdict for one, verdict in given.items() if one.format not in suspects}
     rest = _infer(others, everyone, right_files)
-    if not suspects or not any(verdict in _WRONG for verdict in given.values()):
+    if not suspects or not _with(given, *_WRONG):
         return rest
     sentences = [_about_file(name, meanings[name], given) for name in sorted(suspects)]
-    if any(verdict in _WRONG for verdict in others.values()):
+    if _with(others, *_WRONG):
         return Inference(UNDECIDED, "more than one fault: " + "; ".join([*sentences, rest.sentence]), rest.ask)
     party = f"model {min(suspects)}" if len(suspects) == 1 else UNDECIDED
     return Inference(party, "; ".join(sentences))
@@ -153,8 +156,7 @@ def _infer_with_files(given: Mapping[Subject, str], everyone: Collection[Subject
 
 def _about_file(name: str, error: float, given: Mapping[Subject, str]) -> str:
     readers = {one: verdict for one, verdict in given.items() if one.format == name}
-    wrong = [one for one, verdict in readers.items() if verdict in _WRONG]
-    right = [one for one, verdict in readers.items() if verdict == Verdict.AGREES]
+    wrong, right = _with(readers, *_WRONG), _with(readers, Verdict.AGREES)
     as_it_says = f"; wrong with it: {_listed(wrong)}" if wrong else ""
     otherwise = f"; {_listed(right)} agrees with the energies, and so does not use what the file says" if right else ""
     return f"the {name} model is at fault: it means another mechanism, by {error:.3g} data roundoffs{as_it_says}{otherwise}"
@@ -162,21 +164,19 @@ def _about_file(name: str, error: float, given: Mapping[Subject, str]) -> str:
 
 def _infer(given: Mapping[Subject, str], everyone: Collection[Subject], right_files: Collection[str] = ()) -> Inference:
     """``infer`` from those that did not fail, of ``everyone`` who could be asked; files that are right are no party."""
-    wrong = {subject for subject, verdict in given.items() if verdict in _WRONG}
-    right = {subject for subject, verdict in given.items() if verdict == Verdict.AGREES}
-    unstable = {subject for subject, verdict in given.items() if verdict == Verdict.UNSTABLE}
+    wrong, right, unstable = _with(given, *_WRONG), _with(given, Verdict.AGREES), _with(given, Verdict.UNSTABLE)
     lost = f"; {_listed(unstable)} lost digits, which says nothing of a model" if unstable else ""
     if not wrong:
         if not right | unstable:
             return Inference(UNDECIDED, "no subject was judged")
         return Inference(NOTHING, f"nothing is wrong{f' with {_listed(right)}' if right else ''}{lost}")
-    refused = {subject for subject in wrong if given[subject] == Verdict.ERROR}
     parties = [party for party in _parties(wrong, right, everyone) if not _is_cleared(party, right_files)]
-    if len(parties) == 1 and parties[0].name == "equations" and refused == wrong:
-        # Two files that cannot be used are no sign of wrong equations.
-        return Inference("equations", f"the system or every model is at fault: no engine could use its file ({_listed(wrong)})" + lost)
     if len(parties) == 1:
-        return Inference(parties[0].name, parties[0].sentence + lost)
+        [party] = parties
+        if party.name == "equations" and _with(given, Verdict.ERROR) == wrong:
+            # Two files that cannot be used are no sign of wrong equations.
+            return Inference("equations", f"the system or every model is at fault: no engine could use its file ({_listed(wrong)}){lost}")
+        return Inference(party.name, party.sentence + lost)
     formats = {subject.format for subject in wrong}
     if not parties and len(formats) == 1 and formats <= set(right_files):
         [name] = formats
@@ -209,12 +209,11 @@ def infer_from_records(
     for name, own in by_system.items():
         verdicts = {record.subject: record.verdict for record in own}
         failures = {record.subject: record.message for record in own if record.failed}
-        if (system := system_of(name)) == name:
-            found[name] = infer(verdicts, available, failures, meanings.get(name, {}))
-        else:
-            plain = {_of_plain_model(record.subject): record.verdict for record in by_system.get(system, ())}
+        known = available
+        if (system := system_of(name)) != name:
             known = [*verdicts, *map(_of_plain_model, available or ())]
-            found[name] = infer(verdicts | plain, known, failures, meanings.get(name, {}))
+            verdicts |= {_of_plain_model(record.subject): record.verdict for record in by_system.get(system, ())}
+        found[name] = infer(verdicts, known, failures, meanings.get(name, {}))
     return found
 
 

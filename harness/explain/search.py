@@ -13,19 +13,18 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.explain.base_parameters import are_parallel
 from harness.explain.changes import NUMBER, PARAMETER, Change
-from harness.explain.columns import ChangeColumn, Whitening, held_out
-from harness.explain.fit import as_well, fit, screen, settled
+from harness.explain.columns import ChangeColumn, Whitening, are_parallel, held_out
+from harness.explain.fit import as_well, fit, screen, shortest_decimal
 from harness.explain.result import Conclusion, Diagnosis, TriedChange, digits_of
 from harness.truth.compare import Certified, compare
 from harness.verdict import AGREEMENT, Verdict
@@ -45,8 +44,6 @@ UNEXPLAINING_SHOWN = 12
 LARGE = 1e-3
 # Relative size of a value that may be a rounded zero.
 ALL_BUT_ZERO = 1e-6
-
-Evaluated = TypeVar("Evaluated")
 
 
 @dataclass(frozen=True)
@@ -88,18 +85,18 @@ class Tried:
         return abs(value - (change.start or 0.0)) <= ALL_BUT_ZERO * change.scale
 
 
-class Side(ABC, Generic[Evaluated]):
+class Side(ABC):
     """A side of the comparison of answers with certified values, on which changes are evaluated; each text once, and counted.
 
     Attributes:
-        seen: (rows,) bool, of the states that fits see. decides: of certified states.
+        file: whose numbers change. seen: (rows,) bool, of the states that fits see. decides: of certified states.
         here: the residual at the rows that fits see. before: largest backward error at those that decide; inf where one is not finite.
     """
 
-    def __init__(self, certified: Certified, answers: Array, limits: Limits) -> None:
-        self.certified, self.answers, self.limits = certified, answers, limits
+    def __init__(self, file: Path, certified: Certified, answers: Array, limits: Limits) -> None:
+        self.file, self.certified, self.answers, self.limits = file, certified, answers, limits
         self.whitening = Whitening(certified)
-        self._evaluated: dict[str, Evaluated | None] = {}
+        self._evaluated: dict[str, tuple[Certified, Array] | None] = {}
         here = self.whitening.residual(answers)
         self.decides = self.whitening.by_row(certified.certified)
         finite = np.isfinite(here).all(axis=1)
@@ -108,23 +105,19 @@ class Side(ABC, Generic[Evaluated]):
         if (self.seen & finite).any():
             self.seen &= finite
         self.here = here[self.seen]
-        self.before = self.largest(here)
+        self.before = self._largest(here)
 
     @abstractmethod
-    def evaluate(self, text: str) -> Evaluated | None:
-        """One evaluation of a changed text; None where it is refused."""
-
-    @abstractmethod
-    def residual_of(self, evaluated: Evaluated) -> Array:
-        """Whitened residual in the measure of the unchanged truth, (rows, size)."""
+    def evaluate(self, text: str) -> tuple[Certified, Array] | None:
+        """The certified values and the answers that a changed text makes of these; None where it is refused."""
 
     @abstractmethod
     def slope(self, change: Change, value: float) -> Array | None:
         """Whitened derivative of the residual by the value of a change, at the rows that fits see; None where it has none."""
 
-    def left_of(self, evaluated: Evaluated) -> float:
-        """Largest backward error over the certified states; inf where it is not finite."""
-        return self.largest(self.residual_of(evaluated))
+    @abstractmethod
+    def shown(self, tried: Tried) -> TriedChange:
+        """A change that was tried as people are told it."""
 
     @property
     def spent(self) -> int:
@@ -136,27 +129,39 @@ class Side(ABC, Generic[Evaluated]):
         """True where the search has no evaluations left."""
         return self.spent >= SHARE_OF_SEARCH * self.limits.evaluations
 
-    def largest(self, residual: Array) -> float:
+    def _largest(self, residual: Array) -> float:
         """Largest backward error of a whitened residual (rows, size) over the certified states; inf where it is not finite."""
         with np.errstate(all="ignore"):
             errors = np.linalg.norm(residual[self.decides], axis=1)
         return float(np.where(np.isfinite(errors), errors, np.inf).max(initial=0.0))
 
-    def evaluated(self, text: str) -> Evaluated | None:
+    def evaluated(self, text: str) -> tuple[Certified, Array] | None:
         """``evaluate``, which is counted, once for each text."""
         if text not in self._evaluated:
             self._evaluated[text] = self.evaluate(text)
         return self._evaluated[text]
 
     def residual_at(self, change: Change, value: float) -> Array | None:
-        """The residual with a change at a value, at the rows that fits see; None where it is refused."""
+        """The residual with a change at a value, at the rows that fits see; None where it is refused.
+
+        In the measure of the unchanged truth: where one term acts alone, its own roundoff shrinks with it.
+        """
         evaluated = self.evaluated(change.text(value))
-        return None if evaluated is None else self.residual_of(evaluated)[self.seen]
+        if evaluated is None:
+            return None
+        certified, answers = evaluated
+        with np.errstate(all="ignore"):
+            return self.whitening.change(certified.errors(answers))[self.seen]
 
     def left_at(self, change: Change, value: float | None) -> float:
-        """Largest backward error with a change at a value; inf where it is refused."""
+        """Largest backward error with a change at a value, in the measure of its own truth; inf where it is refused or not finite."""
         evaluated = self.evaluated(change.text(0.0 if value is None else value))
-        return math.inf if evaluated is None else self.left_of(evaluated)
+        return math.inf if evaluated is None else self.left_of(*evaluated)
+
+    def left_of(self, certified: Certified, answers: Array) -> float:
+        """Largest backward error of answers over the states that are certified; inf where it is not finite."""
+        whitening = self.whitening if certified is self.certified else Whitening(certified)
+        return self._largest(whitening.residual(answers))
 
 
 class ChangeSearch:
@@ -166,7 +171,7 @@ class ChangeSearch:
         is_large: true where the error is beyond what derivatives describe.
     """
 
-    def __init__(self, side: Side[Any]) -> None:
+    def __init__(self, side: Side) -> None:
         self.side, self.limits = side, side.limits
         self._tried: dict[tuple[int, float | None], Tried] = {}
         comparison = compare(side.certified, side.answers, side.limits.factorises)
@@ -187,19 +192,17 @@ class ChangeSearch:
     def keep(self, tried: Tried) -> None:
         self._tried[id(tried.change), tried.value] = tried
 
-    def try_without_value(self, changes: Iterable[Change]) -> None:
-        """Evaluate changes without a free value."""
-        for change in changes:
-            if self.side.is_spent:
-                return
-            self._try(change, None)
+    def try_outright(self, changes: Iterable[Change]) -> None:
+        """Evaluate changes without a free value; and zero in the place of numbers that are all but zero.
 
-    def try_zeros(self, changes: Iterable[Change]) -> None:
-        """Evaluate zero in the place of numbers that are all but zero: from where a row appears with one, no derivative leads there."""
+        From where a row appears with a number, no derivative leads there.
+        """
         for change in changes:
             if self.side.is_spent:
                 return
-            if change.start is not None and 0 < abs(change.start) <= ALL_BUT_ZERO * change.scale:
+            if change.start is None:
+                self._try(change, None)
+            elif _is_all_but_zero(change, change.start):
                 self._try(change, 0.0)
 
     def fit_best(self, columns: Sequence[ChangeColumn]) -> None:
@@ -242,7 +245,7 @@ class ChangeSearch:
     def _fit(self, change: Change, start: float, column: Array | None) -> None:
         side = self.side
         value = fit(partial(side.residual_at, change), partial(side.slope, change), start, column, change.scale, lambda: side.is_spent)
-        if value is not None and not self._try(change, value) and 0 < abs(value) <= ALL_BUT_ZERO * change.scale:
+        if value is not None and not self._try(change, value) and _is_all_but_zero(change, value):
             # A term that is left out: the least remainder of the others is a wrong answer where that term acts alone.
             self._try(change, 0.0)
 
@@ -262,11 +265,10 @@ class ChangeSearch:
         best = best_first(list(found.values()))
         return best[: sum(tried.explains for tried in best) + UNEXPLAINING_SHOWN]
 
-    def diagnosis(self, file: Path, as_change: Callable[[Tried], TriedChange]) -> Diagnosis:
-        """The result, of changes of ``file``."""
-        stopped = self.side.is_spent
-        tried = tuple(map(as_change, self.found()))
-        return Diagnosis(file, self._conclusion(), self.side.before, tried, self.limits.evaluations, stopped)
+    def diagnosis(self) -> Diagnosis:
+        """The result."""
+        side, stopped = self.side, self.side.is_spent
+        return Diagnosis(side.file, self._conclusion(), side.before, tuple(map(side.shown, self.found())), self.limits.evaluations, stopped)
 
     def _conclusion(self) -> Conclusion:
         if self.explaining:
@@ -282,13 +284,22 @@ class ChangeSearch:
         change, value = tried.change, tried.value
         if value is None or not tried.explains or self.side.spent >= self.limits.evaluations:
             return tried
-        left_at = partial(self.side.left_at, change)
-        if 0 < abs(value) <= ALL_BUT_ZERO * change.scale and left_at(0.0) <= min(self.limits.tolerance, as_well(tried.left)):
+        limit = min(self.limits.tolerance, as_well(tried.left))
+
+        def will_do(rounded: float) -> bool:
+            return self.side.left_at(change, rounded) <= limit
+
+        if _is_all_but_zero(change, value) and will_do(0.0):
             # Engines round to zero what is next to it.
             value = 0.0
         slope = self.side.slope(change, value)
-        value, left = settled(value, slope, tried.left, self.limits.tolerance, left_at)
-        return replace(tried, value=value, left=left)
+        steepest = 0.0 if slope is None else float(np.linalg.norm(slope, axis=1).max())
+        short = shortest_decimal(value, 2 * limit / steepest, will_do) if 0 < steepest < math.inf else value
+        return replace(tried, value=short, left=tried.left if short == value else self.side.left_at(change, short))
+
+
+def _is_all_but_zero(change: Change, value: float) -> bool:
+    return 0 < abs(value) <= ALL_BUT_ZERO * change.scale
 
 
 def best_first(tried: Sequence[tuple[Tried, float]]) -> list[Tried]:

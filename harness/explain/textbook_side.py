@@ -12,15 +12,14 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.explain.changes import PARAMETER, Change
-from harness.explain.columns import ChangeColumn, Whitening, parameter_derivatives
-from harness.explain.result import Diagnosis, TriedChange, to_four_digits
+from harness.explain.columns import ChangeColumn, parameter_derivatives
+from harness.explain.result import TriedChange, to_four_digits
 from harness.explain.search import ChangeSearch, Limits, Side, Tried
 from harness.files.text.scan import TextPlace
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -38,13 +37,12 @@ def textbook_evaluations(mechanism: Mechanism) -> int:
     return max(LEAST_EVALUATIONS, min(MOST_EVALUATIONS, INSTRUCTIONS // len(mechanism.program.instructions)))
 
 
-class TextbookSide(Side[Reference]):
+class TextbookSide(Side):
     """Texts of parameter values are evaluated to the certified accelerations that have them.
 
     Args:
         kernel: certified accelerations, in the subject's frames. accelerations: the subject's answers at ``states``, (n, nv).
-        limits: as many evaluations as ``textbook_evaluations`` says by default.
-        parameters: how many of the kernel's are the truth's own; those behind them are of the subject's file. All for None.
+        file: that gives the parameters their values. limits: as many evaluations as ``textbook_evaluations`` says by default.
         certified: the kernel's accelerations at ``states``, where they are known.
     """
 
@@ -53,63 +51,43 @@ class TextbookSide(Side[Reference]):
         kernel: ReferenceKernel,
         states: States,
         accelerations: Array,
+        file: Path,
         limits: Limits | None = None,
-        parameters: int | None = None,
         certified: Reference | None = None,
     ) -> None:
         limits = Limits(textbook_evaluations(kernel.mechanism)) if limits is None else limits
-        super().__init__(kernel.evaluate(states) if certified is None else certified, accelerations, limits)
-        self._kernel, self._states = kernel, states
-        self._names = [name for name, _, _ in kernel.mechanism.parameters][:parameters]
+        self.truth = kernel.evaluate(states) if certified is None else certified
+        super().__init__(file, self.truth, accelerations, limits)
+        self._kernel, self._states, self._mechanism = kernel, states, kernel.mechanism
+        self.changes = list(map(self._change, range(len(kernel.mechanism.parameters))))
 
-    @cached_property
-    def changes(self) -> list[Change]:
-        """Another value of each parameter; its text holds the values of all, exactly. They stand in no line of a file."""
-        return [self._change(number, name) for number, name in enumerate(self._names)]
-
-    def _change(self, number: int, name: str) -> Change:
-        values = list(self.mechanism.parameter_values)
-        own = self.mechanism.parameters[number][1]
+    def _change(self, number: int) -> Change:
+        """Another value of a parameter; its text holds the values of all, exactly. It stands in no line of a file."""
+        values, (name, own, _) = list(self._mechanism.parameter_values), self._mechanism.parameters[number]
 
         def text(value: float) -> str:
             return json.dumps([*values[:number], value, *values[number + 1 :]])
 
         return Change(PARAMETER, "", (TextPlace(1, PARAMETER, name, None, repr(own)),), text, values[number], abs(values[number]) or 1.0)
 
-    def evaluate(self, text: str) -> Reference | None:
+    def evaluate(self, text: str) -> tuple[Reference, Array] | None:
         values = np.array(json.loads(text), dtype=np.float64)
         reference = self._kernel.evaluate(self._states, np.broadcast_to(values, (len(self._states), len(values))))
-        return reference if reference.certified[self.decides].all() else None
-
-    def residual_of(self, evaluated: Reference) -> Array:
-        # In the measure of the unchanged reference: where one term acts alone, its own roundoff shrinks with it.
-        with np.errstate(all="ignore"):
-            return self.whitening.change(evaluated.errors(self.answers))
-
-    def left_of(self, evaluated: Reference) -> float:
-        return self.largest(Whitening(evaluated).residual(self.answers))
+        return (reference, self.answers) if reference.certified[self.decides].all() else None
 
     def slope(self, change: Change, value: float) -> Array | None:
         text = change.text(value)
-        reference = self.evaluated(text)
-        if reference is None:
+        evaluated = self.evaluated(text)
+        if evaluated is None:
             return None
-        return np.asarray(self._slopes(reference, json.loads(text))[self._names.index(change.place.attribute), self.seen])
+        assert isinstance(evaluated[0], Reference)
+        return np.asarray(self._slopes(evaluated[0], json.loads(text))[self.changes.index(change), self.seen])
 
-    def columns(self) -> list[ChangeColumn]:
-        """At the truth's own values, those that some acceleration depends on."""
-        slopes = self._slopes(self.truth, self.mechanism.parameter_values)
-        columns = [ChangeColumn(change, values, ROUNDING) for change, values in zip(self.changes, slopes, strict=False)]
+    def columns(self, count: int | None = None) -> list[ChangeColumn]:
+        """At the truth's own values, of the first ``count`` parameters, those that some acceleration depends on."""
+        slopes = self._slopes(self.truth, self._mechanism.parameter_values)
+        columns = [ChangeColumn(change, values, ROUNDING) for change, values in zip(self.changes[:count], slopes, strict=False)]
         return [column for column in columns if column.norm > 0]
-
-    @property
-    def mechanism(self) -> Mechanism:
-        return self._kernel.mechanism
-
-    @property
-    def truth(self) -> Reference:
-        assert isinstance(self.certified, Reference)
-        return self.certified
 
     def _slopes(self, reference: Reference, values: Sequence[float]) -> Array:
         """Derivatives of the whitened residual by each parameter p, (parameters, n, nv), 0 at states that fits do not see.
@@ -121,28 +99,25 @@ class TextbookSide(Side[Reference]):
         found[:, ~self.seen] = 0.0
         return np.where(np.isfinite(found), found, 0.0)
 
+    def shown(self, tried: Tried) -> TriedChange:
+        place, value = replace(tried.change.place, line=_line(self.file, tried.change.place.attribute)), tried.value
+        assert value is not None
+        _, own, unit = self._mechanism.parameters[self.changes.index(tried.change)]
+        value = value if tried.explains else to_four_digits(value, own)
+        found, shown = f"{place.attribute} = {own!r} {unit}".strip(), f"{value!r} {unit}".strip()
+        return TriedChange(PARAMETER, "", place, value, found, shown, tried.left, tried.explains)
 
-def search_parameters(side: TextbookSide) -> ChangeSearch:
-    """The search for the one parameter that a subject seems to have another value of."""
+
+def search_parameters(side: TextbookSide, count: int | None = None) -> ChangeSearch:
+    """The search for the one parameter that a subject seems to have another value of.
+
+    ``count``: how many of the kernel's parameters are the truth's own; those behind them are of the subject's file. All for None.
+    """
     search = ChangeSearch(side)
     if search.is_needed:
-        search.fit_best(side.columns())
-        search.fit_from_other_starts(side.changes)
+        search.fit_best(side.columns(count))
+        search.fit_from_other_starts(side.changes[:count])
     return search
-
-
-def diagnose_textbook(side: TextbookSide, file: Path) -> Diagnosis:
-    """Find the one parameter that a subject seems to have another value of; ``file`` gives the parameters their values."""
-    return search_parameters(side).diagnosis(file, partial(_tried_change, side.mechanism, file))
-
-
-def _tried_change(mechanism: Mechanism, file: Path, tried: Tried) -> TriedChange:
-    place, value = replace(tried.change.place, line=_line(file, tried.change.place.attribute)), tried.value
-    assert value is not None
-    _, own, unit = next(parameter for parameter in mechanism.parameters if parameter[0] == place.attribute)
-    value = value if tried.explains else to_four_digits(value, own)
-    found, shown = f"{place.attribute} = {own!r} {unit}".strip(), f"{value!r} {unit}".strip()
-    return TriedChange(PARAMETER, "", place, value, found, shown, tried.left, tried.explains)
 
 
 def _line(file: Path, name: str) -> int:

@@ -24,12 +24,13 @@ from harness.crosscheck.assignment import Assignment
 from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject, load_engine
 from harness.errors import InvalidModel
-from harness.explain.base_parameters import are_parallel, base_parameters
 from harness.explain.changes import NUMBER, Change
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import (
     ChangeColumn,
     Whitening,
+    are_parallel,
+    base_parameters,
     diagnostic_states,
     find_columns,
     held_out,
@@ -39,11 +40,12 @@ from harness.explain.fit import fit, shortest_decimal
 from harness.explain.model_side import diagnose
 from harness.explain.result import Conclusion, Diagnosis
 from harness.explain.search import Limits, Tried, best_first
-from harness.explain.textbook_side import TextbookSide, diagnose_textbook
+from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import TextPlace, Watch, find_numbers, with_values
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.kernels import float64_kernel
+from harness.programs.states import States
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import AGREEMENT
 
@@ -75,6 +77,11 @@ class Case:
 
     def diagnosis(self, *changes: tuple[str, str]) -> Diagnosis:
         return diagnose(self.watch(self.replaced(*changes)), self.reference)
+
+    def textbook(self, answers: Array, limits: Limits | None = None, states: States | None = None) -> Diagnosis:
+        """The diagnosis of the textbook's side."""
+        path = BUILT_IN.system_path(self.name)
+        return search_parameters(TextbookSide(self.kernel, states or self.states, answers, path, limits)).diagnosis()
 
     def columns(self) -> list[ChangeColumn]:
         return find_columns(self.watch().accelerations, self.reference, numeric_changes(self.model))
@@ -175,7 +182,7 @@ def test_nothing_is_diagnosed_where_nothing_is_wrong(name: str, model_format: st
     own = case(name, model_format)
     diagnosis = diagnose(own.watch(), own.reference)
     assert (diagnosis.conclusion, diagnosis.tried) == (Conclusion.SOUND, ())
-    textbook = diagnose_textbook(TextbookSide(own.kernel, own.states, own.watch().healthy), BUILT_IN.system_path(name))
+    textbook = own.textbook(own.watch().healthy)
     assert (textbook.conclusion, textbook.tried) == (Conclusion.SOUND, ())
 
 
@@ -193,7 +200,7 @@ def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
     own = case("arm_2r", "mjcf")
     diagnosis = diagnose(Watch(own.model, flipped(own)), own.reference)
     assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.UNEXPLAINED, ())
-    textbook = diagnose_textbook(TextbookSide(own.kernel, own.states, flipped(own)(own.model)), BUILT_IN.system_path("arm_2r"))
+    textbook = own.textbook(flipped(own)(own.model))
     assert (textbook.conclusion, textbook.explaining) == (Conclusion.UNEXPLAINED, ())
 
 
@@ -256,7 +263,7 @@ def test_a_parameter_of_the_textbook_is_named_with_its_value_and_unit(name: str,
     value = float(f"{own.mechanism.parameter_values[place] * factor:.12g}")
     values = np.array([value if number == place else known for number, known in enumerate(own.mechanism.parameter_values)])
     answers = own.kernel.evaluate(own.states, np.broadcast_to(values, (len(own.states), len(values)))).high
-    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), BUILT_IN.system_path(name))
+    diagnosis = own.textbook(answers)
     first = diagnosis.first
     assert diagnosis.conclusion == Conclusion.EXPLAINED
     assert first is not None
@@ -271,7 +278,7 @@ def test_a_term_that_a_subject_leaves_out_is_a_parameter_of_zero(name: str, para
     names = [known for known, _, _ in own.mechanism.parameters]
     values = np.array([0.0 if known == parameter else value for known, value in zip(names, own.mechanism.parameter_values, strict=True)])
     answers = own.kernel.evaluate(own.states, np.broadcast_to(values, (len(own.states), len(values)))).high
-    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), BUILT_IN.system_path(name))
+    diagnosis = own.textbook(answers)
     assert diagnosis.conclusion == Conclusion.EXPLAINED
     assert (parameter, 0.0) in {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
@@ -280,7 +287,7 @@ def test_what_the_textbook_cannot_tell_apart_is_named_together() -> None:
     """A bar pendulum without weight: no gravity, no mass, or its centre on the axis."""
     own = case("bar_pendulum", "mjcf")
     answers = own.watch(own.replaced(('gravity="0 0 -9.81"', 'gravity="0 0 0"'))).healthy
-    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), BUILT_IN.system_path("bar_pendulum"))
+    diagnosis = own.textbook(answers)
     assert {("g", 0.0), ("m", 0.0), ("r_G", 0.0)} <= {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
 
@@ -292,8 +299,7 @@ def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_o
     assert joint in own.model.text
     wrong = own.watch(own.replaced((joint, f'{joint} stiffness="0.5" springref="0.3"'), (' spring="disable"', ""))).healthy
     # Every change is certified in balls, for which twice all kinds of states are enough.
-    few = slice(24)
-    diagnosis = diagnose_textbook(TextbookSide(own.kernel, own.states[few], wrong[few]), BUILT_IN.system_path("satellite_wheel"))
+    diagnosis = own.textbook(wrong[:24], states=own.states[slice(24)])
     assert math.isinf(diagnosis.before)
     assert diagnosis.conclusion == Conclusion.UNEXPLAINED
     assert "finite" not in diagnosis.first_line
@@ -333,11 +339,10 @@ def test_the_textbook_side_ends_after_its_evaluations(monkeypatch: pytest.Monkey
     evaluate = ReferenceKernel.evaluate
     monkeypatch.setattr(ReferenceKernel, "evaluate", lambda *arguments: evaluated.append(arguments) or evaluate(*arguments))
     answers = flipped(own)(own.model)
-    path = BUILT_IN.system_path("arm_2r")
-    assert diagnose_textbook(TextbookSide(own.kernel, own.states, answers, Limits(20)), path).stopped
+    assert own.textbook(answers, Limits(20)).stopped
     assert len(evaluated) <= 20
     evaluated.clear()
-    whole = diagnose_textbook(TextbookSide(own.kernel, own.states, answers), path)
+    whole = own.textbook(answers)
     assert not whole.stopped
     assert 20 < len(evaluated) <= whole.evaluations
 
