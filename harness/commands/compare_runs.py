@@ -36,8 +36,9 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
       harness compare-runs --list
       harness compare-runs 12 latest --out night --json changes.json
     """
-    from harness.report.summary import changed_versions, changes_table
+    from harness.report.summary import changes_table
     from harness.results.plain_json import to_json
+    from harness.results.records import changed_versions
     from harness.results.run_changes import changes_between, run_changes
 
     if not (bracket.directory / "history.sqlite").is_file():

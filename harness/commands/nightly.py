@@ -168,7 +168,7 @@ def _write(bracket: Bracket, course: Course, summary: NightSummary) -> None:
 
 def _print(bracket: Bracket, summary: NightSummary) -> None:
     from harness.report.night import counts_table
-    from harness.report.summary import trend_changes_table
+    from harness.results.trend import trend_changes_table
 
     for case in summary.bad:
         say("", f"{case.stage}: {case.title}: {case.outcome}", *(f"  {line}" for line in (case.details or case.message).split("\n")))

@@ -30,7 +30,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
       harness search robot.urdf --no-keep
     """
     from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
-    from harness.results.search import as_lines
+    from harness.results.hard_states import as_lines
 
     bracket.choose_library([name])
     settings = SearchSettings(

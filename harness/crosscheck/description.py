@@ -16,7 +16,8 @@ from harness.files.model_file import ModelFile
 from harness.files.text.features import features_of
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
-from harness.results.records import Run, SystemCard
+from harness.results.cross_check import SystemCard
+from harness.results.records import Run
 from harness.version import __version__, version_of
 
 

@@ -33,9 +33,18 @@ from harness.hard.lost_digits import digits_lost, locate
 from harness.hard.reproducer import reproduce
 from harness.library import Library
 from harness.programs.states import States
-from harness.results.hard_states import FoundState, keep, merged, path_of, replay_command, severity, worst_of_each
+from harness.results.hard_states import (
+    FoundCase,
+    FoundState,
+    SearchResult,
+    keep,
+    merged,
+    path_of,
+    replay_command,
+    severity,
+    worst_of_each,
+)
 from harness.results.records import ACCELERATIONS, quantity_options
-from harness.results.search import FoundCase, SearchResult
 from harness.study import Inquiries, Inquiry, Part, ask
 from harness.truth.quantities import find_quantities, require_quantity
 from harness.verdict import SEVERITY, Verdict

@@ -10,7 +10,7 @@ from harness.library import Library
 from harness.registry import Registry
 from harness.results.change_points import NightValue
 from harness.results.night import Case, NightSettings
-from harness.results.study_result import StudyResult
+from harness.results.records import StudyResult
 from harness.results.trend import Cell
 from harness.study import Study
 from harness.workers import Workers

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from harness.errors import InvalidInput, InvalidRequest
 from harness.night.stage import Steps, UnitFound
-from harness.results.study_result import StudyResult
+from harness.results.records import StudyResult
 from harness.study import Part, Study, sentence
 from harness.workers import Outcome, Task, Workers
 

@@ -28,7 +28,7 @@ from harness.report.summary import Summary
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import Record
 from harness.results.table import counted, error_text, seconds_text
-from harness.results.trend import ChangedCell, subject_of
+from harness.results.trend import ChangedCell
 from harness.results.trend_numbers import MEDIAN
 from harness.verdict import AGREEMENT
 
@@ -167,7 +167,7 @@ def _trend(summary: Summary) -> plotting.figure | None:
 
 def _medians(summary: Summary, system: str) -> plotting.figure | None:
     """The trend of the median of each subject, with its change points."""
-    subjects = {subject_of(record) for record in summary.of_system(system)} if len(summary.nights) > 1 else set()
+    subjects = {record.series for record in summary.of_system(system)} if len(summary.nights) > 1 else set()
     shown = [trend for trend in summary.trends if (trend.system, trend.number) == (system, MEDIAN) and trend.subject in subjects]
     moments = [datetime.fromisoformat(run.started).replace(tzinfo=None) for run, _ in summary.nights]
     values = [value for trend in shown for value in trend.values if drawable(value)]

@@ -21,9 +21,9 @@ from harness.report import benchmarks, charts, hard_cases
 from harness.report.benchmarks import acceleration_front, motion_front
 from harness.report.figures import embed
 from harness.report.site_tables import error_of
-from harness.report.summary import changed_versions, changes_table, state_lines, states_of
+from harness.report.summary import changes_table, state_lines, states_of
 from harness.results.pareto import way_of
-from harness.results.records import Record
+from harness.results.records import Record, changed_versions
 from harness.results.site import SiteCount
 from harness.results.table import Table, counted, error_text, seconds_text
 from harness.verdict import AGREEMENT

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 from harness.report import benchmarks, hard_cases
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.summary import Summary, changes_table, states_of, trend_changes_table, worst
+from harness.report.summary import Summary, changes_table, states_of, worst
 from harness.results.records import Record, Records
 from harness.results.table import Cell, Column, Table, error_text, markdown_cell, markdown_line, printable
+from harness.results.trend import trend_changes_table
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:

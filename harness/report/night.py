@@ -11,11 +11,10 @@ from typing import Any
 
 from lxml import etree
 
-from harness.report.summary import trend_changes_table
-from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case, Night, NightSettings, counts, new_since
+from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case, Night, NightSettings, new_since
 from harness.results.records import Run
 from harness.results.table import Column, Table, counted, markdown_line, printable
-from harness.results.trend import ChangedCell
+from harness.results.trend import ChangedCell, trend_changes_table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +71,10 @@ class NightSummary:
     @property
     def counts(self) -> Mapping[str, Mapping[str, int]]:
         """Stage to outcome to number of cases."""
-        return counts(self.cases)
+        found: dict[str, dict[str, int]] = {}
+        for case in self.cases:
+            found.setdefault(case.stage, dict.fromkeys((PASSED, *_OUTCOMES), 0))[case.outcome] += 1
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.plain_json.to_json``."""

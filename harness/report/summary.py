@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from harness.errors import shown_path
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
-from harness.results.records import Record, Records, Run
+from harness.results.records import Record, Records, Run, changed_versions
 from harness.results.table import Table, counted, error_text
-from harness.results.trend import TREND_CHANGES, ChangedCell, Trend, comparable, readings_of_records, subject_of, trends
+from harness.results.trend import ChangedCell, Trend, comparable, readings_of_records, trends
 from harness.results.trend_numbers import TRACKED
 
 if TYPE_CHECKING:
@@ -180,12 +180,12 @@ class Summary:
 
 def verdicts_on(summary: Summary, system: str) -> Table:
     """The records of ``system``."""
-    return summary.of_system(system).table().without("system", "expected").captioned(f"Verdicts on {system}")
+    return replace(summary.of_system(system).table().without("system", "expected"), caption=f"Verdicts on {system}")
 
 
 def trends_on(summary: Summary, system: str) -> Table:
     """The trends of the errors of each subject that was asked of ``system``; no row where there is no run to compare with."""
-    subjects = dict.fromkeys(subject_of(record) for record in summary.of_system(system)) if len(summary.nights) > 1 else {}
+    subjects = dict.fromkeys(record.series for record in summary.of_system(system)) if len(summary.nights) > 1 else {}
     known = {(trend.subject, trend.number): Sparkline.of(trend) for trend in summary.trends if trend.system == system}
     rows = [[subject, *(known.get((subject, number), NO_TREND) for number in TRACKED.values())] for subject in subjects]
     return Table(["subject", *TRACKED], rows, f"Trends of backward errors on {system}")
@@ -207,20 +207,9 @@ def _published(cause: Cause) -> Cause:
     return replace(cause, **json.loads(text))
 
 
-def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[ChangedValue]:
-    """Versions that differ."""
-    names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-    return [(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
-
-
 def changes_table(what: str, changes: Iterable[ChangedValue]) -> Table:
     """One row per change; ``what`` is the heading of what changed."""
     return Table([what, "before", "now"], list(changes), f"Changed {what.partition(' ')[0]}s" if " " in what else "Changes")
-
-
-def trend_changes_table(changes: Iterable[ChangedCell]) -> Table:
-    """A row for each change of a trend, the largest first."""
-    return TREND_CHANGES(sorted(changes, key=lambda one: -abs(one.by)))
 
 
 def worst(records: Iterable[Record]) -> Record | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
-from harness.results.study_result import StudyResult
+from harness.results.records import StudyResult
 from harness.results.table import Cell, Column, error_text
 from harness.verdict import Verdict
 

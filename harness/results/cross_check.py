@@ -1,4 +1,4 @@
-"""Everything one cross-check found: records, parts that scenes do not need, and the causes of what is wrong."""
+"""Everything one cross-check found: records, its systems, parts that scenes do not need, and the causes of what is wrong."""
 
 from __future__ import annotations
 
@@ -6,8 +6,42 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from harness.results.hard_states import RankedCase
-from harness.results.records import Record, SystemCard
-from harness.results.study_result import StudyResult
+from harness.results.records import Record, StudyResult
+from harness.results.table import Column, Table
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemCard:
+    """One system as a report shows it.
+
+    Attributes:
+        description: first line of the system file's docstring; source: its reference.
+        coordinates: {"name", "joint"} each; parameters: {"name", "value", "unit"} each.
+        equations_mathml: one or more presentation ``<math>`` elements; equations_text: the same in words
+            of SymPy. Both are "" where they are too long to be read; then ``energies_text`` has the energies they follow from.
+        operations: number of operations of one evaluation.
+        derivation_seconds, reference_seconds_per_state: cost of the equations and of certified truth.
+        compilation_seconds: of the certified kernel, where a process compiles it for the first time.
+    """
+
+    name: str
+    description: str
+    source: str
+    coordinates: list[dict[str, str]]
+    parameters: list[dict[str, Any]]
+    equations_mathml: str
+    equations_text: str
+    operations: int
+    derivation_seconds: float | None = None
+    reference_seconds_per_state: float | None = None
+    compilation_seconds: float | None = None
+    energies_text: str = ""
+
+    def tables(self) -> tuple[Table, Table]:
+        """Coordinates with their joints, and parameters with their values."""
+        coordinates = Table(["coordinate", "joint"], [[entry["name"], entry["joint"]] for entry in self.coordinates], "Coordinates")
+        rows = [[entry["name"], entry["value"], entry["unit"]] for entry in self.parameters]
+        return coordinates, Table(["parameter", Column("value", "plain"), "unit"], rows, "Parameters")
 
 
 @dataclass(frozen=True)

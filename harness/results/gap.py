@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from harness.results.study_result import StudyResult
+from harness.results.records import StudyResult
 from harness.results.table import Column, Table, error_text
 
 DYNAMICS, INTEGRATOR, STEP = "dynamics", "integrator", "step length"

@@ -1,4 +1,4 @@
-"""Hard states that a search found, stored with the system and compared again in every later run.
+"""Hard states that a search found, stored with the system and compared again in every later run; and the result of a search.
 
 ``hard_states/<system>.json`` of a library is a list of objects with the fields of ``FoundState``. Of a subject,
 a verdict and a term, the worst state stays. A state at which everything agrees is not stored.
@@ -10,19 +10,19 @@ import json
 import math
 import shlex
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from datetime import date
 from itertools import groupby, islice
 from operator import attrgetter
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.plain_json import dumps
-from harness.results.records import ACCELERATIONS, Record
+from harness.results.records import ACCELERATIONS, Record, state_and_replay
 from harness.storage import write_atomically
 from harness.verdict import SEVERITY, Verdict
 
@@ -87,7 +87,7 @@ def load_found(library: Library, system: str) -> list[FoundState]:
     path = path_of(library, system)
     if not path.exists():
         return []
-    names = [field.name for field in fields(FoundState)]
+    names = [part.name for part in fields(FoundState)]
     expected = f"expected a list of objects with {', '.join(names)}"
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))
@@ -195,3 +195,78 @@ def worst_of_each(cases: Iterable[_Case], key: Callable[[_Case], Hashable]) -> l
 def replay_command(system: str, subject: str, state: Mapping[str, Sequence[float]], options: Collection[str] = ()) -> str:
     """Shell command that compares one subject at one state again; ``options`` say where library and models are."""
     return shlex.join(["harness", "check", system, "--subject", subject, *options, "--state", json.dumps(dict(state))])
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundCase:
+    """One hard state with what a person needs to go on.
+
+    Attributes:
+        found: the state, shrunk.
+        expected: the verdict that is expected; as_expected: whether the state is no worse than that.
+        replay: shell command; reproducer: program in the engine's own Python API, "" where there is none.
+    """
+
+    found: FoundState
+    expected: str
+    as_expected: bool
+    replay: str
+    reproducer: str = ""
+
+
+@dataclass(kw_only=True)
+class SearchResult:
+    """The result of a search.
+
+    Attributes:
+        cases: the worst first; at least one for each subject that answered.
+        states, undecided: subject to states tried, and to those of them without certified truth.
+        worst: subject to the largest backward error before shrinking; inf for an answer that is not finite.
+        failures: subject to why a part of its search gave nothing.
+        crashed: whether an engine's process died or ran out of time.
+        place: where what was found would be stored, and not_stored why it was not; "" where it was.
+    """
+
+    cases: list[FoundCase] = field(default_factory=list)
+    states: dict[str, int] = field(default_factory=dict)
+    undecided: dict[str, int] = field(default_factory=dict)
+    worst: dict[str, float] = field(default_factory=dict)
+    failures: dict[str, str] = field(default_factory=dict)
+    crashed: bool = False
+    place: Path
+    not_stored: str = "the search has not ended"
+
+    @property
+    def status(self) -> int:
+        """Exit status: 3 an engine crashed or timed out, 1 something worse than expected, 0 neither."""
+        if self.crashed:
+            return 3
+        return int(bool(self.failures) or not all(case.as_expected for case in self.cases))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for ``harness.results.plain_json.dumps``."""
+        numbers = {name: getattr(self, name) for name in ("states", "undecided", "worst", "failures", "not_stored")}
+        return {"found": self.cases, "stored": not self.not_stored} | numbers
+
+
+def as_lines(result: SearchResult) -> list[str]:
+    """Plain text for the terminal: each case with its state, digits, term, replay and reproducer, then what was stored."""
+    lines = []
+    for case in result.cases:
+        found = case.found
+        error = "no finite answer" if found.backward_error is None else f"{found.backward_error:.3g} data roundoffs"
+        lines += [
+            f"{found.subject}: {found.verdict}, expected {case.expected}: {error}, {found.digits_lost:.1f} digits lost ({found.term})",
+            f"  {found.statement}",
+            *(f"  {line}" for line in state_and_replay(found.state, case.replay)),
+        ]
+        if not case.as_expected:
+            lines += [f"    {line}" for line in case.reproducer.splitlines()]
+        lines.append("")
+    for subject, reason in result.failures.items():
+        lines.append(f"{subject}: {reason}")
+    for subject, count in result.states.items():
+        without = f", {result.undecided[subject]:,} of them without certified truth" if result.undecided[subject] else ""
+        lines.append(f"{subject}: {count:,} states tried{without}; the worst had {result.worst[subject]:.3g} data roundoffs")
+    lines.append(f"not stored: {result.not_stored}; its place is {result.place}" if result.not_stored else f"stored in {result.place}")
+    return lines

@@ -13,8 +13,7 @@ import msgspec
 
 from harness.errors import InvalidInput
 from harness.results.plain_json import dumps
-from harness.results.records import Run
-from harness.results.study_result import StudyResult
+from harness.results.records import Run, StudyResult
 
 _APPLICATION = 0x52424856
 _SCHEMA = (

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
-from harness.results.records import Record
-from harness.results.study_result import StudyResult
+from harness.results.records import Record, StudyResult, changed_versions
 from harness.verdict import Verdict
 
 PASSED, FAILED, BROKEN, LEFT_OUT = "passed", "failed", "error", "skipped"
@@ -48,19 +47,12 @@ class NightSettings:
             before, after = getattr(self, name), getattr(now, name)
             if before != after:
                 found.append(f"{name} was {_words(before)} and is {_words(after)}")
-        found += [
-            f"{name} was {self.versions.get(name, 'absent')} and is {now.versions.get(name, 'absent')}"
-            for name in _changed(self.versions, now.versions)
-        ]
-        changed = _changed(self.inputs, now.inputs)
+        found += [f"{name} was {before} and is {after}" for name, before, after in changed_versions(self.versions, now.versions)]
+        changed = [name for name, _, _ in changed_versions(self.inputs, now.inputs)]
         if changed:
             further = f" and {len(changed) - _MOST_FILES} more" if len(changed) > _MOST_FILES else ""
             found.append(f"the content of {', '.join(changed[:_MOST_FILES])}{further} has changed")
         return found
-
-
-def _changed(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
-    return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
 
 
 def _words(value: object) -> str:
@@ -181,7 +173,7 @@ def case_of(record: Record, stage: str) -> Case:
     return Case(
         stage=stage,
         group=record.system,
-        name=record.title.removeprefix(record.system).strip(),
+        name=record.series,
         outcome=outcome,
         message="" if outcome == PASSED else record.expected_reason or record.message if outcome == LEFT_OUT else first,
         details="" if outcome in (PASSED, LEFT_OUT) else record.explanation,
@@ -214,16 +206,3 @@ def new_since(before: Iterable[Case], now: Sequence[Case]) -> NewSince:
         came=[f"{case.stage}: {case.title}" for case in now if case.is_good and case.key not in known],
         went=[f"{case.stage}: {case.title}" for key, case in known.items() if key not in found],
     )
-
-
-def counts(cases: Iterable[Case]) -> dict[str, dict[str, int]]:
-    """Stage to outcome to number of cases."""
-    found: dict[str, dict[str, int]] = {}
-    for case in cases:
-        of_stage = found.setdefault(case.stage, dict.fromkeys(_outcomes(), 0))
-        of_stage[case.outcome] += 1
-    return found
-
-
-def _outcomes() -> Iterator[str]:
-    yield from (PASSED, FAILED, BROKEN, LEFT_OUT)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
-from harness.results.records import Record, Run, SystemCard
+from harness.results.records import Record, Run
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
@@ -82,12 +82,12 @@ class JsonDocument:
         self._head = {"harness": about.pop("versions"), "run": about}
         self._text = GrowingJson(_with_outcome)
 
-    def text(self, records: Sequence[Record] = (), cards: Sequence[SystemCard] = (), **parts: Any) -> str:
+    def text(self, records: Sequence[Record] = (), cards: Sequence[Any] = (), **parts: Any) -> str:
         """As ``to_json``; no element of a list may change between two calls."""
         return self._text.dumps(self._head | {"records": records, "systems": cards} | parts) + "\n"
 
 
-def to_json(run: Run, records: Sequence[Record], cards: Sequence[SystemCard] = (), **parts: Any) -> str:
+def to_json(run: Run, records: Sequence[Record], cards: Sequence[Any] = (), **parts: Any) -> str:
     """{"harness": versions, "run", "records", "systems"} and ``parts``, which are plain data, as strictly valid JSON, ASCII only.
 
     Every record holds the fields of ``Record`` and "as_expected". Numbers that are not finite are the strings "inf", "-inf" and

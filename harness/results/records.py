@@ -1,16 +1,16 @@
 """Records of what was compared, as plain data.
 
-One ``Record`` is one (system, subject) pair of one ``Run``; a ``SystemCard`` is what a report says about a system.
+One ``Record`` is one (system, subject) pair of one ``Run``; a ``StudyResult`` is all that a study found in one.
 """
 
 from __future__ import annotations
 
 import math
 from collections import UserList
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Self
 
 from harness.results.table import Cell, Column, Table, TableOf, printable
 from harness.verdict import AGREEMENT, Verdict
@@ -135,9 +135,14 @@ class Record:
         return ", ".join([self.subject, *quantity_words(self.quantity)])
 
     @property
+    def series(self) -> str:
+        """The subject, and the quantity where it is not the usual one, by which trends and nights know it."""
+        return " ".join([self.subject, *quantity_words(self.quantity)])
+
+    @property
     def title(self) -> str:
         """System and subject, and the quantity where it is not the usual one."""
-        return " ".join([self.system, self.subject, *quantity_words(self.quantity)])
+        return f"{self.system} {self.series}"
 
     @property
     def is_further(self) -> bool:
@@ -179,12 +184,12 @@ class Record:
             lines.append("remove or mend the entry in expected_verdicts.toml if that is past")
         if self.message:
             lines.append(self.message)
-        lines += _shown(self.worst_state, self.replay)
+        lines += state_and_replay(self.worst_state, self.replay)
         if self.representative is not None:
             error = self.representative.backward_error
             size = "no backward error" if error is None else f"backward error {error:.3g} data roundoffs"
             lines.append(f"the simplest state that shows it: {size}")
-            lines += _shown(self.representative.state, self.representative.replay)
+            lines += state_and_replay(self.representative.state, self.representative.replay)
         return "\n  ".join(map(printable, lines))
 
     @property
@@ -208,7 +213,7 @@ _TABLE = TableOf(
 )
 
 
-def _shown(state: Mapping[str, list[float]] | None, replay: str) -> list[str]:
+def state_and_replay(state: Mapping[str, list[float]] | None, replay: str) -> list[str]:
     """A state and the command that computes it again, a line each."""
     lines = [] if state is None else ["at " + ", ".join(f"{name} = {values}" for name, values in state.items())]
     return [*lines, f"replay: {replay}"] if replay else lines
@@ -264,40 +269,6 @@ def _range(counts: Sequence[int]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SystemCard:
-    """One system as a report shows it.
-
-    Attributes:
-        description: first line of the system file's docstring; source: its reference.
-        coordinates: {"name", "joint"} each; parameters: {"name", "value", "unit"} each.
-        equations_mathml: one or more presentation ``<math>`` elements; equations_text: the same in words
-            of SymPy. Both are "" where they are too long to be read; then ``energies_text`` has the energies they follow from.
-        operations: number of operations of one evaluation.
-        derivation_seconds, reference_seconds_per_state: cost of the equations and of certified truth.
-        compilation_seconds: of the certified kernel, where a process compiles it for the first time.
-    """
-
-    name: str
-    description: str
-    source: str
-    coordinates: list[dict[str, str]]
-    parameters: list[dict[str, Any]]
-    equations_mathml: str
-    equations_text: str
-    operations: int
-    derivation_seconds: float | None = None
-    reference_seconds_per_state: float | None = None
-    compilation_seconds: float | None = None
-    energies_text: str = ""
-
-    def tables(self) -> tuple[Table, Table]:
-        """Coordinates with their joints, and parameters with their values."""
-        coordinates = Table(["coordinate", "joint"], [[entry["name"], entry["joint"]] for entry in self.coordinates], "Coordinates")
-        rows = [[entry["name"], entry["value"], entry["unit"]] for entry in self.parameters]
-        return coordinates, Table(["parameter", Column("value", "plain"), "unit"], rows, "Parameters")
-
-
-@dataclass(frozen=True, kw_only=True)
 class Run:
     """One call of the harness.
 
@@ -334,3 +305,31 @@ class Run:
     def load(self) -> str:
         """Load of the machine while something was timed, as "worker processes 2, cpus 4, load 0.35 at the start"."""
         return ", ".join(f"{name} {self.machine[name]}" for name in ("worker processes", "cpus", "load") if name in self.machine)
+
+
+def changed_versions(before: Mapping[str, str], after: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Names of versions that differ, each with what it was and what it is."""
+    names = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    return [(name, before.get(name, "absent"), after.get(name, "absent")) for name in names]
+
+
+@dataclass(kw_only=True)
+class StudyResult:
+    """Base of the results; a part that was not asked for is an empty list.
+
+    Attributes:
+        STUDY: name under which the history keeps results of this class.
+    """
+
+    STUDY: ClassVar[str]
+
+    def extend(self, more: Self) -> None:
+        """Add what another task of the same study found."""
+        for part in fields(self):
+            getattr(self, part.name).extend(getattr(more, part.name))
+
+    def stored_parts(self) -> Iterator[tuple[str, Any]]:
+        """(field, one of its items) of every field that does not follow from the others."""
+        for part in fields(self):
+            if not part.metadata.get("derived"):
+                yield from ((part.name, item) for item in getattr(self, part.name))

@@ -19,7 +19,7 @@ from harness.results.change_points import Chart
 from harness.results.records import Record, Run
 from harness.results.table import Cell as TableCell
 from harness.results.table import Column, TableOf
-from harness.results.trend import readings_of_records, subject_of
+from harness.results.trend import readings_of_records
 from harness.results.trend_numbers import WORST
 from harness.verdict import SEVERITY
 
@@ -88,7 +88,7 @@ changes_between = TableOf(RunChange, "system subject marked before now worse", "
 
 
 def _key(record: Record) -> Key:
-    return record.system, subject_of(record)
+    return record.system, record.series
 
 
 def _change(key: Key, what: str, before: str, now: str, is_worse: bool = False) -> RunChange:
@@ -117,14 +117,7 @@ def _errors(before: Mapping[Key, Record], now: Mapping[Key, Record]) -> Iterator
         first, second = old[cell], new[cell]
         by = second.value - first.value
         if abs(by) > chart.limit * math.hypot(first.noise, second.noise):
-            was, is_now = (_error(records[cell[0], cell[1]], cell[2]) for records in (before, now))
-            yield _change((cell[0], cell[1]), cell[2], was, is_now, by > 0 and cell[2] != WORST)
-
-
-def _error(record: Record, number: str) -> str:
-    fields = {"median backward error": record.median_backward_error, "99 % backward error": record.percentile_99_backward_error}
-    value = fields.get(number, record.backward_error)
-    return "-" if value is None else f"{value:.3g}"
+            yield _change(cell[:2], cell[2], f"{first.measured:.3g}", f"{second.measured:.3g}", by > 0 and cell[2] != WORST)
 
 
 def _costs(before: Mapping[Key, Record], now: Mapping[Key, Record], in_one_run: bool) -> Iterator[RunChange]:

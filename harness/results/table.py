@@ -140,10 +140,6 @@ class Table:
         getters = [attrgetter(value) if isinstance(value, str) else value for value in columns.values()]
         return cls(list(columns), [[getter(item) for getter in getters] for item in items], caption)
 
-    def captioned(self, caption: str) -> Table:
-        """The same rows under another caption."""
-        return Table(self.columns, self.rows, caption, self.style)
-
     def only(self, *titles: str) -> Table:
         """The columns of these titles, in this order.
 

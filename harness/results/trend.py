@@ -16,7 +16,7 @@ from harness.results.change_points import Chart, NightValue
 from harness.results.pareto import way_of
 from harness.results.quantiles import BOUNDS_AT
 from harness.results.records import Record, Run
-from harness.results.table import Column, TableOf
+from harness.results.table import Column, Table, TableOf
 from harness.results.trend_numbers import COST, MEDIAN, PERCENTILE_99, WORST, logarithm_of, number_of
 
 # Least noise of the logarithm that is assumed of a number: of quantiles, of largest values, and of costs.
@@ -53,7 +53,12 @@ class ChangedCell:
     run: int = 1
 
 
-TREND_CHANGES = TableOf(ChangedCell, "system subject number before now nights found_by", "Changed in the trend")
+_changes_table = TableOf(ChangedCell, "system subject number before now nights found_by", "Changed in the trend")
+
+
+def trend_changes_table(changes: Iterable[ChangedCell]) -> Table:
+    """A row for each change of a trend, the largest first."""
+    return _changes_table(sorted(changes, key=lambda one: -abs(one.by)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +81,6 @@ def readings_of_records(records: Iterable[Record]) -> dict[Cell, NightValue]:
     """Values of one cross-check for each cell; a quantile whose bounds are not known has none."""
     found: dict[Cell, NightValue] = {}
     for record in records:
-        subject = subject_of(record)
         for name, value, bounds in (
             (MEDIAN, record.median_backward_error, record.median_bounds),
             (PERCENTILE_99, record.percentile_99_backward_error, record.percentile_99_bounds),
@@ -84,18 +88,15 @@ def readings_of_records(records: Iterable[Record]) -> dict[Cell, NightValue]:
             if value is not None and bounds:
                 low, high = (logarithm_of(bound, name) for bound in bounds)
                 noise = (high - low) / (2 * BOUNDS_AT)
-                found[record.system, subject, name] = NightValue(logarithm_of(value, name), max(QUANTILE_NOISE, noise), measured=value)
+                found[record.system, record.series, name] = NightValue(
+                    logarithm_of(value, name), max(QUANTILE_NOISE, noise), measured=value
+                )
         if record.backward_error is not None:
             error = record.backward_error
-            found[record.system, subject, WORST] = NightValue(
+            found[record.system, record.series, WORST] = NightValue(
                 logarithm_of(error, WORST), WORST_NOISE, is_known=False, is_skewed=True, measured=error
             )
     return found
-
-
-def subject_of(record: Record) -> str:
-    """The subject of a cell: with the quantity where it is not the usual one."""
-    return record.title.removeprefix(record.system).strip()
 
 
 def readings_of_costs(benchmark: Benchmark) -> dict[Cell, NightValue]:

@@ -21,10 +21,9 @@ from harness.hard import search
 from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
 from harness.library import MODEL_SUFFIXES, Library
 from harness.results.cross_check import CrossCheckResult
-from harness.results.hard_states import FoundState, keep, path_of
+from harness.results.hard_states import FoundCase, FoundState, SearchResult, keep, path_of
 from harness.results.history import History
 from harness.results.records import ACCELERATIONS
-from harness.results.search import FoundCase, SearchResult
 from harness.study import Inquiry
 from harness.workers import Outcome
 

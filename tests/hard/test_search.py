@@ -26,8 +26,7 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.results.hard_states import load_found, path_of
-from harness.results.search import as_lines
+from harness.results.hard_states import as_lines, load_found, path_of
 from harness.study import run_study
 from harness.truth.balls.factorisation import condition_number, scaled_cholesky
 from harness.truth.compare import Comparison

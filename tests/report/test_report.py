@@ -24,8 +24,8 @@ from harness.report import Earlier, write
 from harness.report.charts import half_decades
 from harness.report.html import equations, left_out
 from harness.report.markdown import VOLATILE
-from harness.results.cross_check import Cause, CrossCheckResult, HeldDifference, SuperfluousPart
-from harness.results.records import Record, Run, SystemCard
+from harness.results.cross_check import Cause, CrossCheckResult, HeldDifference, SuperfluousPart, SystemCard
+from harness.results.records import Record, Run
 from harness.results.trend import changes, readings_of_records
 from harness.verdict import Verdict
 

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from harness.library import Library
     from harness.results.history import History
     from harness.results.plain_json import JsonDocument
-    from harness.results.records import Record, Run
-    from harness.results.study_result import StudyResult
+    from harness.results.records import Record, Run, StudyResult
     from harness.study import Study
     from harness.workers import Scheduler, Workers
 
