@@ -1,4 +1,4 @@
-"""The one array type of the harness, float64 of any shape, and records of such arrays."""
+"""The array types of the harness, float64 and integers of any shape, and records of such arrays."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+Indices = np.ndarray[Any, np.dtype[np.int64]]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
 from hypothesis import HealthCheck, settings
 from rooms import PACKAGE, REPOSITORY
 
-from harness.programs.loops.machine_code import loop
+from harness.programs.loops.interpreter import loop
 from harness.programs.machine_code import machine_code_directory
 
 if TYPE_CHECKING:

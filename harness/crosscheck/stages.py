@@ -22,7 +22,7 @@ from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.tasks import Note
 from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, load_engine
 from harness.errors import InvalidInput
-from harness.programs.loops.machine_code import loop
+from harness.programs.loops.interpreter import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.study import sentence

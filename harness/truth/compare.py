@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array, Rows
-from harness.programs.mechanisms.kernel import Indices
+from harness.arrays import Array, Indices, Rows
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 

@@ -29,11 +29,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Indices
 from harness.programs.evaluation import jacobians
 from harness.programs.loops.encoding import Encoded, encode
 from harness.programs.loops.interpreter import Norms, Vectors, derivatives, evaluate, measure
-from harness.programs.mechanisms.kernel import Charts, Indices
+from harness.programs.mechanisms.kernel import Charts
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.programs.loops import double_double, machine_code
+from harness.programs.loops import double_double, interpreter
 from harness.programs.loops.language import Writer
 
 BITS = 500
@@ -34,7 +34,7 @@ def write_everything(code: Writer) -> None:
 
 @functools.cache
 def compiled() -> Callable[..., None]:
-    return machine_code.compiled(write_everything, {"n": "integer", "a": "numbers", "b": "numbers", "found": "numbers"})
+    return interpreter.compiled(write_everything, {"n": "integer", "a": "numbers", "b": "numbers", "found": "numbers"})
 
 
 EXACT: dict[str, Callable[[Any, Any], Any]] = {

@@ -11,8 +11,8 @@ import pytest
 
 from harness.arrays import Array
 from harness.programs.loops import closing, loops
+from harness.programs.loops.interpreter import compiled
 from harness.programs.loops.language import Writer, module_of
-from harness.programs.loops.machine_code import compiled
 from harness.programs.loops.values import (
     Value,
     as_integer,
@@ -109,8 +109,8 @@ def test_loops_choices_tables_and_lanes() -> None:
         results[0] = total.value
         for key in code.range(3):
             code.choose(key, {1: lambda: results.__setitem__(1, 7.0)}, lambda: results.__setitem__(2, results[2] + 1.0))
-        places = as_integer(code.gathered([code.number(float(place)) for place in (1, 3, 4, 5)])) % 4
+        places = as_integer(code.array("places").in_vectors()[0]) % 4
         results[3] = sum_of_lanes(rows[places, 1])
 
-    compiled(write, {"n": "integer", "found": "numbers"})(5, found)
+    compiled(write, {"n": "integer", "found": "numbers", "places": "numbers"})(5, found, np.array([1.0, 3.0, 4.0, 5.0]))
     assert found.tolist() == [2.0 + 3.0 + 4.0, 7.0, 2.0, 3.0 + 7.0 + 1.0 + 3.0]

@@ -19,8 +19,8 @@ from harness.arrays import Array
 from harness.lagrange.constraint import Constraint
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.loops.double_double import sine_and_cosine_in_float64
+from harness.programs.loops.interpreter import compiled
 from harness.programs.loops.language import Writer
-from harness.programs.loops.machine_code import compiled
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.storage import Kept

@@ -19,7 +19,7 @@ from harness.hard.truths import plain_point
 from harness.lagrange.derivation import load_mechanism
 from harness.lagrange.expressions import assemble
 from harness.programs.kernels import BallKernel
-from harness.programs.loops import encoding, machine_code
+from harness.programs.loops import encoding, interpreter
 from harness.programs.loops.encoding import Encoded, encode
 from harness.programs.loops.interpreter import Filtered, derivatives, evaluate
 from harness.programs.mechanisms.kernel import Charts
@@ -218,8 +218,8 @@ def test_every_operation_has_a_code_of_its_own() -> None:
 
 _LOAD = """
 import sys
-from harness.programs.loops import machine_code
-machine_code.loop("evaluate"), machine_code.loop("derive"), machine_code.loop("measure")
+from harness.programs.loops import interpreter
+interpreter.loop("evaluate"), interpreter.loop("derive"), interpreter.loop("measure")
 print("harness.programs.loops.loops" in sys.modules)
 """
 
@@ -231,6 +231,6 @@ def test_machine_code_is_made_once_and_is_not_read_where_it_is_damaged(tmp_path:
     assert is_made == ["True", "False"]
     [entry] = tmp_path.glob("certify-*")
     content = entry.read_text()
-    assert machine_code.kept() is not None
+    assert interpreter.kept() is not None
     entry.write_text(content[: len(content) // 2] + "AAAA" + content[len(content) // 2 + 4 :])
-    assert machine_code.kept() is None
+    assert interpreter.kept() is None

@@ -7,14 +7,13 @@ proved, say ``manifold`` and ``configurations`` of ``harness.truth.constraints``
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from harness.programs.loops.double_double import add, multiply, negative, number_at, store
-from harness.programs.loops.instructions import RUN, write_approximate_run, write_run
+from harness.programs.loops.instructions import RUN, Program, write_approximate_run, write_run
 from harness.programs.loops.language import Function, Writer
-from harness.programs.loops.solution import LinearEquations, Workspace, refine
+from harness.programs.loops.solution import LinearEquations, Workspace, defect, refine, size_of
 from harness.programs.loops.values import Array, Value, as_number, equals, larger, select
-from harness.programs.numbers import LANES, UNIT_ROUNDOFF
+from harness.programs.numbers import UNIT_ROUNDOFF
 
 _SIZES = {"n": "integer", "m": "integer", "inputs": "integer", "constants": "integer", "unheld": "integer"}
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "values": "vectors"}
@@ -35,35 +34,14 @@ _REACH, _LEAST_REACH = 4.0, 2.0**-90
 _UPWARDS = 1 + 1e-10
 
 
-class _ClosingRows:
-    """The rows' program in the function that is being written, with room for its results, and a matrix."""
+class _ClosingRows(Program):
+    """The program of the rows."""
 
     def __init__(self, code: Writer, width: int) -> None:
-        self.code, self.held, self.free = code, code.argument("held"), code.argument("unheld")
-        self.inputs = code.argument("inputs")
-        self.start = self.inputs + code.argument("constants")
+        super().__init__(code, width)
+        self.held, self.free = code.argument("held"), code.argument("unheld")
         self.positions, self.residual = code.array("positions"), code.array("residual")
         self.by_positions = code.array("by_positions", self.held)
-        # ``width`` numbers stand at each place.
-        self.values, self.width = code.array("values", width), width
-        constants = code.array("of_constants", 3)
-        for k in code.range(code.argument("constants")):
-            for part in range(width):
-                self.values[self.inputs + k, part] = constants[k, part]
-
-    def blocks(self) -> Iterator[Value]:
-        """Every four states."""
-        yield from self.code.range((self.code.argument("n") + (LANES - 1)) // LANES)
-
-    def place(self, inputs: Array) -> None:
-        for i in self.code.range(self.inputs):
-            self.values[i, 0] = inputs[i]
-            for part in range(1, self.width):
-                self.values[i, part] = 0.0
-
-    def run(self) -> None:
-        name = "run" if self.width > 1 else "approximate_run"
-        self.code.perform(name, self.code.argument("m"), self.start, self.code.array("instructions"), self.values)
 
 
 def eliminate(code: Writer, m: Value, width: Value, matrix: Array) -> None:
@@ -105,18 +83,15 @@ def _follow(code: Writer) -> None:
         """The largest change of a position, and of it along the tangent over one step, which stand behind the matrix."""
         rows.run()
         for i in code.range(held):
-            moved = code.variable(zero)
             for j in code.range(held):
                 matrix[i, j] = values[rows.by_positions[i, j], 0]
-            for j in code.range(rows.free):
-                moved.value += values[by_others[i, j], 0] * ((here[j] - begun[others[j]]) * share)
-            matrix[i, held], matrix[i, held + 1] = values[rows.residual[i], 0], moved.value
+            moved = (values[by_others[i, j], 0] * ((here[j] - begun[others[j]]) * share) for j in code.range(rows.free))
+            matrix[i, held], matrix[i, held + 1] = values[rows.residual[i], 0], code.total(moved, first=zero)
         eliminate(code, held, held + 2, matrix)
-        largest, along = code.variable(zero), code.variable(zero)
         for i in code.range(held):
             values[rows.positions[i], 0] -= matrix[i, held]
-            largest.value, along.value = larger(largest.value, abs(matrix[i, held])), larger(along.value, abs(matrix[i, held + 1]))
-        return largest.value, along.value
+        largest, along = (code.largest((abs(matrix[i, held + k]) for i in code.range(held)), first=zero) for k in range(2))
+        return largest, along
 
     for block in rows.blocks():
         rows.place(given.part(block))
@@ -162,19 +137,18 @@ def _enclose(code: Writer) -> None:
     for block in rows.blocks():
         rows.place(given.part(block))
         here = found.part(block)
-        is_proved[block] = _enclosed_positions(rows, given.part(block), code, here)
+        is_proved[block] = _enclosed_positions(rows, given.part(block), code, work, here)
         for i in code.range(held):
             store(values, rows.positions[i], number_at(here, i))
         rows.run()
         for i in code.range(code.argument("redundant")):
             high, low, bound = number_at(values, redundant[i])
             is_proved[block] = select(abs(high) + abs(low) <= bound, is_proved[block], 0.0)
-        _inverted(code, tied, matrix, values, by_rates)
-        inverse, approximate = Array(code, matrix.pointer, (2 * tied,)), work.approximate
+        inverse, approximate = _inverted(code, tied, matrix, values, by_rates), work.approximate
         for i in code.range(tied):
             store(values, of_moved[i], (code.lanes(0.0), code.lanes(0.0), code.lanes(0.0)))
             for j in code.range(tied):
-                approximate[i, j] = inverse[i, tied + j]
+                approximate[i, j] = inverse[i, j]
             for j in code.range(rows.free):
                 moved = multiply(negative(number_at(values, by_others[i, j])), (velocities[block, j], 0.0, 0.0))
                 store(values, of_moved[i], add(number_at(values, of_moved[i]), moved))
@@ -183,60 +157,48 @@ def _enclose(code: Writer) -> None:
             store(here, held + i, (rates[i, 0], rates[i, 1], radius[i]))
 
 
-def _inverted(code: Writer, m: Value, room: Array, values: Array, places: Array) -> None:
-    """The matrix of the entries at ``places``, made the unit matrix, and behind it its approximate inverse, in ``room``, (m, 2 m)."""
+def _inverted(code: Writer, m: Value, room: Array, values: Array, places: Array) -> Array:
+    """The approximate inverse, (m, m), of the matrix of the entries at ``places``, with ``room``, (m, 2 m)."""
     matrix = Array(code, room.pointer, (2 * m,))
     for i in code.range(m):
         for j in code.range(m):
             matrix[i, j] = values[places[i, j], 0]
             matrix[i, m + j] = select(equals(i, j), 1.0, 0.0)
     eliminate(code, m, 2 * m, matrix)
+    return Array(code, matrix.part(0, m).pointer, (2 * m,))
 
 
-def _enclosed_positions(rows: _ClosingRows, inputs: Array, code: Writer, found: Array) -> Value:
+def _enclosed_positions(rows: _ClosingRows, inputs: Array, code: Writer, work: Workspace, found: Array) -> Value:
     """The image of a ball around the positions under the Krawczyk operator, in ``found``; 1 in the lanes where it lies within the ball.
 
     With Y an approximate inverse of the Jacobian at x it is x - Y f(x) + (1 - Y F(X)) (X - x), F(X) being the Jacobian over the ball X.
     """
-    held, values, zero = rows.held, rows.values, code.lanes(0.0)
+    held, values, zero, entries, sizes = rows.held, rows.values, code.lanes(0.0), work.entries, work.sizes
     rows.run()
-    _inverted(code, held, code.array("matrix"), values, rows.by_positions)
-    inverse = Array(code, code.array("matrix").pointer, (2 * held,))
-    largest, size = code.variable(zero), code.variable(code.lanes(1.0))
+    inverse = _inverted(code, held, code.array("matrix"), values, rows.by_positions)
     for i in code.range(held):
         store(found, i, (zero, zero, zero))
         for j in code.range(held):
-            product = multiply(number_at(values, rows.residual[j]), (inverse[i, held + j], 0.0, 0.0))
-            store(found, i, add(number_at(found, i), product))
-        largest.value = larger(largest.value, _most(found, i))
-        size.value = larger(size.value, abs(inputs[rows.positions[i]]))
-    reach = _REACH * largest.value + _LEAST_REACH * size.value
+            store(found, i, add(number_at(found, i), multiply(number_at(values, rows.residual[j]), (inverse[i, j], 0.0, 0.0))))
+    largest = code.largest((size_of(number_at(found, i)) for i in code.range(held)), first=zero)
+    size = code.largest((abs(inputs[rows.positions[i]]) for i in code.range(held)), first=code.lanes(1.0))
+    reach = _REACH * largest + _LEAST_REACH * size
     for i in code.range(held):
         values[rows.positions[i], 2] = reach
     rows.run()
-    is_proved = code.variable(code.lanes(1.0))
-    # Of the sums below, and of the entries' low parts and bounds, which count as roundings.
-    gamma = as_number(held + 12) * (UNIT_ROUNDOFF * 1.001)
     for i in code.range(held):
-        row = code.variable(zero)
         for j in code.range(held):
-            total, most = code.variable(code.lanes(select(equals(i, j), 1.0, 0.0))), code.variable(code.lanes(1.0))
-            for k in code.range(held):
-                high, _, bound = number_at(values, rows.by_positions[k, j])
-                total.value -= inverse[i, held + k] * high
-                most.value += abs(inverse[i, held + k]) * (abs(high) + bound / UNIT_ROUNDOFF)
-            row.value += abs(total.value) + gamma * most.value
-        radius = row.value * reach * _UPWARDS
-        is_inside = (_most(found, i) + radius) * _UPWARDS < reach
+            high, _, bound = number_at(values, rows.by_positions[i, j])
+            # The entries' low parts and bounds count as roundings.
+            entries[i, j], sizes[i, j] = high, abs(high) + bound / UNIT_ROUNDOFF
+    is_proved = code.variable(code.lanes(1.0))
+    for i in code.range(held):
+        radius = defect(code, held, i, inverse, entries, sizes) * reach * _UPWARDS
+        is_inside = (size_of(number_at(found, i)) + radius) * _UPWARDS < reach
         is_proved.value = select(is_inside, is_proved.value, 0.0)
         high, low, bound = add((inputs[rows.positions[i]], zero, zero), negative(number_at(found, i)))
         store(found, i, (high, low, (bound + radius) * _UPWARDS))
     return is_proved.value
-
-
-def _most(numbers: Array, place: Value) -> Value:
-    high, low, bound = number_at(numbers, place)
-    return abs(high) + abs(low) + bound
 
 
 # As of ``harness.programs.loops.loops``.

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
-from harness.programs.mechanisms.kernel import Indices
+from harness.arrays import Array, Indices
 from harness.programs.numbers import UNIT_ROUNDOFF, Number, exactly, pi
 from harness.programs.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle
 

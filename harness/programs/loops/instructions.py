@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from harness.programs.loops import encoding as operations
 from harness.programs.loops.double_double import (
-    Known,
     add,
     divide,
     multiply,
@@ -27,58 +29,101 @@ RUN = {"m": "integer", "start": "integer", "instructions": "halves", "values": "
 SWEEP = {**RUN, "blocks": "integer", "lane": "integer", "adjoints": "vectors", "sizes": "numbers"}
 
 
+class Program:
+    """A program in the function that is being written, with room for its results at four states, ``width`` numbers at each place."""
+
+    def __init__(self, code: Writer, width: int = 3) -> None:
+        self.code, self.width = code, width
+        self.inputs, self.values = code.argument("inputs"), code.array("values", width)
+        # Of the first instruction's result.
+        self.start = self.inputs + code.argument("constants")
+        constants = code.array("of_constants", 3)
+        for k in code.range(code.argument("constants")):
+            for part in range(width):
+                self.values[self.inputs + k, part] = constants[k, part]
+
+    def blocks(self) -> Iterator[Value]:
+        """Every four states."""
+        yield from self.code.range((self.code.argument("n") + (LANES - 1)) // LANES)
+
+    def place(self, inputs: Array) -> None:
+        """Have ``inputs``, which are exact, for those of the program."""
+        for i in self.code.range(self.inputs):
+            self.values[i, 0] = inputs[i]
+            for part in range(1, self.width):
+                self.values[i, part] = 0.0
+
+    def run(self) -> None:
+        """Every instruction's result at four states, into ``values``."""
+        name = "run" if self.width > 1 else "approximate_run"
+        self.code.perform(name, self.code.argument("m"), self.start, self.code.array("instructions"), self.values)
+
+
+@dataclass(frozen=True)
+class _Arithmetic:
+    """How numbers stand at the places of ``values``, and the operations on them; ``add`` is of one and a sign times another."""
+
+    at: Callable[[Array, Value], Any]
+    store: Callable[[Array, Value, Any], None]
+    add: Callable[[Any, Value, Any], Any]
+    multiply: Callable[[Any, Any], Any]
+    divide: Callable[[Any, Any], Any]
+    root: Callable[[Any], Any]
+    sine_and_cosine: Callable[[Writer, Any], tuple[Any, Any]]
+
+
+_DOUBLE_DOUBLE = _Arithmetic(
+    number_at, store, lambda a, sign, b: add(a, (sign * b[0], sign * b[1], b[2])), multiply, divide, root, sine_and_cosine
+)
+_FLOAT64 = _Arithmetic(
+    Array.__getitem__,
+    Array.__setitem__,
+    lambda a, sign, b: a + sign * b,
+    operator.mul,
+    operator.truediv,
+    root_of,
+    sine_and_cosine_in_float64,
+)
+
+
 def write_run(code: Writer) -> None:
     """Every instruction's result at four states, into ``values``."""
-    instructions, values = code.array("instructions", 6), code.array("values", 3)
-    for index in code.range(code.argument("m")):
-        a, b = (number_at(values, instructions[index, operand]) for operand in (1, 2))
-        _write_instruction(code, instructions[index, 0], values, code.argument("start") + index, a, b)
-
-
-def _write_instruction(code: Writer, operation: Value, values: Array, place: Value, a: Known, b: Known) -> None:
-    def sum_or_difference() -> None:
-        sign = 1.0 - 2.0 * as_number(operation)
-        store(values, place, add(a, (sign * b[0], sign * b[1], b[2])))
-
-    def sine_with_cosine() -> None:
-        sine, cosine = sine_and_cosine(code, a)
-        store(values, place, sine)
-        store(values, place + 1, cosine)
-
-    cases: dict[int, Callable[[], None]] = {
-        operations.PRODUCT: lambda: store(values, place, multiply(a, b)),
-        operations.QUOTIENT: lambda: store(values, place, divide(a, b)),
-        operations.ROOT: lambda: store(values, place, root(a)),
-        operations.SINE_AND_COSINE: sine_with_cosine,
-        operations.COSINE: lambda: None,
-    }
-    code.choose(operation, cases, sum_or_difference)
+    _write_run(code, _DOUBLE_DOUBLE, code.array("values", 3))
 
 
 def write_approximate_run(code: Writer) -> None:
     """Every instruction's result at four states in float64, into ``values``, (places,)."""
-    instructions, values = code.array("instructions", 6), code.array("values")
+    _write_run(code, _FLOAT64, code.array("values"))
+
+
+def _write_run(code: Writer, numbers: _Arithmetic, values: Array) -> None:
+    instructions = code.array("instructions", 6)
     for index in code.range(code.argument("m")):
-        operation, place = instructions[index, 0], code.argument("start") + index
-        a, b = values[instructions[index, 1]], values[instructions[index, 2]]
-        _write_approximately(code, operation, values, place, a, b)
+        operation, *operands = (instructions[index, part] for part in range(3))
+        _write_instruction(code, numbers, values, operation, operands, code.argument("start") + index)
 
 
-def _write_approximately(code: Writer, operation: Value, values: Array, place: Value, a: Value, b: Value) -> None:
-    def store_at(result: Value) -> None:
-        values[place] = result
+def _write_instruction(
+    code: Writer, numbers: _Arithmetic, values: Array, operation: Value, operands: Sequence[Value], place: Value
+) -> None:
+    a, b = (numbers.at(values, operand) for operand in operands)
+
+    def put(result: Any) -> None:
+        numbers.store(values, place, result)
 
     def sine_with_cosine() -> None:
-        values[place], values[place + 1] = sine_and_cosine_in_float64(code, a)
+        sine, cosine = numbers.sine_and_cosine(code, a)
+        put(sine)
+        numbers.store(values, place + 1, cosine)
 
     cases: dict[int, Callable[[], None]] = {
-        operations.PRODUCT: lambda: store_at(a * b),
-        operations.QUOTIENT: lambda: store_at(a / b),
-        operations.ROOT: lambda: store_at(root_of(a)),
+        operations.PRODUCT: lambda: put(numbers.multiply(a, b)),
+        operations.QUOTIENT: lambda: put(numbers.divide(a, b)),
+        operations.ROOT: lambda: put(numbers.root(a)),
         operations.SINE_AND_COSINE: sine_with_cosine,
         operations.COSINE: lambda: None,
     }
-    code.choose(operation, cases, lambda: store_at(a + (1.0 - 2.0 * as_number(operation)) * b))
+    code.choose(operation, cases, lambda: put(numbers.add(a, 1.0 - 2.0 * as_number(operation), b)))
 
 
 class _Sweep:

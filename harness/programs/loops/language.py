@@ -11,13 +11,26 @@ Source: LLVM Language Reference Manual, sections Floating-Point Environment and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
 
-from harness.programs.loops.values import HALF_INTEGER, INTEGER, INTEGERS, LANE, NUMBER, VECTOR, Array, Flag, Operand, Value, Variable
+from harness.programs.loops.values import (
+    HALF_INTEGER,
+    INTEGER,
+    INTEGERS,
+    LANE,
+    NUMBER,
+    VECTOR,
+    Array,
+    Flag,
+    Operand,
+    Value,
+    Variable,
+    larger,
+)
 from harness.programs.numbers import LANES
 
 # Arguments by the kind that a signature names.
@@ -58,19 +71,6 @@ class Writer:
             single = self.builder.insert_element(ir.Constant(kind, ir.Undefined), value.raw, ir.Constant(LANE, 0))
             return self.builder.shuffle_vector(single, single, ir.Constant(ir.VectorType(LANE, LANES), [0] * LANES))
         return value.raw
-
-    def alike(self, first: Value, second: Operand) -> tuple[Any, Any]:
-        """Both as LLVM's values of one kind, that of the one which has lanes, else that of the first."""
-        kinds = [value.raw.type for value in (first, second) if isinstance(value, Value)]
-        kind = next((kind for kind in kinds if isinstance(kind, ir.VectorType)), kinds[0])
-        return self.constant(first, kind), self.constant(second, kind)
-
-    def gathered(self, parts: Sequence[Value]) -> Value:
-        """One value of the lanes given."""
-        found = ir.Constant(ir.VectorType(parts[0].raw.type, LANES), ir.Undefined)
-        for lane, part in enumerate(parts):
-            found = self.builder.insert_element(found, part.raw, ir.Constant(LANE, lane))
-        return Value(self, found)
 
     def number(self, value: float) -> Value:
         return Value(self, ir.Constant(NUMBER, value))
@@ -116,6 +116,20 @@ class Writer:
         index.value = now + 1
         self.builder.branch(head)
         self.builder.position_at_end(after)
+
+    def total(self, terms: Iterable[Value], first: Operand = 0.0) -> Value:
+        """``first`` and the sum of terms, as a generator expression over ``range`` writes them; of the kind of ``first``."""
+        found = self.variable(first)
+        for term in terms:
+            found.value += term
+        return found.value
+
+    def largest(self, terms: Iterable[Value], first: Operand = 0.0) -> Value:
+        """The largest of ``first`` and of terms as ``total`` takes them; NaN where one of them is."""
+        found = self.variable(first)
+        for term in terms:
+            found.value = larger(found.value, term)
+        return found.value
 
     def perform(self, name: str, *arguments: Value | Array) -> None:
         """Call a function of the module that is written already."""

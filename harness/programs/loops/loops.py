@@ -6,11 +6,9 @@ the instructions give. Values are computed at four states at once, each in its l
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterator, Mapping
 
-from harness.programs.loops.double_double import number_at, store
-from harness.programs.loops.instructions import RUN, SWEEP, write_run, write_sweep
+from harness.programs.loops.instructions import RUN, SWEEP, Program, write_run, write_sweep
 from harness.programs.loops.language import Function, Writer
 from harness.programs.loops.solution import (
     LinearEquations,
@@ -31,42 +29,31 @@ _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "intege
 _ROOM = {"values": "vectors", "adjoints": "vectors", "sizes": "numbers"}
 
 
-class _Program:
-    """A program in the function that is being written, with room for its results at four states and their adjoints at one of them."""
+class _Equations(Program):
+    """The equations of a mechanism, with room for the adjoints of their results at one of the four states."""
 
     def __init__(self, code: Writer) -> None:
-        self.code = code
-        self.m, self.nv, self.inputs = code.argument("m"), code.argument("nv"), code.argument("inputs")
-        # Of the first instruction's result.
-        self.start = self.inputs + code.argument("constants")
-        self.instructions, self.rows = code.array("instructions", 6), code.array("rows")
+        super().__init__(code)
+        self.nv, self.rows = code.argument("nv"), code.array("rows")
         self.mass, self.force = code.array("mass", self.nv), code.array("force")
-        self.values = code.array("values", 3)
-        self.blocks = (self.nv + (LANES - 1)) // LANES
-        self.adjoints, self.sizes = code.array("adjoints", self.blocks), code.array("sizes")
-        constants = code.array("of_constants", 3)
-        for k in code.range(code.argument("constants")):
-            store(self.values, self.inputs + k, number_at(constants, k))
+        self.width_of_rows = (self.nv + (LANES - 1)) // LANES
+        self.adjoints, self.sizes = code.array("adjoints", self.width_of_rows), code.array("sizes")
 
-    def states(self) -> Iterator[tuple[Value, Value]]:
-        """Every four states: their number, and how many there are."""
-        for block in self.code.range((self.code.argument("n") + (LANES - 1)) // LANES):
+    def states(self, inputs: Array) -> Iterator[tuple[Value, Value]]:
+        """Every four states, with their results: their number, and how many there are."""
+        for block in self.blocks():
             left = self.code.argument("n") - block * LANES
+            self.place(inputs.part(block))
+            self.run()
             yield block, select(left < LANES, left, LANES)
 
-    def run(self, inputs: Array) -> None:
-        """Every instruction's result at four states, into ``values``."""
-        for i in self.code.range(self.inputs):
-            store(self.values, i, (inputs[i], 0.0, 0.0))
-        self.code.perform("run", self.m, self.start, self.instructions, self.values)
-
-    def sweep(self, lane: Value, accelerations: Array, scale: Array, take: Callable[[Value, Array, Value], None]) -> None:
-        """Give ``take`` each input, the derivatives of f - M a by it, and a sum of absolute values over ``scale`` for their roundings.
+    def sweep(self, lane: Value, accelerations: Array, scale: Array) -> Iterator[tuple[Value, Array, Value]]:
+        """Each input, the derivatives of f - M a by it, and a sum of absolute values over ``scale`` for their roundings.
 
         It is done for the state in one lane. ``adjoints``, (rows, nv rounded up to whole vectors), and ``sizes``, (rows,), are zero
         before and after.
         """
-        code, adjoints = self.code, self.adjoints.in_numbers(self.blocks * LANES)
+        code, adjoints = self.code, self.adjoints.in_numbers(self.width_of_rows * LANES)
         for i in code.range(self.nv):
             row = self.rows[self.force[i]]
             adjoints[row, i] += 1.0
@@ -75,26 +62,28 @@ class _Program:
                 row = self.rows[self.mass[i, j]]
                 adjoints[row, i] -= accelerations[j, lane]
                 self.sizes[row] += abs(accelerations[j, lane]) / scale[i, lane]
-        code.perform("sweep", self.m, self.start, self.instructions, self.values, self.blocks, lane, self.adjoints, self.sizes)
+        instructions = code.array("instructions")
+        code.perform(
+            "sweep", code.argument("m"), self.start, instructions, self.values, self.width_of_rows, lane, self.adjoints, self.sizes
+        )
         for i in code.range(self.inputs):
-            take(i, adjoints.part(i), self.sizes[i])
+            yield i, adjoints.part(i), self.sizes[i]
         for i in code.range(self.start):
-            for block in code.range(self.blocks):
+            for block in code.range(self.width_of_rows):
                 self.adjoints[i, block] = 0.0
             self.sizes[i] = 0.0
 
 
 def _evaluate(code: Writer) -> None:
     """Accelerations, sensitivities and what they are made of at n states."""
-    program, nv = _Program(code), code.argument("nv")
+    program, nv = _Equations(code), code.argument("nv")
     inputs, scales = code.array("given", program.inputs), code.array("scales", program.inputs, LANES)
     solution, radius, scale = code.array("solution", nv, 2), code.array("radius", nv), code.array("scale", nv)
     factor, terms, places = code.array("factor", nv, nv), code.array("terms", 3, nv), code.array("of_terms", nv)
-    weights, work = code.array("weights", program.blocks * LANES), Workspace(code.array("work", nv + 3, nv + 3))
+    weights, work = code.array("weights", program.width_of_rows * LANES), Workspace(code.array("work", nv + 3, nv + 3))
     sensitivity, doubt = code.array("sensitivity", LANES), code.array("doubt", LANES)
     matrix, inverse = work.mass, work.inverse
-    for block, count in program.states():
-        program.run(inputs.part(block))
+    for block, count in program.states(inputs):
         for i in code.range(nv):
             for term in code.range(3):
                 terms[block, term, i] = program.values[places[term, i], 0]
@@ -107,38 +96,26 @@ def _evaluate(code: Writer) -> None:
         for lane in code.range(count):
             inverses, own_scale, accelerations = inverse.in_numbers(nv + 3, LANES), here.in_numbers(LANES), found.in_numbers(2 * LANES)
             norms = SumOfNorms(code, nv, inverses, own_scale, lane, weights)
-            sensitivity[block, lane], sizes = _swept(program, norms, lane, accelerations, own_scale, scales.part(block))
-            doubt[block, lane] = sizes * code.argument("gamma") * norms.of_inverse
-
-
-def _swept(program: _Program, norms: SumOfNorms, lane: Value, accelerations: Array, scale: Array, scales: Array) -> tuple[Value, Value]:
-    """The sensitivity, and what is a measure of its roundings, of the state in a lane."""
-    sizes = program.code.variable(0.0)
-
-    def take(i: Value, derivatives: Array, size: Value) -> None:
-        norms.add(derivatives, scales[i, lane])
-        sizes.value += size * scales[i, lane]
-
-    program.sweep(lane, accelerations, scale, take)
-    return norms.total.value, sizes.value
+            sizes = code.variable(0.0)
+            for i, derivatives, size in program.sweep(lane, accelerations, own_scale):
+                norms.add(derivatives, scales[block, i, lane])
+                sizes.value += size * scales[block, i, lane]
+            sensitivity[block, lane] = norms.total.value
+            doubt[block, lane] = sizes.value * code.argument("gamma") * norms.of_inverse
 
 
 def _derive(code: Writer) -> None:
     """The derivatives of a sweep at n states."""
-    program, nv = _Program(code), code.argument("nv")
+    program, nv = _Equations(code), code.argument("nv")
     inputs, accelerations, scale = code.array("given", program.inputs), code.array("accelerations", nv), code.array("scale", nv)
-    found = code.array("found", program.inputs, nv + 1)
-    for block, count in program.states():
-        program.run(inputs.part(block))
+    found = code.array("found", LANES, program.inputs, nv + 1)
+    for block, count in program.states(inputs):
         for lane in code.range(count):
             here = accelerations.part(block).in_numbers(LANES), scale.part(block).in_numbers(LANES)
-            program.sweep(lane, *here, functools.partial(_keep, code, nv, found.part(block * LANES + lane)))
-
-
-def _keep(code: Writer, nv: Value, found: Array, i: Value, derivatives: Array, size: Value) -> None:
-    for row in code.range(nv):
-        found[i, row] = derivatives[row]
-    found[i, nv] = size
+            for i, derivatives, size in program.sweep(lane, *here):
+                for row in code.range(nv):
+                    found[block, lane, i, row] = derivatives[row]
+                found[block, lane, i, nv] = size
 
 
 def _measure(code: Writer) -> None:
@@ -158,10 +135,7 @@ def _measure_one(code: Writer, nv: Value, arrays: Mapping[str, Array], state: Va
 
     def in_energy_norm(name: str, magnitude: Callable[[Value], Value] = lambda value: value) -> Value:
         for i in code.range(nv):
-            total = code.variable(0.0)
-            for j in code.range(i, nv):
-                total.value += magnitude(upper[i, j]) * arrays[name][state, j]
-            vector[i] = total.value
+            vector[i] = code.total(magnitude(upper[i, j]) * arrays[name][state, j] for j in code.range(i, nv))
         return norm(code, vector, nv)
 
     def of_torque(k: Value) -> Value:
@@ -177,17 +151,16 @@ def _measure_one(code: Writer, nv: Value, arrays: Mapping[str, Array], state: Va
             upper[i, j] = factor[j, i] * scale[j]
     condition = condition_number(code, nv, factor, code.array("columns", (nv + (LANES - 1)) // LANES * LANES))
     invert(code, nv, factor, inverse, code.number(0.0))
-    speed, of_torques, of_terms = in_energy_norm("velocities"), code.variable(0.0), code.variable(0.0)
+    speed, of_torques = in_energy_norm("velocities"), code.variable(0.0)
     for k in code.range(nv):
         with code.when(arrays["rotating"][k] > 0.0):
             of_torques.value += of_torque(k)
-    for term in code.range(4):
-        of_terms.value += of_term(term)
+    of_terms = code.total(of_term(term) for term in code.range(4))
     arrays["condition"][state] = condition
     arrays["radius"][state] = in_energy_norm("radii", abs)
     arrays["motion"][state] = speed * speed * of_torques.value
     lost = code.argument("roundings") * as_number(nv) * condition
-    arrays["instability"][state] = lost * (in_energy_norm("accelerations") + of_terms.value)
+    arrays["instability"][state] = lost * (in_energy_norm("accelerations") + of_terms)
 
 
 _VECTORS = dict.fromkeys(("given", "solution", "radius", "scale", "factor", "terms", "work"), "vectors")

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from harness.programs.loops.double_double import UNDERFLOW, add, multiply, negative, number_at, store
+from harness.programs.loops.double_double import UNDERFLOW, Known, add, multiply, negative, number_at, store
 from harness.programs.loops.language import Writer
 from harness.programs.loops.values import Array, Value, as_number, equals, larger, root_of, select, smaller, sum_of_lanes
 from harness.programs.numbers import LANES, UNIT_ROUNDOFF
@@ -33,17 +33,14 @@ def factorise(code: Writer, nv: Value, mass: Array, scale: Array, factor: Array,
     for i in code.range(nv):
         scale[i] = root_of(mass[i, i])
     for j in code.range(nv):
-        known = code.variable(zero)
         for k in code.range(j):
-            known.value += factor[j, k] * factor[j, k]
             factor[k, j] = 0.0
-        factor[j, j] = root_of(mass[j, j] / scale[j] / scale[j] - known.value)
+        known = code.total((factor[j, k] * factor[j, k] for k in code.range(j)), first=zero)
+        factor[j, j] = root_of(mass[j, j] / scale[j] / scale[j] - known)
         is_regular.value += select(factor[j, j] > 0.0, zero, math.nan)
         for i in code.range(j + 1, nv):
-            known = code.variable(zero)
-            for k in code.range(j):
-                known.value += factor[i, k] * factor[j, k]
-            factor[i, j] = (mass[i, j] / scale[i] / scale[j] - known.value) / factor[j, j]
+            known = code.total((factor[i, k] * factor[j, k] for k in code.range(j)), first=zero)
+            factor[i, j] = (mass[i, j] / scale[i] / scale[j] - known) / factor[j, j]
     for i in code.range(nv):
         scale[i] += is_regular.value
     invert(code, nv, factor, inverse, zero)
@@ -54,10 +51,8 @@ def invert(code: Writer, nv: Value, factor: Array, inverse: Array, zero: Value) 
     for column in code.range(nv):
         inverse[column, column] = 1.0 / factor[column, column]
         for i in code.range(column + 1, nv):
-            known = code.variable(zero)
-            for k in code.range(column, i):
-                known.value += factor[i, k] * inverse[k, column]
-            inverse[i, column] = -known.value / factor[i, i]
+            known = code.total((factor[i, k] * inverse[k, column] for k in code.range(column, i)), first=zero)
+            inverse[i, column] = -known / factor[i, i]
 
 
 @dataclass(frozen=True)
@@ -76,93 +71,65 @@ class LinearEquations:
 
 
 class Workspace:
-    """Seven matrices (nv + 3, nv + 3) by their names; what is needed at different times shares one."""
+    """Seven matrices (nv + 3, nv + 3) by their names; what is needed at different times shares one.
+
+    Attributes:
+        mass: M in float64, (nv, nv). inverse: L^-1 of ``factorise``, (nv, nv).
+        approximate: the approximate inverse of the scaled matrix, (nv, nv).
+        residual: f - M a in double-double, (nv, 3). steps: the changes of the scaled solution, (nv,).
+        entries, sizes: the entries of the scaled matrix, (nv, nv), and their absolute values with their errors.
+        rows: row sums of |I - X M|, (nv,). errors: |X r| with its roundings, (nv,).
+    """
 
     def __init__(self, matrices: Array) -> None:
-        self._matrices = matrices
-
-    @property
-    def approximate(self) -> Array:
-        """The approximate inverse of the scaled matrix, (nv, nv)."""
-        return self._matrices.part(3)
-
-    @property
-    def residual(self) -> Array:
-        """f - M a in double-double, (nv, 3)."""
-        return self._matrices.part(4)
-
-    @property
-    def steps(self) -> Array:
-        """The changes of the scaled solution, (nv,)."""
-        return self._matrices.part(0, 0)
-
-    @property
-    def entries(self) -> Array:
-        """The entries of the scaled matrix, (nv, nv)."""
-        return self._matrices.part(0)
-
-    @property
-    def sizes(self) -> Array:
-        """Their absolute values with their errors, (nv, nv)."""
-        return self._matrices.part(1)
-
-    @property
-    def rows(self) -> Array:
-        """Row sums of |I - X M|, (nv,)."""
-        return self._matrices.part(2, 0)
-
-    @property
-    def errors(self) -> Array:
-        """|X r| with its roundings, (nv,)."""
-        return self._matrices.part(2, 1)
-
-    @property
-    def mass(self) -> Array:
-        """M in float64, (nv, nv)."""
-        return self._matrices.part(5)
-
-    @property
-    def inverse(self) -> Array:
-        """L^-1 of ``factorise``, (nv, nv)."""
-        return self._matrices.part(6)
+        self.entries, self.steps, self.sizes = matrices.part(0), matrices.part(0, 0), matrices.part(1)
+        self.rows, self.errors = matrices.part(2, 0), matrices.part(2, 1)
+        self.approximate, self.residual, self.mass, self.inverse = (matrices.part(place) for place in range(3, 7))
 
 
-def _bounds(equations: LinearEquations, work: Workspace, approximate: Array, residual: Array, radius: Array) -> None:
+def defect(code: Writer, n: Value, i: Value, approximate: Array, entries: Array, sizes: Array) -> Value:
+    """A bound of the sum of row i of |I - X M|, X an approximate inverse of M, (n, n).
+
+    ``entries`` are those of M, and ``sizes`` their absolute values with their errors over half an ulp.
+    """
+    # The last roundings are those of scaled entries.
+    gamma = as_number(n + 12) * (UNIT_ROUNDOFF * 1.001)
+
+    def of_entry(j: Value) -> Value:
+        diagonal = code.lanes(select(equals(i, j), 1.0, 0.0))
+        difference = code.total((-approximate[i, k] * entries[k, j] for k in code.range(n)), first=diagonal)
+        return abs(difference) + gamma * code.total((abs(approximate[i, k]) * sizes[k, j] for k in code.range(n)), first=diagonal)
+
+    return code.total((of_entry(j) for j in code.range(n)), first=code.lanes(0.0))
+
+
+def size_of(number: Known) -> Value:
+    """A bound of the absolute value of what a number stands for."""
+    return abs(number[0]) + abs(number[1]) + number[2]
+
+
+def _bounds(equations: LinearEquations, work: Workspace, radius: Array) -> None:
     """Bounds of the errors of the solution, for an approximate inverse of M scaled; infinite where it is none."""
     code, nv, scale = equations.code, equations.nv, equations.scale
-    entries, sizes, rows, errors = work.entries, work.sizes, work.rows, work.errors
+    entries, sizes, rows, errors, approximate = work.entries, work.sizes, work.rows, work.errors, work.approximate
     zero = code.lanes(0.0)
-    # The last roundings are those of M's scaled entries.
-    gamma = as_number(nv + 12) * (UNIT_ROUNDOFF * 1.001)
-    rest = code.variable(zero)
+    rest = code.total((size_of(number_at(work.residual, i)) for i in code.range(nv)), first=zero)
+    # What quotients and products of a small residual lose below the smallest numbers; a residual that is zero loses nothing.
+    lost = select(rest > 0.0, UNDERFLOW, 0.0)
     for i in code.range(nv):
-        rest.value += abs(residual[i, 0]) + abs(residual[i, 1]) + residual[i, 2]
         for j in code.range(nv):
             high, _, bound = number_at(equations.values, equations.matrix[i, j])
             entries[i, j] = high / scale[i] / scale[j]
             # So much that the entry's own bound is within gamma times it.
             sizes[i, j] = (abs(high) + bound / UNIT_ROUNDOFF) / scale[i] / scale[j]
-    # What quotients and products of a small residual lose below the smallest numbers; a residual that is zero loses nothing.
-    lost = select(rest.value > 0.0, UNDERFLOW, 0.0)
     for i in code.range(nv):
-        row, error = code.variable(zero), code.variable(lost)
-        for j in code.range(nv):
-            diagonal = code.lanes(select(equals(i, j), 1.0, 0.0))
-            total, most = code.variable(diagonal), code.variable(diagonal)
-            for k in code.range(nv):
-                total.value -= approximate[i, k] * entries[k, j]
-                most.value += abs(approximate[i, k]) * sizes[k, j]
-            row.value += abs(total.value) + gamma * most.value
-        for k in code.range(nv):
-            size = (abs(residual[k, 0]) + abs(residual[k, 1]) + residual[k, 2]) / scale[k]
-            error.value += abs(approximate[i, k]) * (size + lost) + lost
-        rows[i], errors[i] = row.value, error.value
-    alpha, most = code.variable(zero), code.variable(zero)
+        rows[i] = defect(code, nv, i, approximate, entries, sizes)
+        left = ((k, size_of(number_at(work.residual, k)) / scale[k]) for k in code.range(nv))
+        errors[i] = code.total((abs(approximate[i, k]) * (size + lost) + lost for k, size in left), first=lost)
+    alpha, most = (code.largest((part[i] for i in code.range(nv)), first=zero) for part in (rows, errors))
+    is_inverse = (alpha < 0.5) & (most < math.inf)
     for i in code.range(nv):
-        alpha.value, most.value = larger(alpha.value, rows[i]), larger(most.value, errors[i])
-    is_inverse = (alpha.value < 0.5) & (most.value < math.inf)
-    for i in code.range(nv):
-        found = select(is_inverse, errors[i] + rows[i] * most.value / (1.0 - alpha.value), math.inf)
+        found = select(is_inverse, errors[i] + rows[i] * most / (1.0 - alpha), math.inf)
         radius[i] = found * (1 + 1e-10) / scale[i] + lost
 
 
@@ -171,10 +138,8 @@ def solve(equations: LinearEquations, inverse: Array, work: Workspace, solution:
     code, nv, approximate = equations.code, equations.nv, work.approximate
     for i in code.range(nv):
         for j in code.range(i + 1):
-            entry = code.variable(code.lanes(0.0))
-            for k in code.range(i, nv):
-                entry.value += inverse[k, i] * inverse[k, j]
-            approximate[i, j] = approximate[j, i] = entry.value
+            entry = code.total((inverse[k, i] * inverse[k, j] for k in code.range(i, nv)), first=code.lanes(0.0))
+            approximate[i, j] = approximate[j, i] = entry
     refine(equations, work, solution, radius)
 
 
@@ -196,15 +161,11 @@ def refine(equations: LinearEquations, work: Workspace, solution: Array, radius:
                 for j in code.range(nv):
                     product = multiply(negative(number_at(values, equations.matrix[i, j])), (solution[j, 0], solution[j, 1], 0.0))
                     store(residual, i, add(number_at(residual, i), product))
-            largest, largest_step = code.variable(zero), code.variable(zero)
             for i in code.range(nv):
-                step = code.variable(zero)
-                for j in code.range(nv):
-                    step.value += approximate[i, j] * (residual[j, 0] / scale[j])
-                steps[i] = step.value
-                largest.value = larger(largest.value, abs(solution[i, 0] * scale[i]))
-                largest_step.value = larger(largest_step.value, abs(step.value))
-            is_last = largest_step.value <= _SETTLED * largest.value
+                steps[i] = code.total((approximate[i, j] * (residual[j, 0] / scale[j]) for j in code.range(nv)), first=zero)
+            largest = code.largest((abs(solution[i, 0] * scale[i]) for i in code.range(nv)), first=zero)
+            largest_step = code.largest((abs(steps[i]) for i in code.range(nv)), first=zero)
+            is_last = largest_step <= _SETTLED * largest
             is_moving.value = select(is_last, 0.0, is_moving.value)
             with code.when(refinement < _REFINEMENTS):
                 for i in code.range(nv):
@@ -212,24 +173,18 @@ def refine(equations: LinearEquations, work: Workspace, solution: Array, radius:
                     step_now = select(is_moving.value > 0.0, steps[i] / scale[i], 0.0)
                     better = add((solution[i, 0], solution[i, 1], zero), (step_now, 0.0, 0.0))
                     solution[i, 0], solution[i, 1] = better[0], better[1]
-    _bounds(equations, work, approximate, residual, radius)
+    _bounds(equations, work, radius)
 
 
 def norm(code: Writer, entries: Array, count: Value) -> Value:
     """A Euclidean norm, without overflow or underflow in the squares."""
-    squares = code.variable(0.0)
-    for i in code.range(count):
-        squares.value += entries[i] * entries[i]
-    found = code.variable(root_of(squares.value))
-    with code.when(~((squares.value > 1e-280) & (squares.value < 1e280))):
-        largest = code.variable(0.0)
-        for i in code.range(count):
-            largest.value = larger(largest.value, abs(entries[i]))
-        squares.value = 0.0
-        for i in code.range(count):
-            part = entries[i] / select(equals(largest.value, 0.0), code.number(1.0), largest.value)
-            squares.value += part * part
-        found.value = largest.value * root_of(squares.value)
+    squares = code.total(entries[i] * entries[i] for i in code.range(count))
+    found = code.variable(root_of(squares))
+    with code.when(~((squares > 1e-280) & (squares < 1e280))):
+        largest = code.largest(abs(entries[i]) for i in code.range(count))
+        unit = select(equals(largest, 0.0), code.number(1.0), largest)
+        parts = (entries[i] / unit for i in code.range(count))
+        found.value = largest * root_of(code.total(part * part for part in parts))
     return found.value
 
 
@@ -238,10 +193,7 @@ def in_metric(code: Writer, nv: Value, inverse: Array, entry: Callable[[Value], 
     given, found = work.part(0), work.part(1)
     for i in code.range(nv):
         given[i] = entry(i)
-        total = code.variable(0.0)
-        for j in code.range(i + 1):
-            total.value += inverse[i, j] * given[j]
-        found[i] = total.value
+        found[i] = code.total(inverse[i, j] * given[j] for j in code.range(i + 1))
     return norm(code, found, nv)
 
 
@@ -268,10 +220,8 @@ class SumOfNorms:
         """Add the norm of a column times a factor."""
         code, products = self._code, self._product.in_vectors(self._blocks)
         for block in code.range(self._blocks):
-            product = code.variable(self._weights[0, block] * column[0])
-            for j in code.range(1, self._nv):
-                product.value += self._weights[j, block] * column[j]
-            products[0, block] = product.value * factor
+            rest = (self._weights[j, block] * column[j] for j in code.range(1, self._nv))
+            products[0, block] = code.total(rest, first=self._weights[0, block] * column[0]) * factor
         self.total.value += norm(code, self._product, self._nv)
 
 
@@ -289,10 +239,8 @@ def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> 
             columns[i, j] = factor[j, i]
 
     def product(first: Value, second: Value) -> Value:
-        total = code.variable(vectors[first, 0] * vectors[second, 0])
-        for block in code.range(1, blocks):
-            total.value += vectors[first, block] * vectors[second, block]
-        return sum_of_lanes(total.value)
+        rest = (vectors[first, block] * vectors[second, block] for block in code.range(1, blocks))
+        return sum_of_lanes(code.total(rest, first=vectors[first, 0] * vectors[second, 0]))
 
     squares = columns.part(nv)
     is_turning = code.variable(1.0)

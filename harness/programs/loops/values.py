@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
@@ -19,59 +19,77 @@ HALF_INTEGER = ir.IntType(32)
 _ALIGNMENT = 8
 
 
+def _kind_of(*operands: Operand) -> Any:
+    """The kind of the value which has lanes, else that of the first, else a number's."""
+    kinds = [value.raw.type for value in operands if isinstance(value, Value)] or [NUMBER]
+    return next((kind for kind in kinds if isinstance(kind, ir.VectorType)), kinds[0])
+
+
+def _alike(first: Value, second: Operand) -> tuple[Any, Any]:
+    """Both as LLVM's values of one kind."""
+    kind = _kind_of(first, second)
+    return first.code.constant(first, kind), first.code.constant(second, kind)
+
+
+def _operator(of_numbers: str, of_integers: str, is_reversed: bool = False) -> Callable[[Value, Operand], Value]:
+    """The operator that writes LLVM's instruction of one of these names."""
+
+    def write(value: Value, other: Operand) -> Value:
+        first, second = _alike(value, other)
+        name = of_integers if first.type in (INTEGER, INTEGERS) else of_numbers
+        pair = (second, first) if is_reversed else (first, second)
+        return Value(value.code, getattr(value.code.builder, name)(*pair))
+
+    return write
+
+
+def _comparison(sign: str) -> Callable[[Value, Operand], Flag]:
+    """The comparison by a sign; false where a number is NaN."""
+
+    def write(value: Value, other: Operand) -> Flag:
+        first, second = _alike(value, other)
+        builder = value.code.builder
+        compare = builder.icmp_signed if first.type in (INTEGER, INTEGERS) else builder.fcmp_ordered
+        return Flag(value.code, compare(sign, first, second))
+
+    return write
+
+
+def _function(name: str) -> Callable[..., Value]:
+    """LLVM's function of a name, of a value and operands."""
+
+    def call(first: Value, *others: Operand) -> Value:
+        code, kind = first.code, _kind_of(first, *others)
+        return code.call(name, *(Value(code, code.constant(value, kind)) for value in (first, *others)))
+
+    return call
+
+
 class Value:
-    """A number, four numbers, or an integer of the function that is being written; ``raw`` is LLVM's."""
+    """A number, four numbers, or an integer of the function that is being written; ``raw`` is LLVM's.
+
+    Integers are divided by ``//``, where they are not negative.
+    """
 
     def __init__(self, code: Writer, raw: Any) -> None:
         self.code, self.raw = code, raw
 
-    def __add__(self, other: Operand) -> Value:
-        return _combined(self, other, "fadd", "add")
-
-    def __sub__(self, other: Operand) -> Value:
-        return _combined(self, other, "fsub", "sub")
-
-    def __mul__(self, other: Operand) -> Value:
-        return _combined(self, other, "fmul", "mul")
-
-    def __truediv__(self, other: Operand) -> Value:
-        return _combined(self, other, "fdiv", "")
-
-    def __floordiv__(self, other: Operand) -> Value:
-        """Of integers that are not negative."""
-        return _combined(self, other, "", "udiv")
+    __add__ = __radd__ = _operator("fadd", "add")
+    __sub__, __rsub__ = _operator("fsub", "sub"), _operator("fsub", "sub", is_reversed=True)
+    __mul__ = __rmul__ = _operator("fmul", "mul")
+    __truediv__, __rtruediv__ = _operator("fdiv", ""), _operator("fdiv", "", is_reversed=True)
+    __floordiv__ = _operator("", "udiv")
+    __lt__, __le__, __gt__, __ge__ = (_comparison(sign) for sign in ("<", "<=", ">", ">="))
+    __abs__ = _function("fabs")
 
     def __mod__(self, other: int) -> Value:
         """Of integers, by a power of two: the remainder that is not negative."""
-        first, last = self.code.alike(self, other - 1)
+        first, last = _alike(self, other - 1)
         return Value(self.code, self.code.builder.and_(first, last))
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __rsub__(self, other: Operand) -> Value:
-        return _combined(self, other, "fsub", "sub", is_reversed=True)
-
-    def __rtruediv__(self, other: Operand) -> Value:
-        return _combined(self, other, "fdiv", "", is_reversed=True)
 
     def __neg__(self) -> Value:
         builder = self.code.builder
         return Value(self.code, builder.neg(self.raw) if self.raw.type == INTEGER else builder.fneg(self.raw))
-
-    def __abs__(self) -> Value:
-        return self.code.call("fabs", self)
-
-    def __lt__(self, other: Operand) -> Flag:
-        return _compared(self, "<", other)
-
-    def __le__(self, other: Operand) -> Flag:
-        return _compared(self, "<=", other)
-
-    def __gt__(self, other: Operand) -> Flag:
-        return _compared(self, ">", other)
-
-    def __ge__(self, other: Operand) -> Flag:
-        return _compared(self, ">=", other)
 
 
 class Flag:
@@ -96,30 +114,17 @@ class Flag:
 
 
 Operand = Value | float
-
-
-def _combined(value: Value, other: Operand, of_numbers: str, of_integers: str, is_reversed: bool = False) -> Value:
-    first, second = value.code.alike(value, other)
-    name = of_integers if first.type in (INTEGER, INTEGERS) else of_numbers
-    pair = (second, first) if is_reversed else (first, second)
-    return Value(value.code, getattr(value.code.builder, name)(*pair))
-
-
-def _compared(value: Value, sign: str, other: Operand) -> Flag:
-    """False where a number is NaN."""
-    first, second = value.code.alike(value, other)
-    builder = value.code.builder
-    compare = builder.icmp_signed if first.type in (INTEGER, INTEGERS) else builder.fcmp_ordered
-    return Flag(value.code, compare(sign, first, second))
-
-
-def equals(value: Value, other: Operand) -> Flag:
-    return _compared(value, "==", other)
+equals = _comparison("==")
+# NaN where either is, so that what is unknown is never passed over.
+larger, smaller = _function("maximum"), _function("minimum")
+# a b + c, rounded once: an instruction of the processor, or the C library's function where it has none.
+fma = _function("fma")
+root_of, floor = _function("sqrt"), _function("floor")
 
 
 def differs(value: Value, other: Operand) -> Flag:
     """True where a number is NaN."""
-    first, second = value.code.alike(value, other)
+    first, second = _alike(value, other)
     return Flag(value.code, value.code.builder.fcmp_unordered("!=", first, second))
 
 
@@ -177,7 +182,11 @@ class Array:
     def __getitem__(self, indices: Value | int | tuple[Value | int, ...]) -> Value:
         indices = indices if isinstance(indices, tuple) else (indices,)
         if isinstance(indices[0], Value) and indices[0].raw.type == INTEGERS:
-            return self.code.gathered([self[(lane_of(indices[0], lane), *indices[1:])] for lane in range(LANES)])
+            found = ir.Constant(ir.VectorType(self.pointer.type.pointee, LANES), ir.Undefined)
+            for lane in range(LANES):
+                part = self[(lane_of(indices[0], lane), *indices[1:])]
+                found = self.code.builder.insert_element(found, part.raw, ir.Constant(LANE, lane))
+            return Value(self.code, found)
         raw = self.code.builder.load(self._place(indices), align=_align(self.pointer))
         return Value(self.code, self.code.builder.sext(raw, INTEGER) if raw.type == HALF_INTEGER else raw)
 
@@ -205,38 +214,7 @@ def _align(pointer: Any) -> int:
 def select(flag: Flag, first: Operand, second: Operand) -> Value:
     """``first`` where the flag is true, else ``second``; both are known."""
     code = flag.code
-    kinds = [value.raw.type for value in (first, second) if isinstance(value, Value)] or [NUMBER]
-    kind = next((kind for kind in kinds if isinstance(kind, ir.VectorType)), kinds[0])
+    kind = _kind_of(first, second)
     if isinstance(flag.raw.type, ir.VectorType) and not isinstance(kind, ir.VectorType):
         kind = ir.VectorType(kind, LANES)
     return Value(code, code.builder.select(flag.raw, code.constant(first, kind), code.constant(second, kind)))
-
-
-def larger(first: Value, second: Operand) -> Value:
-    """The larger one; NaN where either is, so that what is unknown is never passed over."""
-    return _called("maximum", first, second)
-
-
-def smaller(first: Value, second: Operand) -> Value:
-    """The smaller one; NaN where either is."""
-    return _called("minimum", first, second)
-
-
-def fma(a: Value, b: Operand, c: Operand) -> Value:
-    """a b + c, rounded once: an instruction of the processor, or the C library's function where it has none."""
-    return _called("fma", a, b, c)
-
-
-def _called(name: str, first: Value, *others: Operand) -> Value:
-    code = first.code
-    kinds = [value.raw.type for value in (first, *others) if isinstance(value, Value)]
-    kind = VECTOR if VECTOR in kinds else NUMBER
-    return code.call(name, *(Value(code, code.constant(value, kind)) for value in (first, *others)))
-
-
-def root_of(value: Value) -> Value:
-    return value.code.call("sqrt", value)
-
-
-def floor(value: Value) -> Value:
-    return value.code.call("floor", value)

@@ -16,12 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array, Rows
+from harness.arrays import Array, Indices, Rows
 from harness.programs.loops.encoding import EncodedProgram, encode_program
-from harness.programs.loops.interpreter import by_state, in_lanes
-from harness.programs.loops.machine_code import loop
+from harness.programs.loops.interpreter import by_state, in_lanes, loop
 from harness.programs.mechanisms.constraints import JACOBIAN, RESIDUAL
-from harness.programs.mechanisms.kernel import Indices
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import LANES
 from harness.programs.states import States
