@@ -25,7 +25,7 @@ from harness.files.text.scan import find_numbers, with_values
 from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import HORIZON, Start, drift
-from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram
 from harness.results.benchmark import Drift

@@ -26,7 +26,7 @@ from harness.engines import Unsupported
 from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
 from harness.motion.taylor import Path
 from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, drift, reference_motion
-from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.benchmark import MotionCost, MotionTruth, Order
 

@@ -27,7 +27,7 @@ from harness.library import Library
 from harness.motion.integrators import Integrator, integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
-from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.benchmark import Figure
 

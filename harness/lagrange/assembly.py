@@ -169,7 +169,7 @@ def in_joint_positions(program: StraightLineProgram, measured_from: Parents) -> 
 
     ``measured_from`` has, for each of the n coordinates, the place of an earlier one, or None for the world. The first n
     inputs are positions, the next n rates. Outputs are those of ``harness.programs.kernels`` or of
-    ``harness.programs.mechanisms.energies``.
+    ``harness.programs.mechanisms.kernel``.
     """
     n = len(measured_from)
     instructions: list[tuple[Any, ...]] = [("input", place) for place in range(len(program.inputs))]

@@ -152,7 +152,7 @@ def equations_in_joints(equations: EquationsOfMotion, change: ChangeOfVariables)
 
 
 def energies_in_joints(equations: EnergiesInSymbols, change: ChangeOfVariables) -> dict[str, sp.Matrix]:
-    """Energies [J], power [W] and forces in joint positions and velocities, by the names of ``harness.programs.mechanisms.energies``."""
+    """Energies [J], power [W] and forces in joint positions and velocities, by the names of ``harness.programs.mechanisms.kernel``."""
     kinetic, potential, rates = equations.kinetic, equations.potential, equations.rates
     # h = T2 - T0 + V for T of second degree in the rates; the sum over v dL/dv is the same, and twice as long.
     at_rest = dict.fromkeys(rates, sp.S.Zero)

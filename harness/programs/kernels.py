@@ -13,7 +13,7 @@ efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Trans. C
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from types import CodeType
 from typing import Any
@@ -85,27 +85,22 @@ class Float64Kernel:
                 chosen[name] = [one if one == another else heyoka.select(better, another, one) for one, another in pairs]
         return inputs, chosen
 
-    def _right_hand_side(self) -> list[Any]:
-        inputs, outputs = self._symbols
-        first = position_count(self.program) + self.nv
-        return right_hand_side(outputs, inputs[first : first + self.nv])
-
     @cached_property
     def _terms(self) -> Any:
         inputs, outputs = self._symbols
-        return self._compiled([expression for name in OUTPUTS for expression in outputs[name]], inputs)
+        return compiled(inputs, outputs, OUTPUTS, len(self.program.instructions) > MOST_STRAIGHT)
 
     @cached_property
     def _accelerations(self) -> Any:
-        heyoka = load_heyoka()
-
         inputs, outputs = self._symbols
-        return heyoka.cfunc(solve_symmetric(outputs["mass"], self._right_hand_side()), vars=inputs)
+        first = position_count(self.program) + self.nv
+        forces = right_hand_side(outputs, inputs[first : first + self.nv])
+        return load_heyoka().cfunc(solve_symmetric(outputs["mass"], forces), vars=inputs)
 
-    def _compiled(self, expressions: list[Any], inputs: list[Any]) -> Any:
-        heyoka = load_heyoka()
 
-        return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(self.program.instructions) > MOST_STRAIGHT)
+def compiled(inputs: list[Any], outputs: Mapping[str, Sequence[Any]], names: Iterable[str], is_compact: bool = False) -> Any:
+    """heyoka's function of ``inputs`` that evaluates the outputs of these names, one after the other."""
+    return load_heyoka().cfunc([expression for name in names for expression in outputs[name]], vars=inputs, compact_mode=is_compact)
 
 
 def evaluated(function: Any, inputs: Array) -> Array:

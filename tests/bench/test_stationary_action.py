@@ -24,7 +24,7 @@ from harness.library import Library
 from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
-from harness.programs.mechanisms.energies import LagrangianKernel
+from harness.programs.mechanisms.kernel import LagrangianKernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.benchmark import Stationarity
 

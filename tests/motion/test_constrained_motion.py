@@ -19,7 +19,7 @@ from harness.motion.integrators.mujoco import EULER, explain_softness
 from harness.motion.integrators.pinocchio import RUNGE_KUTTA as PINOCCHIO_RUNGE_KUTTA
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start, drift
-from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.states import States
 from harness.results.benchmark import MotionCost, MotionTruth, Order
 from harness.truth.constraints.manifold import closes

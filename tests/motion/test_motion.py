@@ -97,7 +97,7 @@ def test_a_damper_that_takes_too_much_breaks_the_energy_balance(cart: Scene, jud
 
 
 def test_work_along_a_path_is_that_of_the_truth(judge: MotionJudge) -> None:
-    from harness.programs.mechanisms.energies import EnergyKernel
+    from harness.programs.mechanisms.kernel import EnergyKernel
 
     path = judge.reference.path
     power = EnergyKernel(judge.scene.mechanism).along(path.q, path.v).power

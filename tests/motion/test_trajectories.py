@@ -17,7 +17,7 @@ from harness.motion.integrators.equations import EULER_CROMER
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import TRUSTED_ERROR, Metric, Start, TrueMotion, reference_motion
 from harness.programs.kernels import BallKernel
-from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import StraightLineProgram
 from harness.programs.states import States

@@ -15,7 +15,7 @@ from harness.engines import Model, NotOffered, Subject, Unsupported
 from harness.errors import InvalidModel
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
-from harness.programs.mechanisms.energies import EnergyKernel
+from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.truth.compare import Certified, compare, farthest_block

@@ -1,28 +1,41 @@
-"""float64 accelerations, terms and derivatives of a mechanism, compiled, each state in the chart that is most regular there."""
+"""What is compiled of a mechanism in float64, each state in the chart that is most regular there.
+
+``MechanismKernel`` has accelerations and terms, ``DerivativeKernel`` their derivatives, and ``EnergyKernel`` and ``LagrangianKernel`` the
+energies: what a computed motion keeps, and what its dampers take. A mechanism's energy programs stand beside its equations, one for each
+chart, so that certification does not pay for them. Their inputs are those of the equations; their outputs are ``energy`` (Jacobi's
+energy function h), ``lagrangian`` (T - V), ``kinetic`` (T), ``power`` (Q . v), one number each, ``forces`` (the nv non-conservative
+generalised forces Q), and ``regularity`` where a chart can be singular. Along a motion
+
+    dh/dt = power + tau . v - dL/dt,   the last term by explicit time.
+
+Nothing there rests on the equations of motion that a motion was computed from, but for the mass matrix, which only measures.
+
+Source: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 1.4 and 2.7 (energy function, equation 2.53).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.arrays import Array
-from harness.programs.kernels import Float64Kernel, float64_kernel, symbols_of
+from harness.arrays import Array, Indices
+from harness.programs.kernels import (
+    MOST_INSTRUCTIONS_UNROLLED,
+    MOST_STRAIGHT,
+    Float64Kernel,
+    compiled,
+    evaluated,
+    float64_kernel,
+    symbols_of,
+)
 from harness.programs.machine_code import load_heyoka
-from harness.programs.program import StraightLineProgram, position_count, without_unused
-
-if TYPE_CHECKING:
-    from harness.programs.mechanisms.mechanism import Mechanism
-
-
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-from harness.programs.kernels import MOST_STRAIGHT, evaluated
 from harness.programs.mechanisms.dynamics_derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
+from harness.programs.program import ENERGY_OUTPUTS, StraightLineProgram, position_count, upper_triangle, without_unused
+from harness.programs.states import States
 from harness.storage import Kept
 
 if TYPE_CHECKING:
@@ -33,7 +46,7 @@ LARGE_ANGLE = 64.0
 # Instructions from which the parameters are compiled into the machine code. A shorter program is fast enough without, and
 # mechanisms that differ in parameter values alone then share its kernel.
 LEAST_WITH_PARAMETERS = 200
-Indices = np.ndarray[Any, np.dtype[np.int64]]
+_COMPILED: Kept[Any] = Kept(32)
 
 
 class Charts:
@@ -49,19 +62,12 @@ class Charts:
         return np.asarray(np.abs(self._regularity(np.ascontiguousarray(q.T, dtype=np.float64))))
 
     def most_regular(self, q: Array) -> Indices:
-        """The chart for each state, (n,)."""
-        if len(self.programs) == 1:
-            return np.zeros(len(q), dtype=np.int64)
-        highest, *others = np.fmax(self.regularity(q), -1.0)
-        best = np.zeros(len(q), dtype=np.int64)
-        for chart, regularity in enumerate(others, 1):
-            best[regularity > highest] = chart
-            highest = np.maximum(highest, regularity)
-        return best
+        """The chart for each state, (n,); of charts that are as regular the first."""
+        return np.asarray(np.fmax(self.regularity(q), -1.0).argmax(axis=0))
 
     def at(self, q: Array) -> int:
         """The chart for one state, q (nq,)."""
-        return int(self.most_regular(q[None])[0]) if len(self.programs) > 1 else 0
+        return int(self.most_regular(q[None])[0])
 
     def split(self, q: Array) -> Iterator[tuple[int, Indices]]:
         """The charts in use, each with the indices of its states; at least one chart."""
@@ -73,12 +79,9 @@ class Charts:
 
     @cached_property
     def _regularity(self) -> Any:
-        heyoka = load_heyoka()
-
         alone = [without_unused(replace(program, outputs={"regularity": program.outputs["regularity"]})) for program in self.programs]
-        inputs, _ = symbols_of(alone[0])
-        outputs = [symbols_of(program)[1]["regularity"][0] for program in alone]
-        return heyoka.cfunc(outputs, vars=inputs[: position_count(self.programs[0])])
+        (inputs, _), *_ = symbols = list(map(symbols_of, alone))
+        return load_heyoka().cfunc([outputs["regularity"][0] for _, outputs in symbols], vars=inputs[: position_count(self.programs[0])])
 
 
 class MechanismKernel:
@@ -110,12 +113,8 @@ class MechanismKernel:
         nq, nv = q.shape[1], v.shape[1]
         values = () if self._parameters is not None else self._mechanism.parameter_values
         columns = np.empty((nq + 2 * nv + 1 + len(values), len(q)))
-        columns[:nq], columns[nq : nq + nv], columns[nq + nv : nq + 2 * nv], columns[nq + 2 * nv] = (
-            q.T,
-            v.T,
-            tau.T,
-            0.0 if time is None else time,
-        )
+        columns[:nq], columns[nq : nq + nv], columns[nq + nv : nq + 2 * nv] = q.T, v.T, tau.T
+        columns[nq + 2 * nv] = 0.0 if time is None else time
         columns[nq + 2 * nv + 1 :] = np.reshape(values, (-1, 1))
         # In a sum with another angle a large one would round its digits away.
         if (np.abs(columns[:nq]) > LARGE_ANGLE).any():
@@ -159,10 +158,13 @@ class DerivativeKernel:
     def compiled(self, write: Callable[..., StraightLineProgram], chart: int) -> Any:
         """heyoka's function of q, v, the third vector and time, of the derivatives that ``write`` writes of a chart, by columns."""
         mechanism = self._mechanism
-        key = mechanism.key, self._in_body, write.__name__, chart
-        return _COMPILED.get(
-            key, lambda: _compiled(write(mechanism, self._charts.programs[chart], self._in_body), mechanism.parameter_values)
-        )
+
+        def make() -> Any:
+            program = write(mechanism, self._charts.programs[chart], self._in_body)
+            inputs, outputs = symbols_of(program, mechanism.parameter_values)
+            return compiled(inputs, outputs, outputs, len(program.instructions) > MOST_STRAIGHT)
+
+        return _COMPILED.get((mechanism.key, self._in_body, write.__name__, chart), make)
 
     def _evaluate(self, write: Callable[..., StraightLineProgram], q: Array, v: Array, third: Array, time: Array | None) -> Array:
         nv = self._mechanism.nv
@@ -173,12 +175,102 @@ class DerivativeKernel:
         return found
 
 
-def _compiled(program: StraightLineProgram, parameters: tuple[float, ...]) -> Any:
-    heyoka = load_heyoka()
+@dataclass(frozen=True)
+class Energies:
+    """Energies of n states, (n,) each.
 
-    inputs, outputs = symbols_of(program, parameters)
-    expressions = [expression for entries in outputs.values() for expression in entries]
-    return heyoka.cfunc(expressions, vars=inputs, compact_mode=len(program.instructions) > MOST_STRAIGHT)
+    Attributes:
+        energy: Jacobi's energy function [J]; T + V where T is quadratic in the rates.
+        lagrangian: T - V [J].
+        kinetic: T [J].
+        power: of the non-conservative generalised forces [W], without that of applied forces.
+    """
+
+    energy: Array
+    lagrangian: Array
+    kinetic: Array
+    power: Array
 
 
-_COMPILED: Kept[Any] = Kept(32)
+class EnergyKernel:
+    """The energies of a mechanism, each state in the chart that is most regular there; compiled on first use."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+
+    def evaluate(self, states: States) -> Energies:
+        """The energies at ``states``; a state that no chart covers gives numbers that are not finite."""
+        inputs, found = self._mechanism.inputs(states), np.empty((len(ENERGY_OUTPUTS), len(states)))
+        for chart, chosen in Charts(self._mechanism.energy_programs).split(states.q):
+            found[:, chosen] = self._compiled[chart](np.ascontiguousarray(inputs[:, chosen]))
+        return Energies(*found)
+
+    def along(self, q: Array, v: Array, time: Array | None = None) -> Energies:
+        """The energies of states without applied forces, q of shape (n, nq), v (n, nv), time (n,) [s] or 0."""
+        return self.evaluate(States.at(q, v, np.zeros_like(v), time))
+
+    @cached_property
+    def _compiled(self) -> list[Any]:
+        return [compiled(*symbols_of(program), ENERGY_OUTPUTS) for program in self._mechanism.energy_programs]
+
+
+@dataclass(frozen=True)
+class LagrangianTerms:
+    """The terms of the Euler-Lagrange equations at n states.
+
+    Attributes:
+        of_positions: dL/dq, (n, nv) [N or N m]; momenta: dL/dv, (n, nv); forces: Q without applied ones, (n, nv).
+        mass: d2L/dv2, (n, nv, nv).
+    """
+
+    of_positions: Array
+    momenta: Array
+    forces: Array
+    mass: Array
+
+
+class LagrangianKernel:
+    """T - V of a mechanism, its derivatives, and the non-conservative generalised forces; compiled on first use.
+
+    Raises:
+        ValueError: the mechanism has ball or free joints.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        if mechanism.attitudes:
+            raise ValueError(f"{mechanism.name} has a ball or free joint; dL/dq needs positions that are coordinates")
+        self.mechanism = mechanism
+
+    def lagrangian(self, q: Array, v: Array, time: Array) -> Array:
+        """L [J], (n,), at q, v (n, nv) and time (n,) [s]."""
+        return np.asarray(self._evaluate(self._lagrangian, q, v, time)[0])
+
+    def terms(self, q: Array, v: Array, time: Array) -> LagrangianTerms:
+        """The terms of the Euler-Lagrange equations at q, v (n, nv) and time (n,) [s]."""
+        nv = self.mechanism.nv
+        flat = self._evaluate(self._terms, q, v, time)
+        of_positions, momenta, forces = flat[: 3 * nv].reshape(3, nv, -1).transpose(0, 2, 1)
+        mass = np.empty((len(q), nv, nv))
+        for row, (i, j) in zip(flat[3 * nv :], upper_triangle(nv), strict=True):
+            mass[:, i, j] = mass[:, j, i] = row
+        return LagrangianTerms(of_positions, momenta, forces, mass)
+
+    def _evaluate(self, function: Any, q: Array, v: Array, time: Array) -> Array:
+        return np.asarray(function(self.mechanism.inputs(States(q, v, np.zeros_like(v), time))))
+
+    @cached_property
+    def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
+        inputs, energies = symbols_of(self.mechanism.energy_programs[0])
+        tensors = load_heyoka().diff_tensors(energies["lagrangian"], diff_args=inputs[: 2 * self.mechanism.nv], diff_order=1)
+        return inputs, {**energies, "gradient": tensors.gradient, "mass": symbols_of(self.mechanism.program)[1]["mass"]}
+
+    def _compiled(self, *names: str) -> Any:
+        return compiled(*self._symbols, names, len(self.mechanism.program.instructions) > MOST_INSTRUCTIONS_UNROLLED)
+
+    @cached_property
+    def _lagrangian(self) -> Any:
+        return self._compiled("lagrangian")
+
+    @cached_property
+    def _terms(self) -> Any:
+        return self._compiled("gradient", "forces", "mass")

@@ -43,7 +43,7 @@ class Mechanism:
         program: the equations of motion; see ``harness.programs.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
             of free joints in the body's frame, () where there is no free joint.
-        energy_programs: energies of the charts (program, *other_charts); see ``harness.programs.mechanisms.energies``.
+        energy_programs: energies of the charts (program, *other_charts); see ``harness.programs.mechanisms.kernel``.
         start: (position, rate) per coordinate that computed motions start from; () where the system declares none.
         equations_text, equations_mathml: the equations for people; "" where they would be too long to be read.
         energies_text: the system's file and the helpers it imports, without docstring, where the equations are too long.
