@@ -21,7 +21,7 @@ import sympy as sp
 
 from harness.bench import measuring
 from harness.bench.growth import arms
-from harness.bench.methods import select_methods
+from harness.bench.methods import find_methods
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, load_model
 from harness.files.model_file import read_model
@@ -336,7 +336,8 @@ def cost_ratio(name: str, first: str, second: str) -> float:
     """Fastest of the first method over fastest of the second, timed in turns, so that both meet the same noise."""
     scene = Scene.of(LIBRARY, name)
     states = generic_sample(scene.mechanism, FEW, seed=0)
-    calls = [method.prepare(scene, states).compute for method in select_methods([first, second])]
+    methods = {method.name: method for method in find_methods()}
+    calls = [methods[name].prepare(scene, states).compute for name in (first, second)]
     rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
     fastest = np.min(rounds, axis=0)
     return float(fastest[0] / fastest[1])

@@ -12,7 +12,7 @@ alone can reproduce it. What it reads as its own residual is compared with what 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,6 @@ from harness.crosscheck.tasks import Note
 from harness.results.benchmark import AccelerationCost, EngineFinding
 from harness.truth.compare import Certified, Comparison, compare
 from harness.truth.quantities.accelerations import AccelerationTruth
-from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT, Verdict
 
 # Residuals at the same states tell two ways apart where their medians differ by more than that factor.
@@ -107,36 +106,27 @@ def acceleration_costs(
 
     A method that cannot do the system, or that fails, has an entry with the reason as its note.
     """
-    mechanism = scene.mechanism
-    states = generic_sample(mechanism, effort.most, effort.seed)
+    mechanism, states = scene.mechanism, effort.states(scene.mechanism)
     truths = Truths(states)
     judged: list[Judged] = []
 
-    def cost(method: Method) -> Iterator[AccelerationCost]:
+    def cost(method: Method) -> Iterator[dict[str, Any]]:
         def reference(truth: AccelerationTruth) -> Certified:
             return truths.of(truth)[: method.most_states]
 
-        prepared = method.prepare(scene, states[: method.most_states])
+        prepared: Prepared = method.prepare(scene, states[: method.most_states])
         times = measure(prepared.compute, MINIMUM_COUNT, effort.minimum_seconds)
         rigid = AccelerationTruth(mechanism, method.linear_velocity_in_body and bool(mechanism.charts_in_body))
         own = reference(prepared.truth or rigid)
         one = Judged(method, prepared, own, compare(own, prepared.accelerations()))
-        found = _cost(mechanism.name, one, times)
+        found = {"states": len(own), **shared_fields(one.comparison, own.certified, times, len(own), prepared.note)}
         if prepared.truth is not None:
             from_rigid = compare(reference(rigid), prepared.accelerations()).known("relative_error")
-            found = replace(found, from_rigid=float(np.median(from_rigid)) if len(from_rigid) else None)
+            found["from_rigid"] = float(np.median(from_rigid)) if len(from_rigid) else None
         judged.append(one)
         yield found
 
-    def missing(method: Method, why: str, failed: bool) -> AccelerationCost:
-        about: dict[str, Any] = {"system": mechanism.name, "method": method.name, "loop": method.loop}
-        return AccelerationCost(**about, states=0, seconds_per_state=None, note=why, failed=failed)
+    def about(method: Method) -> dict[str, Any]:
+        return {"system": mechanism.name, "method": method.name, "loop": method.loop, "states": 0, "seconds_per_state": None}
 
-    costs = cost_of_each([(f"{mechanism.name}: {method.name}", method) for method in methods], cost, missing, note)
-    return costs, findings(mechanism.name, judged)
-
-
-def _cost(system: str, one: Judged, times: Sequence[float]) -> AccelerationCost:
-    n = len(one.reference)
-    measured = shared_fields(one.comparison, one.reference.certified, times, n, one.prepared.note)
-    return AccelerationCost(system=system, method=one.method.name, states=n, loop=one.method.loop, **measured)
+    return cost_of_each(AccelerationCost, methods, about, cost, note), findings(mechanism.name, judged)

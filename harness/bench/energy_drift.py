@@ -22,7 +22,7 @@ from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
-from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
+from harness.motion.integrators import Advance, Integrator
 from harness.motion.taylor import Path, Taylor
 from harness.motion.trajectories import HORIZON, Start, drift
 from harness.programs.mechanisms.kernel import EnergyKernel
@@ -81,8 +81,8 @@ def _inputs_of(program: StraightLineProgram, output: str) -> set[int]:
     return set().union(*(of[index] for index in program.outputs[output]))
 
 
-def drifts(scene: Scene, names: Sequence[str], steps: int, note: Note, step: float = STEP, seconds: float = LONGEST) -> list[Drift]:
-    """Energy over ``steps`` steps of ``step`` [s], or as many as fit into ``seconds``, of the integrators called ``names``, or of all.
+def drifts(scene: Scene, chosen: Sequence[Integrator], steps: int, note: Note, step: float = STEP, seconds: float = LONGEST) -> list[Drift]:
+    """Energy over ``steps`` steps of ``step`` [s], or as many as fit into ``seconds``, of the integrators that are ``chosen``.
 
     Dampers are taken out of the mechanism and its models. Adaptive integrators run over the same time at
     ``TOLERANCE``. An integrator that cannot express the mechanism has no entry.
@@ -95,7 +95,7 @@ def drifts(scene: Scene, names: Sequence[str], steps: int, note: Note, step: flo
     truth = Taylor(conservative).solve(start.q, start.v, np.linspace(0.0, min(HORIZON, start.horizon), KEPT))
     largest_kinetic = float(energies.along(truth.q, truth.v).kinetic.max()) or 1.0
     found: list[Drift] = []
-    for integrator in select_integrators(names, kind_of(scene)):
+    for integrator in chosen:
         note(f"{conservative.name}: {integrator.name} over {steps} steps")
         try:
             run = _runs(integrator, integrator.prepare(scene), start, step)

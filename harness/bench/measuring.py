@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import time
 import timeit
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -13,8 +13,11 @@ import numpy as np
 
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.study import sentence
 from harness.truth.compare import Comparison, Flags
+from harness.truth.sampling import generic_sample
 
 Way = TypeVar("Way")
 Cost = TypeVar("Cost")
@@ -36,27 +39,36 @@ class Effort:
 
     @property
     def most(self) -> int:
-        """States that are sampled."""
+        """Number of states that are sampled."""
         return max(self.judged, *self.counts)
+
+    def states(self, mechanism: Mechanism) -> States:
+        """The states that are sampled."""
+        return generic_sample(mechanism, self.most, self.seed)
 
 
 def cost_of_each(
-    ways: Iterable[tuple[str, Way]], cost: Callable[[Way], Iterable[Cost]], missing: Callable[[Way, str, bool], Cost], note: Note
+    kind: Callable[..., Cost],
+    ways: Iterable[Way],
+    about: Callable[[Way], Mapping[str, Any]],
+    cost: Callable[[Way], Iterable[Mapping[str, Any]]],
+    note: Note,
 ) -> list[Cost]:
-    """Costs of each way, each noted by its title before; ``missing`` makes that of one that is not measured: why, and whether it failed.
+    """Costs of each way, of the fields that are ``about`` it and those that are measured; each is noted before.
 
-    One that cannot do the system raises ``Unsupported``.
+    One that cannot do the system raises ``Unsupported``. It has one cost that says so, as has one that fails.
     """
     found: list[Cost] = []
-    for title, way in ways:
-        note(title)
+    for way in ways:
+        own = about(way)
+        note(f"{own['system']}: {' of '.join(own[name] for name in ('quantity', 'method') if name in own)}")
         try:
-            found += list(cost(way))
+            found += [kind(**{**own, **measured}) for measured in cost(way)]
         except Unsupported as reason:
-            found.append(missing(way, str(reason), False))
+            found.append(kind(**own, note=str(reason)))
         except Exception as error:
             # What one way raises or answers is not the others' fault.
-            found.append(missing(way, sentence(error), True))
+            found.append(kind(**own, note=sentence(error), failed=True))
     return found
 
 

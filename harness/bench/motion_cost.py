@@ -23,7 +23,7 @@ from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
-from harness.motion.integrators import Advance, Integrator, kind_of, select_integrators
+from harness.motion.integrators import Advance, Integrator
 from harness.motion.taylor import Path
 from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, drift, reference_motion
 from harness.programs.mechanisms.kernel import EnergyKernel
@@ -109,9 +109,9 @@ def work_along(path: Path, power: Array) -> Array:
 
 
 def motion_costs(
-    scene: Scene, names: Sequence[str], steps: Sequence[float], horizon: float, seconds: float, note: Note
+    scene: Scene, chosen: Sequence[Integrator], steps: Sequence[float], horizon: float, seconds: float, note: Note
 ) -> tuple[MotionTruth, list[MotionCost], list[Order]]:
-    """Truth, work and precision, and orders of convergence of the integrators called ``names``, or of all for none.
+    """Truth, work and precision, and orders of convergence of the integrators that are ``chosen``.
 
     ``steps`` [s] for integrators that take one, over ``horizon`` [s] or as far as the truth is trusted; a run that
     would take longer than ``seconds`` is left out with a note. An integrator that lacks its model, or cannot express
@@ -122,7 +122,7 @@ def motion_costs(
     judge = MotionJudge(scene, horizon)
     costs: list[MotionCost] = []
     orders: list[Order] = []
-    for integrator in select_integrators(names, kind_of(scene)):
+    for integrator in chosen:
         note(f"{name}: {integrator.name}")
         try:
             advance = integrator.prepare(scene)

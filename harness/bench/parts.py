@@ -7,33 +7,33 @@ from __future__ import annotations
 
 import math
 import timeit
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from harness.bench.acceleration_cost import acceleration_costs
-from harness.bench.derivative_cost import STATES, derivative_costs
 from harness.bench.energy_drift import drifts
 from harness.bench.growth import FAMILY, growth, robot_growth
 from harness.bench.measuring import Effort
-from harness.bench.methods import Method, find_derivative_methods, find_methods, select_methods
+from harness.bench.methods import DERIVATIVES, Method, find_methods
 from harness.bench.motion_cost import motion_costs
-from harness.bench.quantity_cost import SIZES, quantity_costs
+from harness.bench.quantity_cost import SIZES, STATES, derivative_costs, quantity_costs
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note
 from harness.engines import asked_of, select_subjects
-from harness.library import MECHANISMS, ROBOTS, Library
-from harness.motion.integrators import integrators, kind_of
-from harness.results.benchmark import Benchmark, Yardstick
+from harness.library import ROBOTS, Library
+from harness.motion.integrators import Integrator, integrators, kind_of
+from harness.results.benchmark import AccelerationCost, Benchmark, DerivativeCost, QuantityCost, Yardstick
 from harness.results.records import ACCELERATIONS
 from harness.truth.quantities import find_quantities, select_quantities
 
 COUNT, CALLS = 4096, 10
+Way = TypeVar("Way", Method, Integrator)
 
 
 class Stopwatch:
@@ -99,7 +99,7 @@ THOROUGHNESS = {
 }  # fmt: skip
 
 
-DERIVATIVES, MOTION, QUANTITIES = "derivatives", "motion", "quantities"
+MOTION, QUANTITIES = "motion", "quantities"
 # Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.
 MOST_INSTRUCTIONS_OF_MOTION = 5000
 
@@ -140,6 +140,11 @@ class BenchmarkSettings:
         """Effort for each way of computing something else, a tenth of the time at each of several numbers of states."""
         return Effort(counts, judged, self.seed, self.thoroughness.minimum_seconds / 10)
 
+    def chosen(self, known: Iterable[Way]) -> list[Way]:
+        """Those of the methods or integrators that are asked for, in that order; all for none."""
+        by_name = {one.name: one for one in known}
+        return [by_name[name] for name in self.methods or by_name if name in by_name]
+
     @property
     def further_quantities(self) -> list[str]:
         """The quantities beyond accelerations that are asked for; raises InvalidRequest where there is none of a name."""
@@ -174,20 +179,13 @@ def load(library: Library, name: str, note: Note) -> Scene:
     return Scene.of(library, name)
 
 
-def _chosen(settings: BenchmarkSettings, kind: str) -> list[Method]:
-    """The methods of one kind that are asked for."""
-    known = [method.name for method in find_methods(kind)]
-    names = [name for name in settings.methods if name in known]
-    return select_methods(names, kind) if names or not settings.methods else []
-
-
-def _integrators(settings: BenchmarkSettings, kind: str) -> list[str]:
-    """The names of the integrators of one kind that are asked for."""
-    return [one.name for one in integrators(kind) if not settings.methods or one.name in settings.methods]
+def _failures(costs: Iterable[AccelerationCost | DerivativeCost]) -> list[str]:
+    """A sentence for each way that failed."""
+    ways = ((cost, f"{cost.quantity} of {cost.method}" if isinstance(cost, QuantityCost) else cost.method) for cost in costs)
+    return [f"{cost.system}, {way}: {cost.note}" for cost, way in ways if cost.failed]
 
 
 def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    methods = _chosen(settings, kind_of(scene))
     stopwatch = Stopwatch()
 
     def noted(text: str) -> None:
@@ -195,19 +193,18 @@ def _accelerations(settings: BenchmarkSettings, scene: Scene, note: Note) -> Ben
         stopwatch.time()
         note(text)
 
-    costs, found = acceleration_costs(scene, methods, settings.effort, noted)
+    costs, found = acceleration_costs(scene, settings.chosen(find_methods(kind_of(scene))), settings.effort, noted)
     return Benchmark(
         accelerations=costs,
         findings=found,
         yardsticks=[Yardstick(system=scene.mechanism.name, seconds=stopwatch.fastest)] if costs else [],
-        problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed],
+        problems=_failures(costs),
     )
 
 
 def _growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
-    extent, methods = settings.thoroughness, _chosen(settings, MECHANISMS)
-    found = growth(settings.library, methods, extent.sizes, settings.effort, note)
-    return Benchmark(growth=found)
+    methods = settings.chosen(find_methods())
+    return Benchmark(growth=growth(settings.library, methods, settings.thoroughness.sizes, settings.effort, note))
 
 
 def _robot_growth(settings: BenchmarkSettings, scene: None, note: Note) -> Benchmark:
@@ -220,17 +217,16 @@ def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     if kind_of(scene) == ROBOTS and size > MOST_INSTRUCTIONS_OF_MOTION:
         found = f"its equations take {size:,} instructions; expected at most {MOST_INSTRUCTIONS_OF_MOTION:,}"
         return Benchmark(problems=[f"{scene.mechanism.name}, motion: {found}, for the truth is integrated in quadruple precision"])
-    names = _integrators(settings, kind_of(scene))
-    if not names:
+    chosen = settings.chosen(integrators(kind_of(scene)))
+    if not chosen:
         return Benchmark()
-    truth, costs, orders = motion_costs(scene, names, extent.steps, extent.horizon, extent.seconds, note)
+    truth, costs, orders = motion_costs(scene, chosen, extent.steps, extent.horizon, extent.seconds, note)
     return Benchmark(truths=[truth], motion=costs, orders=orders)
 
 
 def _drifts(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
-    extent = settings.thoroughness
-    names = _integrators(settings, kind_of(scene))
-    return Benchmark(drifts=drifts(scene, names, extent.long_steps, note, seconds=extent.long_seconds) if names else [])
+    extent, chosen = settings.thoroughness, settings.chosen(integrators(kind_of(scene)))
+    return Benchmark(drifts=drifts(scene, chosen, extent.long_steps, note, seconds=extent.long_seconds) if chosen else [])
 
 
 def vary_action(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
@@ -248,17 +244,16 @@ def _derivatives(settings: BenchmarkSettings, scene: Scene, note: Note) -> Bench
     if scene.mechanism.constraints is not None:
         # None is along motions that they allow.
         return Benchmark()
-    methods = [one for one in find_derivative_methods() if one.name in settings.methods]
-    costs = derivative_costs(scene, methods, settings.effort_at(settings.thoroughness.derivative_states, STATES), note)
-    return Benchmark(derivatives=costs, problems=[f"{cost.system}, {cost.method}: {cost.note}" for cost in costs if cost.failed])
+    effort = settings.effort_at(settings.thoroughness.derivative_states, STATES)
+    costs = derivative_costs(scene, settings.chosen(find_methods(DERIVATIVES)), effort, note)
+    return Benchmark(derivatives=costs, problems=_failures(costs))
 
 
 def _quantity(quantity: str, settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     asked = asked_of(settings.library, scene.mechanism.name, select_subjects(settings.library, settings.methods))
     effort = settings.effort_at(SIZES, settings.thoroughness.quantity_states)
     costs = quantity_costs(scene, find_quantities()[quantity], asked, effort, note)
-    problems = [f"{cost.system}, {cost.quantity} of {cost.method}: {cost.note}" for cost in costs if cost.failed]
-    return Benchmark(quantities=costs, problems=problems)
+    return Benchmark(quantities=costs, problems=_failures(costs))
 
 
 def parts_of(settings: BenchmarkSettings) -> list[BenchmarkPart]:

@@ -1,12 +1,17 @@
-"""Cost and error of every subject in a quantity beyond accelerations, on one system, by how many states are asked for at once.
+"""Cost and error of quantities beyond accelerations on one system, by how many states are asked for at once.
 
-Timed are the engine's own calls; what makes their arguments, or arranges answers for the comparison, is not. Errors are those of the
-cross-check, at the same states for each number of states at once, so that they differ only where the engine's answers do.
+Of a subject the engine's own calls are timed; what makes their arguments, or arranges answers for the comparison, is not. Errors are
+those of the cross-check, at the same states for each number of states at once, so that they differ only where the engine's answers do.
+
+Every way of computing derivatives by q and v has errors over the steps of differences. An error is relative: the length of the error of a
+matrix over the length of the matrix. Columns have the norm by which ``harness.truth.quantities.derivatives`` judges them, each taken at
+the unit of its coordinate that moves with the kinetic energy of one half joule. A step is best where the median over the states is least.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,18 +19,22 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.acceleration_cost import MINIMUM_COUNT
 from harness.bench.measuring import Effort, cost_of_each, measure, shared_fields
+from harness.bench.methods import Method
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import Truths
 from harness.crosscheck.tasks import Note
 from harness.engines import Subject, load_engine, runs_elsewhere
-from harness.results.benchmark import QuantityCost
-from harness.truth.compare import compare
+from harness.programs.states import States
+from harness.results.benchmark import DerivativeCost, QuantityCost
+from harness.truth.compare import Certified, compare
 from harness.truth.quantities import Quantity
-from harness.truth.sampling import generic_sample
+from harness.truth.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth
 
 # Numbers of states that are asked for at once.
 SIZES = (1, 10, 100, 1000, 10_000)
+# States at which errors of derivatives are measured, and how often each is timed at least.
+STATES, LEAST_COUNT = 32, 3
 
 
 def quantity_costs(scene: Scene, quantity: Quantity, subjects: Sequence[Subject], effort: Effort, note: Note) -> list[QuantityCost]:
@@ -33,11 +42,10 @@ def quantity_costs(scene: Scene, quantity: Quantity, subjects: Sequence[Subject]
 
     A subject that does not offer the quantity, or that fails, has one entry with the reason as its note.
     """
-    mechanism = scene.mechanism
-    states = generic_sample(mechanism, effort.most, effort.seed)
+    mechanism, states = scene.mechanism, effort.states(scene.mechanism)
     truths = Truths(states[: effort.judged])
 
-    def costs(subject: Subject) -> Iterator[QuantityCost]:
+    def costs(subject: Subject) -> Iterator[dict[str, Any]]:
         assignment = Assignment(scene.library, subject, mechanism, scene.models.get(subject.format), quantity=quantity.name)
         model, truth = load_audited(assignment), assignment.truth
         elsewhere = runs_elsewhere(load_engine(scene.library, subject.engine))
@@ -50,16 +58,13 @@ def quantity_costs(scene: Scene, quantity: Quantity, subjects: Sequence[Subject]
             rest = [truth.answers(model, states[start : min(start + count, judged)]) for start in range(count, judged, count)]
             comparison = compare(certified, np.concatenate([first, *rest])[:judged])
             times = measure(calls.again, MINIMUM_COUNT, effort.minimum_seconds)
-            yield QuantityCost(**about(subject), states=count, **shared_fields(comparison, certified.certified, times, count, remark))
+            yield {"states": count, **shared_fields(comparison, certified.certified, times, count, remark)}
 
     def about(subject: Subject) -> dict[str, Any]:
-        return {"system": mechanism.name, "quantity": quantity.name, "method": str(subject)}
+        named = {"system": mechanism.name, "quantity": quantity.name, "method": str(subject)}
+        return named | {"states": 0, "seconds_per_state": None}
 
-    def missing(subject: Subject, why: str, failed: bool) -> QuantityCost:
-        return QuantityCost(**about(subject), states=0, seconds_per_state=None, note=why, failed=failed)
-
-    asked = [(f"{mechanism.name}: {quantity.name} of {subject}", subject) for subject in subjects]
-    return cost_of_each(asked, costs, missing, note)
+    return cost_of_each(QuantityCost, subjects, about, costs, note)
 
 
 class EngineCalls:
@@ -94,3 +99,72 @@ class EngineCalls:
             raise ValueError("the engine was asked nothing at the states")
         for method, arguments in self._calls:
             method(*arguments)
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """Derivatives that methods of one kind are held against; ``weights``, (n, nv), are of the columns by q and by v."""
+
+    truth: DerivativeTruth
+    certified: Certified
+    weights: Array
+
+    @classmethod
+    def of(cls, scene: Scene, is_inverse: bool, in_body: bool, states: States) -> _Truth:
+        truth = DerivativeTruth(INVERSE if is_inverse else FORWARD, scene.mechanism, in_body)
+        certified = truth.evaluate(states)
+        factor = np.linalg.inv(certified.norm_factor).transpose(0, 2, 1) if is_inverse else certified.norm_factor
+        return cls(truth, certified, 1 / np.linalg.norm(factor, axis=1))
+
+    def errors(self, answers: Array) -> Array:
+        """Relative errors, (n,), the larger one of both matrices, of answers (n, 2, nv, nv); of states that are certified alone."""
+        nv = answers.shape[3]
+        columns = np.ascontiguousarray(answers.transpose(0, 1, 3, 2)).reshape(len(answers), 2 * nv, nv)
+        high, low = (values[:, : 2 * nv] for values in (self.certified.high, self.certified.low))
+        error, size = (self._lengths(values) for values in ((columns - high) - low, high))
+        # What is zero, as what friction does where there is none, is no yardstick.
+        relative = np.divide(error, size, out=np.zeros_like(error), where=size > 0)
+        return np.asarray(relative.max(axis=1)[self.certified.certified])
+
+    def _lengths(self, columns: Array) -> Array:
+        """(n, 2) lengths of the matrices by q and by v, whose columns are (n, 2 nv, nv)."""
+        lengths = np.linalg.norm(columns @ self.certified.norm_factor.transpose(0, 2, 1), axis=2).reshape(len(columns), 2, -1)
+        return np.asarray(np.linalg.norm(lengths * self.weights[:, None], axis=2))
+
+
+def derivative_costs(scene: Scene, methods: Sequence[Method], effort: Effort, note: Note) -> list[DerivativeCost]:
+    """One measurement per method, in their order: errors over the steps, and costs at the best step.
+
+    A method that cannot do the system, or that fails, has an entry with the reason as its note.
+    """
+    mechanism, states = scene.mechanism, effort.states(scene.mechanism)
+    few = states[: effort.judged]
+    truths: dict[tuple[bool, bool], _Truth] = {}
+
+    def cost(method: Method) -> Iterator[dict[str, Any]]:
+        of = method.is_inverse, method.linear_velocity_in_body and bool(mechanism.charts_in_body)
+        if of not in truths:
+            truths[of] = _Truth.of(scene, *of, few)
+        truth, third = truths[of], truths[of].truth.third(states)
+        errors = [truth.errors(method.prepare(scene, few, third[: len(few)], step)()) for step in method.steps or (0.0,)]
+        medians = [float(np.median(one)) for one in errors]
+        best = int(np.argmin(medians))
+        step = method.steps[best] if method.steps else 0.0
+        seconds = []
+        for count in effort.counts:
+            compute = method.prepare(scene, states[:count], third[:count], step)
+            seconds.append(float(np.median(measure(compute, LEAST_COUNT, effort.minimum_seconds))) / count)
+        yield {
+            "steps": list(method.steps),
+            "errors": medians,
+            "worst_errors": [float(one.max(initial=0.0)) for one in errors],
+            "best_step": step or None,
+            "error": medians[best],
+            "states": list(effort.counts),
+            "seconds_per_state": seconds,
+        }
+
+    def about(method: Method) -> dict[str, Any]:
+        return {"system": mechanism.name, "method": method.name, "of": "tau" if method.is_inverse else "qdd", "loop": method.loop}
+
+    return cost_of_each(DerivativeCost, methods, about, cost, note)

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
-from harness.bench.methods import find_derivative_methods, find_methods
-from harness.bench.parts import (
-    DERIVATIVES,
-    MOTION,
-    PARTS,
-    QUANTITIES,
-    BenchmarkPart,
-    BenchmarkSettings,
-    load,
-    parts_of,
-    vary_action,
-)
+from harness.bench.methods import DERIVATIVES, find_methods
+from harness.bench.parts import MOTION, PARTS, QUANTITIES, BenchmarkPart, BenchmarkSettings, load, parts_of, vary_action
 from harness.crosscheck.scene import Scene
 from harness.engines import engine_files, known_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
@@ -32,21 +23,24 @@ from harness.workers import Outcome
 _OPTIONS = {ACCELERATIONS: "--quantity accelerations", QUANTITIES: "--quantity", DERIVATIVES: "--derivatives", MOTION: "--motion"}
 
 
+def _names(kinds: Iterable[str], *finds: Callable[[str], Iterable[Any]]) -> list[str]:
+    """Names of all that some ways of finding declarations have of kinds of scenes, each once."""
+    return list(dict.fromkeys(one.name for find in finds for kind in kinds for one in find(kind)))
+
+
 def methods_of(settings: BenchmarkSettings) -> dict[str, list[str]]:
     """Names of all methods by what they compute, those that may be measured on the library's systems."""
-    methods, moving = (
-        list(dict.fromkeys(one.name for kind in settings.library.kinds for one in find(kind))) for find in (find_methods, integrators)
-    )
-    of_trees = [method.name for method in find_derivative_methods() if MECHANISMS in settings.library.kinds]
-    answering = [str(subject) for subject in known_subjects(settings.library) if MECHANISMS in settings.library.kinds]
-    known = {ACCELERATIONS: methods, QUANTITIES: answering, DERIVATIVES: of_trees, MOTION: moving}
-    return {kind: list(dict.fromkeys(names)) for kind, names in known.items()}
+    kinds = settings.library.kinds
+    of_trees, answering = _names([DERIVATIVES], find_methods), [str(subject) for subject in known_subjects(settings.library)]
+    if MECHANISMS not in kinds:
+        of_trees, answering = [], []
+    return {ACCELERATIONS: _names(kinds, find_methods), QUANTITIES: answering, DERIVATIVES: of_trees, MOTION: _names(kinds, integrators)}
 
 
 def _by_default(settings: BenchmarkSettings, known: dict[str, list[str]]) -> set[str]:
     """All names but those of methods whose engine is installed nowhere."""
     names = {name for those in known.values() for name in those}
-    needing = [method for method in find_derivative_methods() if method.engine] if settings.derivatives else []
+    needing = [method for method in find_methods(DERIVATIVES) if method.engine] if settings.derivatives else []
     if needing or settings.further_quantities:
         asked = subjects(settings.library)
         installed = {subject.engine for subject in asked}
@@ -58,8 +52,7 @@ def _by_default(settings: BenchmarkSettings, known: dict[str, list[str]]) -> set
 def not_for(settings: BenchmarkSettings, scene: Scene) -> list[str]:
     """A sentence for each chosen method that a scene's kind has not."""
     kind = kind_of(scene)
-    able = [one.name for find in (find_methods, integrators) for one in find(kind)]
-    able += [one.name for one in find_derivative_methods() if kind == MECHANISMS] + methods_of(settings)[QUANTITIES]
+    able = _names([kind, DERIVATIVES] if kind == MECHANISMS else [kind], find_methods, integrators) + methods_of(settings)[QUANTITIES]
     name = scene.mechanism.name
     return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in settings.methods if one not in able]
 
@@ -94,7 +87,7 @@ class BenchmarkStudy(Inquiries):
             kind = next((kind for kind, names in known.items() if name in names), None)
             if kind is None:
                 other = MECHANISMS if ROBOTS in settings.library.kinds else ROBOTS
-                if name in [one.name for find in (find_methods, integrators) for one in find(other)]:
+                if name in _names([other], find_methods, integrators):
                     raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
                 raise InvalidRequest(
                     f"no method or integrator is called {name!r}; {nearest(name, [one for names in known.values() for one in names])}"
@@ -159,7 +152,7 @@ class BenchmarkStudy(Inquiries):
     def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
         """The methods of a part by the engine that not everybody installs, "" for none: one that dies costs no measurements of others."""
         files = engine_files(self.settings.library)
-        engines = {method.name: method.engine for method in find_derivative_methods()}
+        engines = {method.name: method.engine for method in find_methods(DERIVATIVES)}
         engines |= {str(one): one.engine for one in known_subjects(self.settings.library) if files[one.engine].elsewhere}
         found: dict[str, list[str]] = {}
         for name in self.methods[part.kind]:

@@ -57,10 +57,10 @@ def _methods() -> Table:
 
 
 def _derivatives() -> Table:
-    from harness.bench.methods import find_derivative_methods
+    from harness.bench.methods import DERIVATIVES, find_methods
 
     return Table.of(
-        find_derivative_methods(),
+        find_methods(DERIVATIVES),
         {
             "method": "name",
             "reads": "format",

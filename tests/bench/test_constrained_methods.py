@@ -14,7 +14,7 @@ import pytest
 
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.measuring import Effort
-from harness.bench.methods import Method, Prepared, find_methods, select_methods
+from harness.bench.methods import Method, Prepared, find_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.study import BenchmarkStudy
 from harness.crosscheck.scene import Scene
@@ -32,6 +32,7 @@ from harness.workers import Workers
 
 LIBRARY = Library.built_in()
 COUNT = 24
+METHODS = {method.name: method for method in find_methods(CONSTRAINED)}
 # What none of these should be, by the sources that their modules name; all others agree.
 WRONG = {
     "heyoka float32",
@@ -116,14 +117,14 @@ def test_a_residual_that_tells_nothing_is_said_to() -> None:
 
 
 def test_all_stages_leave_a_mechanism_without_gravity_as_it_is() -> None:
-    methods = select_methods(["mujoco batch", "mujoco batch, all stages on"], CONSTRAINED)
+    methods = [METHODS[name] for name in ("mujoco batch", "mujoco batch, all stages on")]
     costs, found = acceleration_costs(scene("andrews_squeezer"), methods, Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)
     assert found == [] and all(cost.backward_error is not None and cost.backward_error <= AGREEMENT for cost in costs)
 
 
 def test_an_answer_to_another_problem_is_condemned() -> None:
     """MuJoCo's answers are right for the problem that the file declares, and for no other."""
-    [soft] = select_methods(["mujoco batch, impedance 0.9"], CONSTRAINED)
+    soft = METHODS["mujoco batch, impedance 0.9"]
 
     def held_against_rigid(scene: Scene, states: States) -> Prepared:
         return replace(soft.prepare(scene, states), truth=AccelerationTruth(scene.mechanism))
@@ -153,7 +154,7 @@ def test_a_method_that_is_not_for_the_system_is_told() -> None:
 
 
 def test_a_model_without_mjcf_is_refused_by_name() -> None:
-    [method] = select_methods(["mujoco batch, CG"], CONSTRAINED)
+    method = METHODS["mujoco batch, CG"]
     states = generic_sample(scene("four_bar").mechanism, 2, 0)
     with pytest.raises(Unsupported, match="four_bar has no MJCF model"):
         method.prepare(replace(scene("four_bar"), models={}), states)

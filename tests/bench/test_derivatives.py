@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.bench.derivative_cost import STATES, derivative_costs
 from harness.bench.measuring import Effort
-from harness.bench.methods import DerivativeMethod, find_derivative_methods
-from harness.bench.parts import DERIVATIVES, PARTS, BenchmarkSettings
+from harness.bench.methods import DERIVATIVES, Method, find_methods
+from harness.bench.parts import PARTS, BenchmarkSettings
+from harness.bench.quantity_cost import STATES, derivative_costs
 from harness.bench.study import BenchmarkStudy, not_for
 from harness.crosscheck.scene import Scene
 from harness.engines import installed_version, load_engine
@@ -23,7 +23,7 @@ from harness.results.benchmark import DerivativeCost
 
 LIBRARY = Library.built_in()
 # Those of engines that not everybody installs are tested in environments of these: tests/engines.
-METHODS = {method.name: method for method in find_derivative_methods() if not method.engine}
+METHODS = {method.name: method for method in find_methods(DERIVATIVES) if not method.engine}
 # Hinges, a spring between points, a ball joint, and a free one.
 SYSTEMS = ("arm_2r", "collar", "heavy_top", "quadrotor")
 # Of what truncates: one-sided differences and central ones.
@@ -41,7 +41,7 @@ def scene(name: str) -> Scene:
     return Scene.of(LIBRARY, name)
 
 
-def costs(name: str, *methods: DerivativeMethod) -> list[DerivativeCost]:
+def costs(name: str, *methods: Method) -> list[DerivativeCost]:
     return derivative_costs(scene(name), methods, Effort((1, 4), STATES, 3, 0.0), lambda text: None)
 
 
@@ -78,7 +78,7 @@ def test_a_transposed_answer_is_wrong_at_every_step(method: str, monkeypatch: py
         compute = own.prepare(*arguments)
         return lambda: compute().transpose(0, 1, 3, 2)
 
-    wrong = DerivativeMethod("wrong", own.format, own.is_inverse, transposed, own.loop, own.linear_velocity_in_body, own.steps)
+    wrong = replace(own, name="wrong", prepare=transposed)
     right, spoiled = costs("arm_2r", own, wrong)
     assert right.error is not None and spoiled.error is not None
     assert right.error < 1e-6 and spoiled.error > 0.1 and spoiled.note == ""
@@ -88,7 +88,7 @@ def test_what_fails_costs_its_own_row_alone() -> None:
     def broken(*arguments: Any) -> Any:
         raise RuntimeError("no license")
 
-    found = costs("arm_2r", DerivativeMethod("broken", "urdf", False, broken), METHODS["heyoka derivatives of qdd"])
+    found = costs("arm_2r", Method("broken", "urdf", broken), METHODS["heyoka derivatives of qdd"])
     assert (found[0].failed, found[0].error) == (True, None) and "no license" in found[0].note
     assert not found[1].failed and found[1].error is not None
 
@@ -96,7 +96,7 @@ def test_what_fails_costs_its_own_row_alone() -> None:
 def test_methods_of_an_engine_that_is_installed_nowhere_are_measured_by_name_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
     monkeypatch.setattr("harness.engines.files._DESCRIBED", {})
-    missing = [method for method in find_derivative_methods() if method.engine and not is_installed(method.engine)]
+    missing = [method for method in find_methods(DERIVATIVES) if method.engine and not is_installed(method.engine)]
     assert missing, "one of the engines is not installed beside the harness"
     settings = BenchmarkSettings(library=LIBRARY, names=("arm_2r",), derivatives=True)
     assert not {method.name for method in missing} & set(BenchmarkStudy(settings).methods[DERIVATIVES])

@@ -16,11 +16,10 @@ from harness.bench import acceleration_cost
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.growth import exponent, growth, robot_growth
 from harness.bench.measuring import Effort
-from harness.bench.methods import Method, Prepared, find_methods, select_methods
+from harness.bench.methods import Method, Prepared, find_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.errors import InvalidRequest
 from harness.files.model_file import parse_model
 from harness.library import Library
 from harness.programs.numbers import UNIT_ROUNDOFF
@@ -153,7 +152,7 @@ def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypat
     failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)[0]
     assert (failed.failed, failed.note, failed.seconds_per_state) == (True, "ZeroDivisionError: planted", None)
     assert not done.failed and done.seconds_per_state is not None
-    monkeypatch.setattr("harness.bench.parts.select_methods", lambda names, of: [planted])
+    monkeypatch.setattr("harness.bench.parts.find_methods", lambda of: [planted])
     settings = BenchmarkSettings(library=Library.built_in())
     assert _accelerations(settings, scene("arm_2r"), lambda text: None).problems == ["arm_2r, planted: ZeroDivisionError: planted"]
     with pytest.raises(RuntimeError, match="planted: ZeroDivisionError"):
@@ -188,24 +187,13 @@ def test_a_new_file_is_a_new_method(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "planted_methods.py").write_text(
         textwrap.dedent("""
         from harness.bench.methods import Method
-        from harness.bench.methods.equations import FLOAT64
-        PLANTED = Method("a planted method", "equations", FLOAT64.prepare)
+        from harness.bench.methods.equations import METHODS
+        PLANTED = Method("a planted method", "equations", METHODS[3].prepare)
         """)
     )
     monkeypatch.setattr(harness.bench.methods, "__path__", [*harness.bench.methods.__path__, str(tmp_path)])
     names = [method.name for method in find_methods()]
     assert names == sorted({*METHODS, "a planted method"})
-    assert [method.name for method in select_methods(["a planted method"])] == ["a planted method"]
-
-
-def test_methods_are_selected_by_name() -> None:
-    assert [method.name for method in select_methods([])] == sorted(METHODS)
-    assert [method.name for method in select_methods(["pinocchio aba", "mujoco batch", "pinocchio aba"])] == [
-        "pinocchio aba",
-        "mujoco batch",
-    ]
-    with pytest.raises(InvalidRequest, match="no method is called 'pinocchio abba'; did you mean 'pinocchio aba'"):
-        select_methods(["pinocchio abba"])
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.0])
@@ -235,7 +223,7 @@ def test_growth_of_a_robot() -> None:
 
 
 def test_growth_over_a_family() -> None:
-    methods = select_methods(["pinocchio aba", "heyoka float64"])
+    methods = [METHODS["pinocchio aba"], METHODS["heyoka float64"]]
     found = growth(LIBRARY, methods, (1, 3), Effort((64,), 64, 0, 0.0), lambda text: None)
     assert [(entry.family, entry.method, entry.expected) for entry in found] == [
         (("chain"), method.name, method.growth) for method in methods

@@ -12,7 +12,7 @@ from support import InThisProcess, completed, harness
 from harness.arrays import Array
 from harness.bench.acceleration_cost import acceleration_costs
 from harness.bench.measuring import Effort
-from harness.bench.methods import find_methods, select_methods
+from harness.bench.methods import find_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.parts import BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
@@ -68,9 +68,8 @@ def test_an_engine_that_is_wrong_has_a_large_error(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_motion_of_the_file_is_that_of_the_engine_in_small_steps() -> None:
-    truth, costs, orders = motion_costs(
-        scene(LEG), ["mujoco RK4", "equations RK4", "equations Taylor"], (1e-2, 1e-3), 0.5, 10.0, lambda text: None
-    )
+    chosen = select_integrators(["mujoco RK4", "equations RK4", "equations Taylor"], ROBOTS)
+    truth, costs, orders = motion_costs(scene(LEG), chosen, (1e-2, 1e-3), 0.5, 10.0, lambda text: None)
     assert truth.error < 1e-15 and {order.integrator: order.verdict for order in orders} == dict.fromkeys(
         ("mujoco RK4", "equations RK4"), "as expected"
     )
@@ -82,7 +81,8 @@ def test_a_motion_of_the_file_is_that_of_the_engine_in_small_steps() -> None:
 def test_springs_that_the_reader_passes_over_are_part_of_the_engine_s_motion(tmp_path: Path) -> None:
     spring = '<gazebo reference="hip"><springStiffness>2</springStiffness><springReference>0</springReference></gazebo></robot>'
     (tmp_path / "sprung.urdf").write_text(LEG.read_text().replace("</robot>", spring))
-    _, costs, orders = motion_costs(scene(tmp_path / "sprung.urdf"), ["mujoco RK4"], (1e-2, 1e-3), 0.5, 10.0, lambda text: None)
+    own = select_integrators(["mujoco RK4"], ROBOTS)
+    _, costs, orders = motion_costs(scene(tmp_path / "sprung.urdf"), own, (1e-2, 1e-3), 0.5, 10.0, lambda text: None)
     assert [order.verdict for order in orders] == ["as expected"]
     assert min(cost.state_error for cost in costs if cost.state_error is not None) < 1e-8
 
@@ -121,7 +121,6 @@ def test_each_way_says_what_it_is_of() -> None:
     assert {"lambdify, numpy batch", "mujoco batch"}.isdisjoint(method.name for method in find_methods(ROBOTS))
     assert {"recursion float64"}.isdisjoint(method.name for method in find_methods(MECHANISMS))
     assert {"pinocchio RK4"}.isdisjoint(one.name for one in integrators(ROBOTS))
-    assert [method.name for method in select_methods(["certified balls"], ROBOTS)] == ["certified balls"]
     with pytest.raises(InvalidRequest, match="is for mechanisms"):
         BenchmarkStudy(BenchmarkSettings(library=RobotLibrary.of([str(ARM)]), names=[str(ARM)], methods=["mujoco batch"]))
     with pytest.raises(InvalidRequest, match="is for robots"):

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from support import harness
 
-from harness.bench.methods import find_derivative_methods, find_methods
+from harness.bench.methods import DERIVATIVES, find_methods
 from harness.diagnosis.faults.campaign import kinds_of_faults
 from harness.hard.cases import hard_cases
 from harness.motion.integrators import KINDS, integrators
 
 NAMES = {
     "cases": ("case", hard_cases()),
-    "derivatives": ("method", [method.name for method in find_derivative_methods()]),
+    "derivatives": ("method", [method.name for method in find_methods(DERIVATIVES)]),
     "faults": ("kind", kinds_of_faults()),
     "integrators": ("integrator", [integrator.name for integrator in integrators()]),
     "methods": ("method", list(dict.fromkeys(method.name for of in KINDS for method in find_methods(of)))),

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from support import harness, harness_in_a_process, make_library
 
-from harness.bench.methods import find_derivative_methods
+from harness.bench.methods import find_methods
 from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects
 from harness.engines.coordinates import BALL, FREE, Columns, rotation
 from harness.environments.folders import find_environments
@@ -215,5 +215,5 @@ def test_automatic_derivatives_are_on_the_chart(name: str, environment: Callable
     done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=variables, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     found = {one["method"]: one for one in json.loads((tmp_path / "out.json").read_text())["benchmark"]["derivatives"]}
-    own = [method.name for method in find_derivative_methods() if method.engine == name]
+    own = [method.name for method in find_methods("derivatives") if method.engine == name]
     assert len(own) == 2 and all(not found[one]["note"] and found[one]["error"] < 1e-12 for one in own)

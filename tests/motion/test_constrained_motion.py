@@ -9,14 +9,15 @@ import pytest
 
 from harness.bench.energy_drift import drifts
 from harness.bench.motion_cost import motion_costs
-from harness.bench.parts import BenchmarkSettings, _integrators, _motion, vary_action
+from harness.bench.parts import BenchmarkSettings, _motion, vary_action
 from harness.crosscheck.scene import Scene
 from harness.lagrange.derivation import load_mechanism
 from harness.library import CONSTRAINED, MECHANISMS, Library
-from harness.motion.integrators import integrators
+from harness.motion.integrators import integrators, select_integrators
 from harness.motion.integrators.equations import RUNGE_KUTTA
 from harness.motion.integrators.mujoco import EULER, explain_softness
 from harness.motion.integrators.pinocchio import RUNGE_KUTTA as PINOCCHIO_RUNGE_KUTTA
+from harness.motion.integrators.variational import MIDPOINT
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start, drift
 from harness.programs.mechanisms.kernel import EnergyKernel
@@ -41,7 +42,7 @@ def four_bar() -> Scene:
 
 @pytest.fixture(scope="module")
 def measured(four_bar: Scene) -> Measured:
-    truth, costs, orders = motion_costs(four_bar, ASKED, (1e-2, 5e-3, 2.5e-3), HORIZON, 5.0, silent)
+    truth, costs, orders = motion_costs(four_bar, select_integrators(ASKED, CONSTRAINED), (1e-2, 5e-3, 2.5e-3), HORIZON, 5.0, silent)
     by_integrator = {name: [cost for cost in costs if cost.integrator == name] for name in ASKED}
     return truth, by_integrator, {order.integrator: order for order in orders}
 
@@ -108,7 +109,7 @@ def test_an_integrator_of_trees_is_not_asked_of_constraints() -> None:
     trees, tied = ({one.name for one in integrators(kind)} for kind in (MECHANISMS, CONSTRAINED))
     assert trees - tied == {"equations variational midpoint"} and tied <= trees
     settings = BenchmarkSettings(library=LIBRARY, methods=["equations variational midpoint"], motion=True)
-    assert (_integrators(settings, MECHANISMS), _integrators(settings, CONSTRAINED)) == (["equations variational midpoint"], [])
+    assert [settings.chosen(integrators(kind)) for kind in (MECHANISMS, CONSTRAINED)] == [[MIDPOINT], []]
 
 
 def test_what_has_no_variations_is_left_out(four_bar: Scene) -> None:
@@ -119,7 +120,7 @@ def test_what_has_no_variations_is_left_out(four_bar: Scene) -> None:
 
 @pytest.mark.costly
 def test_energy_and_constraint_drift_over_a_long_run(four_bar: Scene) -> None:
-    rigid, soft = drifts(four_bar, [PINOCCHIO_RUNGE_KUTTA.name, EULER.name], 4096, silent, seconds=0.5)
+    rigid, soft = drifts(four_bar, [PINOCCHIO_RUNGE_KUTTA, EULER], 4096, silent, seconds=0.5)
     by_name = {one.integrator: one for one in (rigid, soft)}
     own, of_mujoco = by_name[PINOCCHIO_RUNGE_KUTTA.name], by_name[EULER.name]
     assert own.gap is not None and 0 < own.gap < 1e-6 and own.largest < 1e-6

@@ -13,9 +13,10 @@ from harness.crosscheck.scene import Scene
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
 from harness.library import Library
-from harness.motion.integrators import integrators
+from harness.motion.integrators import integrators, select_integrators
 from harness.motion.integrators.equations import EULER_CROMER, RUNGE_KUTTA
 from harness.motion.integrators.mujoco import RUNGE_KUTTA as MUJOCO_RUNGE_KUTTA
+from harness.motion.integrators.variational import MIDPOINT
 from harness.results.benchmark import MotionCost, MotionTruth, Order
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
@@ -41,7 +42,7 @@ def judge(cart: Scene) -> MotionJudge:
 
 @pytest.fixture(scope="module")
 def measured(cart: Scene) -> Measured:
-    return motion_costs(cart, [], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
+    return motion_costs(cart, integrators(), [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
 
 
 @pytest.mark.costly
@@ -83,7 +84,7 @@ def test_a_wrong_model_has_no_order(cart: Scene) -> None:
     [mass] = [number for number in find_numbers(model.text, "mjcf") if number.attribute == "mass" and number.value == 10]
     wrong = parse_model(model.path, with_values(model.text, {mass: 10 * (1 + 1e-5)}), "mjcf")
     planted = replace(cart, models={**cart.models, "mjcf": wrong})
-    _, costs, [order] = motion_costs(planted, [MUJOCO_RUNGE_KUTTA.name], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
+    _, costs, [order] = motion_costs(planted, [MUJOCO_RUNGE_KUTTA], [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
     assert order.verdict != "as expected"
     assert 1e-6 < (costs[-1].state_error or 0.0) < 1e-4
 
@@ -120,12 +121,12 @@ def test_what_takes_too_long_is_left_out_and_says_so(cart: Scene) -> None:
 
 def test_what_cannot_be_expressed_says_why() -> None:
     scene = Scene.of(LIBRARY, "spring_damper")
-    _, costs, orders = motion_costs(replace(scene, models={}), ["mujoco RK4"], [1e-2], 1.0, 1.0, silent)
+    _, costs, orders = motion_costs(replace(scene, models={}), [MUJOCO_RUNGE_KUTTA], [1e-2], 1.0, 1.0, silent)
     assert [cost.note for cost in costs] == ["unsupported: spring_damper has no MJCF model"] and orders == []
 
 
 def _costs(scene: Scene, name: str, seconds: float = 2.0) -> list[MotionCost]:
-    return motion_costs(scene, [name], [1e-1, 1e-2, 1e-3], 2.0, seconds, silent)[1]
+    return motion_costs(scene, select_integrators([name]), [1e-1, 1e-2, 1e-3], 2.0, seconds, silent)[1]
 
 
 @pytest.mark.parametrize(
@@ -149,7 +150,7 @@ def test_growth_of_energy_errors_has_a_name(errors: object, verdict: str) -> Non
 @pytest.mark.costly
 def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene) -> None:
     names = ["equations variational midpoint", "equations RK4", "mujoco RK4", "mujoco discrete"]
-    found = {drift.integrator: drift for drift in drifts(cart, names, 40000, silent, step=5e-3)}
+    found = {drift.integrator: drift for drift in drifts(cart, select_integrators(names), 40000, silent, step=5e-3)}
     assert [found[name].verdict for name in names] == ["bounded", "secular", "secular", "secular"]
     assert [found[name].expected for name in names] == ["bounded", "secular", "secular", ""]
     assert found["equations RK4"].largest == pytest.approx(found["mujoco RK4"].largest, rel=0.01)
@@ -159,10 +160,7 @@ def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene
 def test_theory_is_silent_where_all_error_is_rounding() -> None:
     """On a linear system the midpoint rule keeps the energy exactly, so that what is left walks at random."""
     scene = Scene.of(LIBRARY, "spring_damper")
-    names = ["equations variational midpoint", "equations RK4"]
-    midpoint, runge_kutta = drifts(scene, names, 20000, silent)
-    if midpoint.integrator != names[0]:
-        midpoint, runge_kutta = runge_kutta, midpoint
+    midpoint, runge_kutta = drifts(scene, [MIDPOINT, RUNGE_KUTTA], 20000, silent)
     assert midpoint.largest < 1e-12
     assert (midpoint.expected, runge_kutta.expected) == ("", "secular")
 
@@ -185,5 +183,5 @@ def test_dampers_go_from_equations_and_models_alike(name: str) -> None:
 @pytest.mark.parametrize("name", ["collar", "arm_2r", "cart_pendulum"])
 def test_energy_over_a_million_steps(name: str) -> None:
     scene = Scene.of(LIBRARY, name)
-    for drift in drifts(scene, [], 10**6, silent):
+    for drift in drifts(scene, integrators(), 10**6, silent):
         assert drift.expected in ("", drift.verdict), drift

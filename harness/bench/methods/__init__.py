@@ -1,4 +1,4 @@
-"""Ways of computing accelerations, each a ``Method`` declared in a module of this package, and ``derivatives``.
+"""Ways of computing accelerations and their derivatives, each a ``Method`` declared in a module of this package.
 
 A method is prepared once for a scene and its states, which loads, compiles and converts; what is timed
 afterwards covers all states and nothing else.
@@ -6,19 +6,24 @@ afterwards covers all states and nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.scene import Scene
+from harness.engines import Subject
+from harness.files.text.scan import compact
 from harness.library import MECHANISMS
 from harness.programs.states import States
-from harness.registry import Registry, select
+from harness.registry import Registry
 from harness.truth.quantities.accelerations import AccelerationTruth
 
+# What a method is of that computes derivatives, beside the kinds of scenes.
+DERIVATIVES = "derivatives"
 Accelerations = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
 
@@ -43,77 +48,65 @@ class Prepared:
     reproducer: Callable[[int, Array], str] | None = None
     residual: Callable[[], Array] | None = None
 
+    @classmethod
+    def keeping(cls, function: Callable[[], Any], arranged: Callable[[Any], Accelerations], note: str = "", **more: Any) -> Prepared:
+        """A method whose accelerations are what the last call of ``function`` returned, ``arranged`` where they are asked for."""
+        last: list[Any] = []
+
+        def compute() -> None:
+            last[:] = [function()]
+
+        return cls(compute, lambda: arranged(last[0]), note, **more)
+
 
 @dataclass(frozen=True)
 class Method:
-    """One way of computing accelerations.
+    """One way of computing accelerations, or the derivatives by q and v of a tree's accelerations or forces.
 
     Attributes:
         name: for the command line and the report.
         format: what it reads: "equations", "mjcf" or "urdf".
         loop: what goes from state to state: "Python", at the cost of a call for each, or what is called once for all of them.
-        prepare: loads and converts. It raises ``harness.engines.Unsupported`` where the method cannot do the system.
+        prepare: loads and converts: a scene and states to ``Prepared``; of derivatives also the applied forces or the accelerations
+            (n, nv) and a step, to what is timed and gives (n, 2, nv, nv), by q and by v. It raises ``harness.engines.Unsupported`` where
+            the method cannot do the system.
         growth: highest exponent of cost over the number of bodies of a chain that the algorithm allows, for
             the reader: "1", "up to 3".
-        linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame.
+        linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame, and moves its position there.
         most_states: how many it is given at most, where more would only take time; None for as many as there are.
-        of: what it computes, some of ``KINDS``: mechanisms with their energies and models, those with constraints, robots' files.
+        of: what it computes, some of ``KINDS``: mechanisms with their energies and models, those with constraints, robots' files; or
+            ``DERIVATIVES`` alone.
+        is_inverse: of derivatives, whether they are of the forces that give accelerations.
+        steps: of finite differences, which are tried; () for derivatives that have none.
+        engine: that not everybody installs, without which derivatives are measured by name alone; "" for what is always there.
     """
 
     name: str
     format: str
-    prepare: Callable[[Scene, States], Prepared]
+    prepare: Callable[..., Any]
     loop: str = ""
     growth: str = ""
     linear_velocity_in_body: bool = False
     most_states: int | None = None
     of: tuple[str, ...] = (MECHANISMS,)
-
-
-@dataclass(frozen=True)
-class DerivativeMethod:
-    """One way of computing the derivatives of a tree's accelerations or forces by q and v.
-
-    Attributes:
-        name: for the command line and the report.
-        format: what it reads: "equations", "mjcf" or "urdf".
-        is_inverse: whether they are of the forces that give accelerations.
-        prepare: of a scene, states, the applied forces or the accelerations (n, nv), and a step, loads and converts; what it returns is
-            timed, and gives (n, 2, nv, nv), by q and by v. It raises ``harness.engines.Unsupported`` where the method cannot do the system.
-        loop: what goes from state to state, as of ``Method``.
-        linear_velocity_in_body: whether it takes the linear velocity of a free joint in the body's frame, and moves its position there.
-        steps: of finite differences, which are tried; () for derivatives that have none.
-        engine: that not everybody installs, without which it is measured by name alone; "" for a method of what is always there.
-    """
-
-    name: str
-    format: str
-    is_inverse: bool
-    prepare: Callable[[Scene, States, Array, float], Callable[[], Array]]
-    loop: str = ""
-    linear_velocity_in_body: bool = False
+    is_inverse: bool = False
     steps: tuple[float, ...] = ()
     engine: str = ""
 
 
-_DERIVATIVE_METHODS = Registry(__name__, DerivativeMethod, "method")
 _METHODS = Registry(__name__, Method, "method")
 
 
-def find_derivative_methods() -> list[DerivativeMethod]:
-    """Every one that a module of this package holds, sorted by name."""
-    return list(_DERIVATIVE_METHODS.sorted().values())
-
-
 def find_methods(of: str = MECHANISMS) -> list[Method]:
-    """Every method of one of ``KINDS`` that a module of this package holds, sorted by name."""
+    """Every method of one of ``KINDS``, or of ``DERIVATIVES``, that a module of this package holds, sorted by name."""
     return [method for method in _METHODS.sorted().values() if of in method.of]
 
 
-def select_methods(names: Sequence[str], of: str = MECHANISMS) -> list[Method]:
-    """The methods of one of ``KINDS`` called ``names``, or all of them for none.
+def truth_of_engine(scene: Scene, engine: str, model_format: str) -> AccelerationTruth:
+    """The problem that an engine solves on one of the scene's models; ``rigid`` is None where that is the mechanism's own."""
+    return acceleration_truth_of(Assignment(scene.library, Subject(engine, model_format), scene.mechanism, scene.models[model_format]))
 
-    Raises:
-        InvalidRequest: a name no method has; the message gives the nearest one.
-    """
-    return select(names, {method.name: method for method in find_methods(of)}, "method")
+
+def reproducer_of(model: Any, text: str, states: States) -> Callable[[int, Array], str]:
+    """``Prepared.reproducer`` of an engine's model that was loaded from ``text``."""
+    return lambda at, certified: str(model.reproducer(repr(compact(text)), states.q[at], states.v[at], states.tau[at], certified))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.methods import DerivativeMethod
+from harness.bench.methods import DERIVATIVES, Method
 from harness.crosscheck.scene import Scene
 from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine
 from harness.engines.adapters.mujoco import MujocoModel
@@ -26,6 +26,8 @@ from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.programs.states import States
 
 Compute = Callable[[], Array]
+# By q and by v, at the state that an engine's data hold.
+Both = Callable[[], tuple[Array, Array]]
 # From where truncation hides everything to where rounding does.
 STEPS = tuple(10.0**-exponent for exponent in range(1, 13))
 
@@ -73,88 +75,91 @@ def _differences_of_pinocchio(is_inverse: bool, scene: Scene, states: States, th
     return compute
 
 
-class _Mujoco:
-    """States in MuJoCo's own form."""
-
-    def __init__(self, scene: Scene, states: States, third: Array) -> None:
-        import mujoco
-
-        loaded: MujocoModel = scene.load("mujoco", "mjcf")
-        self.model, self._loaded = copy.copy(loaded.model), loaded
-        self.model.opt.integrator, self.model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, 1.0
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-        self.data, self._rows = mujoco.MjData(self.model), list(zip(states.q, states.v, third, strict=True))
-
-    def one_by_one(self, name: str, derivatives: Callable[[Any, Any], tuple[Array, Array]]) -> Compute:
-        """Of (model, data) at one state after the other, whose third vector is the data's ``name``."""
-        model, data, (positions, velocities) = self.model, self.data, self._loaded.addresses
-        found = np.empty((len(self._rows), 2, model.nv, model.nv))
-
-        def compute() -> Array:
-            for state, (q, v, third) in enumerate(self._rows):
-                data.qpos[positions], data.qvel[velocities], getattr(data, name)[velocities] = q, v, third
-                found[state] = derivatives(model, data)
-            return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])
-
-        return compute
-
-
-def _transition(is_centred: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
+def _of_mujoco(
+    make: Callable[..., Callable[[], tuple[Array, Array]]], name: str, scene: Scene, states: States, third: Array, step: float
+) -> Compute:
+    """Derivatives at one state after the other, whose third vector is the data's ``name``; ``make`` of (model, data, step)."""
     import mujoco
 
-    batch = _Mujoco(scene, states, third)
-    nv = batch.model.nv
+    loaded: MujocoModel = scene.load("mujoco", "mjcf")
+    model, (positions, velocities) = copy.copy(loaded.model), loaded.addresses
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, 1.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+    data = mujoco.MjData(model)
+    derivatives, rows = make(model, data, step), list(zip(states.q, states.v, third, strict=True))
+    found = np.empty((len(rows), 2, model.nv, model.nv))
+
+    def compute() -> Array:
+        for state, (q, v, row) in enumerate(rows):
+            data.qpos[positions], data.qvel[velocities], getattr(data, name)[velocities] = q, v, row
+            found[state] = derivatives()
+        return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])
+
+    return compute
+
+
+def _transition(is_centred: bool, model: Any, data: Any, step: float) -> Both:
+    import mujoco
+
+    nv = model.nv
     matrix = np.zeros((2 * nv, 2 * nv))
 
-    def derivatives(model: Any, data: Any) -> tuple[Array, Array]:
+    def derivatives() -> tuple[Array, Array]:
         mujoco.mjd_transitionFD(model, data, step, is_centred, matrix, None, None, None)
         return matrix[nv:, :nv].copy(), matrix[nv:, nv:] - np.eye(nv)
 
-    return batch.one_by_one("qfrc_applied", derivatives)
+    return derivatives
 
 
-def _inverse(scene: Scene, states: States, third: Array, step: float) -> Compute:
+def _inverse(model: Any, data: Any, step: float) -> Both:
     import mujoco
 
-    batch = _Mujoco(scene, states, third)
-    by_position, by_velocity = np.zeros((2, batch.model.nv, batch.model.nv))
+    by_position, by_velocity = np.zeros((2, model.nv, model.nv))
 
-    def derivatives(model: Any, data: Any) -> tuple[Array, Array]:
+    def derivatives() -> tuple[Array, Array]:
         mujoco.mjd_inverseFD(model, data, step, False, by_position, by_velocity, None, None, None, None, None)
         return by_position.T, by_velocity.T
 
-    return batch.one_by_one("qacc", derivatives)
+    return derivatives
 
 
-def _of(subject: str, name: str, is_inverse: bool, loop: str = "Python", **more: Any) -> DerivativeMethod:
+def _method(name: str, model_format: str, is_inverse: bool, prepare: Callable[..., Compute], loop: str = "Python", **more: Any) -> Method:
+    return Method(name, model_format, prepare, loop, is_inverse=is_inverse, of=(DERIVATIVES,), **more)
+
+
+def _own(subject: str, name: str, is_inverse: bool, loop: str = "Python", **more: Any) -> Method:
     """Derivatives that an engine gives itself."""
     own = Subject(*subject.split("/"))
-    return DerivativeMethod(name, own.format, is_inverse, partial(_of_engine, own, is_inverse), loop, **more)
+    return _method(name, own.format, is_inverse, partial(_of_engine, own, is_inverse), loop, **more)
 
 
-_DIFFERENCES: dict[str, Any] = {"loop": "Python", "steps": STEPS}
 METHODS = (
-    DerivativeMethod("heyoka derivatives of qdd", EQUATIONS, False, partial(_compiled, False), "machine code"),
-    DerivativeMethod("heyoka derivatives of tau", EQUATIONS, True, partial(_compiled, True), "machine code"),
-    _of("pinocchio/urdf", "pinocchio computeABADerivatives", False, linear_velocity_in_body=True),
-    _of("pinocchio/urdf", "pinocchio computeRNEADerivatives", True, linear_velocity_in_body=True),
+    _method("heyoka derivatives of qdd", EQUATIONS, False, partial(_compiled, False), "machine code"),
+    _method("heyoka derivatives of tau", EQUATIONS, True, partial(_compiled, True), "machine code"),
+    _own("pinocchio/urdf", "pinocchio computeABADerivatives", False, linear_velocity_in_body=True),
+    _own("pinocchio/urdf", "pinocchio computeRNEADerivatives", True, linear_velocity_in_body=True),
     *(
-        DerivativeMethod(
+        _method(
             f"central differences of pinocchio {name}",
             "urdf",
             is_inverse,
             partial(_differences_of_pinocchio, is_inverse),
             linear_velocity_in_body=True,
-            **_DIFFERENCES,
+            steps=STEPS,
         )
         for name, is_inverse in (("aba", False), ("rnea", True))
     ),
-    DerivativeMethod("mujoco mjd_transitionFD", "mjcf", False, partial(_transition, False), **_DIFFERENCES),
-    DerivativeMethod("mujoco mjd_transitionFD, centred", "mjcf", False, partial(_transition, True), **_DIFFERENCES),
-    DerivativeMethod("mujoco mjd_inverseFD", "mjcf", True, _inverse, **_DIFFERENCES),
+    *(
+        _method(f"mujoco {name}", "mjcf", is_inverse, partial(_of_mujoco, make, third), steps=STEPS)
+        for name, is_inverse, make, third in (
+            ("mjd_transitionFD", False, partial(_transition, False), "qfrc_applied"),
+            ("mjd_transitionFD, centred", False, partial(_transition, True), "qfrc_applied"),
+            ("mjd_inverseFD", True, _inverse, "qacc"),
+        )
+    ),
     # Of engines that not everybody installs, which read MJCF.
-    _of("drake/mjcf", "drake AutoDiff of accelerations", False, engine="drake"),
-    _of("drake/mjcf", "drake AutoDiff of CalcInverseDynamics", True, engine="drake"),
-    _of("mjx/mjcf", "mjx jacfwd of forward", False, "XLA", engine="mjx"),
-    _of("mjx/mjcf", "mjx jacfwd of inverse", True, "XLA", engine="mjx"),
+    _own("drake/mjcf", "drake AutoDiff of accelerations", False, engine="drake"),
+    _own("drake/mjcf", "drake AutoDiff of CalcInverseDynamics", True, engine="drake"),
+    _own("mjx/mjcf", "mjx jacfwd of forward", False, "XLA", engine="mjx"),
+    _own("mjx/mjcf", "mjx jacfwd of inverse", True, "XLA", engine="mjx"),
 )

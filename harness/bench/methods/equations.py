@@ -1,4 +1,4 @@
-"""The equations of motion themselves: SymPy's ``lambdify``, heyoka's machine code, and certified balls.
+"""The equations of motion themselves: SymPy's ``lambdify``, heyoka's machine code, certified balls, and of a robot's file its recursion.
 
 ``lambdify`` gets the equations as they are derived, with common subexpressions taken out, which is what a
 SymPy user would do; M qdd = f is solved by LAPACK. heyoka compiles the harness's own program with an
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -20,16 +21,15 @@ from harness.bench.methods import Accelerations, Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.lagrange.derivation import load_system
-from harness.library import CONSTRAINED, MECHANISMS
+from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
 from harness.motion.integrators import KINDS
 from harness.programs.kernels import heyoka_expressions, solve_symmetric
 from harness.programs.machine_code import load_heyoka
 from harness.programs.mechanisms.constraint_forces import ACCELERATIONS, reduced_program
-from harness.programs.mechanisms.kernel import Charts
+from harness.programs.mechanisms.kernel import Charts, MechanismKernel
 from harness.programs.program import StraightLineProgram, position_count, right_hand_side
 from harness.programs.states import States
 from harness.truth.quantities.accelerations import reference_kernel
-from harness.truth.reference import Reference
 
 # Python needs minutes to derive and to compile more.
 MOST_INSTRUCTIONS_PRINTED = 5000
@@ -142,22 +142,28 @@ def _reduced(scene: Scene, states: States) -> Prepared:
 
 def _balls(scene: Scene, states: States) -> Prepared:
     kernel = reference_kernel(scene.mechanism, linear_velocity_in_body=False)
-    last: list[Reference] = []
-
-    def compute() -> None:
-        last[:] = [kernel.evaluate(states)]
-
-    return Prepared(compute, lambda: last[0].high, "certified, with its data roundoff; the error is that of rounding to float64")
+    remark = "certified, with its data roundoff; the error is that of rounding to float64"
+    return Prepared.keeping(lambda: kernel.evaluate(states), attrgetter("high"), remark)
 
 
-# Of constraints the equations have the forces, by multipliers.
-_TIED = (MECHANISMS, CONSTRAINED)
-ONE_AT_A_TIME = Method("lambdify, one state at a time", "equations", _one_at_a_time, loop="Python", growth="up to 3", most_states=SLOW)
-BATCH = Method("lambdify, numpy batch", "equations", _batch, loop="NumPy", growth="up to 3")
-FLOAT32 = Method("heyoka float32", "equations", partial(_machine_code, np.float32), loop="machine code", growth="up to 3", of=_TIED)
-FLOAT64 = Method("heyoka float64", "equations", partial(_machine_code, float), loop="machine code", growth="up to 3", of=_TIED)
-LONG_DOUBLE = Method(
-    "heyoka long double", "equations", partial(_machine_code, np.longdouble), loop="machine code", growth="up to 3", of=_TIED
+def _recursion(scene: Scene, states: States) -> Prepared:
+    kernel = MechanismKernel(scene.mechanism)
+    columns, compiled = kernel.inputs(states.q, states.v, states.tau), kernel.compiled
+    return Prepared.keeping(lambda: compiled.accelerations(columns), attrgetter("T"))
+
+
+def _method(name: str, prepare: Callable[[Scene, States], Prepared], loop: str, *of: str, most_states: int | None = None) -> Method:
+    return Method(name, "equations", prepare, loop=loop, growth="up to 3", most_states=most_states, of=of)
+
+
+# Of constraints the equations have the forces, by multipliers. A robot's file has its equations by recursion.
+METHODS = (
+    _method("lambdify, one state at a time", _one_at_a_time, "Python", MECHANISMS, most_states=SLOW),
+    _method("lambdify, numpy batch", _batch, "NumPy", MECHANISMS),
+    _method("heyoka float32", partial(_machine_code, np.float32), "machine code", MECHANISMS, CONSTRAINED),
+    _method("heyoka float64", partial(_machine_code, float), "machine code", MECHANISMS, CONSTRAINED),
+    _method("heyoka long double", partial(_machine_code, np.longdouble), "machine code", MECHANISMS, CONSTRAINED),
+    _method("reduced equations float64", _reduced, "machine code", CONSTRAINED),
+    _method("recursion float64", _recursion, "machine code", ROBOTS),
+    _method("certified balls", _balls, "Python", *KINDS, most_states=SLOW),
 )
-REDUCED = Method("reduced equations float64", "equations", _reduced, loop="machine code", growth="up to 3", of=(CONSTRAINED,))
-BALLS = Method("certified balls", "equations", _balls, loop="Python", growth="up to 3", most_states=SLOW, of=KINDS)

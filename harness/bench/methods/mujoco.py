@@ -1,23 +1,31 @@
-"""MuJoCo on the MJCF model, with only the stages that the scene needs, and with all of them.
+"""MuJoCo on the MJCF model, with only the stages that the scene needs and with all of them; on models with constraints by solver and by
+impedance: what each costs, and how far from rigid it is.
 
-Source: MuJoCo documentation, Computation (forward dynamics, sparse factorisation of M) and Python bindings,
-``mujoco.batch``.
+The default solver is Newton's method, of at most 100 iterations to a tolerance of 1e-8. Its first step ends there, with what a
+factorisation of M + J' D J loses, and more steps to a tolerance of 0 give the rest. The impedance d of a constraint is 0.9 on the
+manifold by default, and 0.9999 at most; the nearer to 1, the smaller the distance from rigid. Its regularisation is (1 - d) / d times an
+inverse weight of the file's zero position, or with the flag ``diagexact`` times the exact diagonal of J M^-1 J' at the state. Each
+choice is another problem that MuJoCo documents, and its answers are held against that one.
+
+Source: MuJoCo documentation, Computation, sections Forward dynamics, Constraint solver and Solver parameters; Python bindings,
+``mujoco.batch``; XML reference, option and equality.
 """
 
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.methods import Method, Prepared
-from harness.crosscheck.assignment import Assignment, acceleration_truth_of
+from harness.bench.methods import Method, Prepared, reproducer_of, truth_of_engine
 from harness.crosscheck.scene import Scene
-from harness.engines import Subject, Unsupported
+from harness.engines import Unsupported
 from harness.engines.adapters.mujoco import MujocoModel
-from harness.files.text.scan import compact
+from harness.files.text.attributes import Attributes, with_attributes
 from harness.library import CONSTRAINED, MECHANISMS
 from harness.programs.states import States
 from harness.truth.quantities.accelerations import AccelerationTruth
@@ -43,10 +51,10 @@ def _forward(scene: Scene, states: States) -> Prepared:
             mujoco.mj_forward(model, data)
             found[state] = accelerations
 
-    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=declared_truth(scene))
+    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=_declared(scene))
 
 
-def batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
+def _batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
     import mujoco.batch
 
     loaded: MujocoModel = scene.load("mujoco", "mjcf")
@@ -71,22 +79,48 @@ def batch(all_stages: bool, scene: Scene, states: States) -> Prepared:
             warm_start[:] = 0.0
         runs.forward()
 
-    def reproducer(state: int, certified: Array) -> str:
-        source = repr(compact(scene.models["mjcf"].text))
-        return loaded.reproducer(source, states.q[state], states.v[state], states.tau[state], certified)
-
     # A program reads the file, which has stages off.
-    alone = None if all_stages else reproducer
-    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=declared_truth(scene), reproducer=alone)
+    alone = None if all_stages else reproducer_of(loaded, scene.models["mjcf"].text, states)
+    return Prepared(compute, lambda: np.ascontiguousarray(found[:, velocities]), truth=_declared(scene), reproducer=alone)
 
 
-def declared_truth(scene: Scene) -> AccelerationTruth | None:
+def _declared(scene: Scene) -> AccelerationTruth | None:
     """The problem that the scene's MJCF declares of its constraints; None where it has none, and the truth is rigid."""
-    truth = acceleration_truth_of(Assignment(scene.library, Subject("mujoco", "mjcf"), scene.mechanism, scene.models["mjcf"]))
+    truth = truth_of_engine(scene, "mujoco", "mjcf")
     return None if truth.rigid is None else truth
 
 
-_OF = (MECHANISMS, CONSTRAINED)
-FORWARD = Method("mujoco mj_forward", "mjcf", _forward, loop="Python", growth="up to 3", of=_OF)
-BATCH = Method("mujoco batch", "mjcf", partial(batch, False), loop="MuJoCo", growth="up to 3", of=_OF)
-ALL_STAGES = Method("mujoco batch, all stages on", "mjcf", partial(batch, True), loop="MuJoCo", growth="up to 3", of=_OF)
+def _changed(attributes: Attributes, scene: Scene, states: States) -> Prepared:
+    if "mjcf" not in scene.models:
+        raise Unsupported(f"{scene.mechanism.name} has no MJCF model")
+    changed = with_attributes(scene.models["mjcf"], attributes)
+    return _batch(False, replace(scene, models={**scene.models, "mjcf": changed}), states)
+
+
+def _solimp(impedance: str, **flags: str) -> dict[str, dict[str, str]]:
+    return {"equality/*": {"solimp": f"{impedance} {impedance}"}} | ({"option/flag": flags} if flags else {})
+
+
+def _method(name: str, prepare: Callable[[Scene, States], Prepared], *of: str, loop: str = "MuJoCo") -> Method:
+    return Method(f"mujoco {name}", "mjcf", prepare, loop=loop, growth="up to 3", of=of)
+
+
+_NEWTON = {"option": {"solver": "Newton"}}
+METHODS = (
+    _method("mj_forward", _forward, MECHANISMS, CONSTRAINED, loop="Python"),
+    _method("batch", partial(_batch, False), MECHANISMS, CONSTRAINED),
+    _method("batch, all stages on", partial(_batch, True), MECHANISMS, CONSTRAINED),
+    *(
+        _method(f"batch, {name}", partial(_changed, attributes), CONSTRAINED)
+        for name, attributes in {
+            "Newton": _NEWTON,
+            "CG": {"option": {"solver": "CG"}},
+            "PGS": {"option": {"solver": "PGS"}},
+            "impedance 0.9": _NEWTON | _solimp("0.9"),
+            "impedance 0.9999": _NEWTON | _solimp("0.9999"),
+            "impedance 0.9999, tolerance 0": {"option": {"solver": "Newton", "tolerance": "0"}} | _solimp("0.9999"),
+            "impedance 0.9, diagexact": _NEWTON | _solimp("0.9", diagexact="enable"),
+            "impedance 0.9999, diagexact": _NEWTON | _solimp("0.9999", diagexact="enable"),
+        }.items()
+    ),
+)

@@ -1,24 +1,36 @@
-"""Pinocchio on the URDF model.
+"""Pinocchio on the URDF model; on models with constraints its two algorithms, by proximal parameter and number of iterations.
 
 The forces of springs and dampers that a URDF declares are no part of Pinocchio's dynamics. The harness adds
 them from Pinocchio's own kinematics, and they are part of what is timed.
 
+``constraintDynamics`` iterates to the rigid problem from any mu above 0; called without settings, it takes mu = 0 and one iteration.
+One iteration at mu solves (J M^-1 J' + mu) lambda = J M^-1 f + J' v: constraints that give with the weight 1 / mu, and nothing to bring
+them back. It is held against the rigid problem, and, as "declared", against that one.
+``lcaba`` eliminates joints in an order of its own, and what rounding leaves of M + J' J / mu stays, so that a smaller mu is worse.
+What either says of its own answers, ``absolute_residual``, stands beside the error.
+
 Source: Featherstone, Rigid Body Dynamics Algorithms, chapters 6 (composite rigid bodies, and the sparse
-factorisation of M) and 7 (articulated bodies).
+factorisation of M) and 7 (articulated bodies); Pinocchio 4.1, algorithm/constrained-dynamics, algorithm/loop-constrained-aba;
+see ``harness.engines.adapters.pinocchio.constraints``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.methods import Method, Prepared
+from harness.bench.methods import Method, Prepared, reproducer_of
 from harness.crosscheck.scene import Scene
 from harness.engines.adapters.pinocchio import PinocchioModel
+from harness.engines.adapters.pinocchio.constraints import ACCURATE, LoopConstraints, Solver
+from harness.library import CONSTRAINED, MECHANISMS
+from harness.programs.mechanisms.constraint_forces import Softness
 from harness.programs.states import States
+from harness.truth.quantities.accelerations import AccelerationTruth, softened
 
 
 class _Batch:
@@ -87,6 +99,53 @@ def _composite_rigid_bodies(scene: Scene, states: States) -> Prepared:
     return _Batch(scene, states).one_by_one(accelerations)
 
 
-ABA = Method("pinocchio aba", "urdf", _aba, loop="Python", growth="1", linear_velocity_in_body=True)
-ABA_IN_PARALLEL = Method("pinocchio abaInParallel", "urdf", _aba_in_parallel, loop="Pinocchio", growth="1", linear_velocity_in_body=True)
-CRBA = Method("pinocchio CRBA + Cholesky", "urdf", _composite_rigid_bodies, loop="Python", growth="up to 3", linear_velocity_in_body=True)
+def _solved(solver: Solver, scene: Scene, states: States, is_declared: bool = False) -> Prepared:
+    loaded: PinocchioModel = scene.load("pinocchio", "urdf")
+    model = loaded.solved_by(solver)
+    constraints, elements = model.constraints, model.force_elements
+    assert isinstance(constraints, LoopConstraints)
+    configuration, velocity, applied = model.columns(states.q, states.v, states.tau)
+
+    def columns() -> tuple[Array, Array, Array]:
+        return configuration, velocity, applied if elements.empty else applied + elements.generalised_forces(configuration, velocity)
+
+    return Prepared.keeping(
+        lambda: constraints.accelerations(columns()),
+        lambda found: np.ascontiguousarray(found[:, model.addresses[1]]),
+        reproducer=reproducer_of(model, scene.models["urdf"].text, states),
+        truth=_single_iteration(solver, scene) if is_declared else None,
+        residual=None if solver.mu is None else lambda: constraints.residuals(columns()),
+    )
+
+
+def _single_iteration(solver: Solver, scene: Scene) -> AccelerationTruth:
+    """The problem that one proximal iteration solves."""
+    constraints = scene.mechanism.constraints
+    assert constraints is not None and solver.iterations == 1 and solver.mu
+    # Half of the impedance on either side: the weight d / ((1 - d) A) is 1 / mu.
+    law = Softness(impedance=0.5, stiffness=0.0, damping=0.0, inverse_mass=solver.mu)
+    return AccelerationTruth(softened(scene.mechanism, [law] * len(constraints.rows)), rigid=AccelerationTruth(scene.mechanism))
+
+
+def _method(name: str, prepare: Callable[[Scene, States], Prepared], of: str, growth: str = "up to 3", loop: str = "Python") -> Method:
+    return Method(f"pinocchio {name}", "urdf", prepare, loop, growth, linear_velocity_in_body=True, of=(of,))
+
+
+_ONCE = Solver(mu=1e-6, iterations=1)
+METHODS = (
+    _method("aba", _aba, MECHANISMS, growth="1"),
+    _method("abaInParallel", _aba_in_parallel, MECHANISMS, growth="1", loop="Pinocchio"),
+    _method("CRBA + Cholesky", _composite_rigid_bodies, MECHANISMS),
+    _method("constraintDynamics, mu 1e-6, one iteration, declared", partial(_solved, _ONCE, is_declared=True), CONSTRAINED),
+    *(
+        _method(name, partial(_solved, solver), CONSTRAINED)
+        for name, solver in {
+            "constraintDynamics, default settings": Solver(mu=None),
+            "constraintDynamics, mu 1e-6, one iteration": _ONCE,
+            "constraintDynamics, mu 1e-6": Solver(mu=1e-6),
+            "constraintDynamics, mu 1e-12": ACCURATE,
+            "lcaba, mu 1e-6": Solver("lcaba", mu=1e-6, iterations=20),
+            "lcaba, mu 1e-10": Solver("lcaba", mu=1e-10, iterations=5),
+        }.items()
+    ),
+)
