@@ -21,7 +21,7 @@ from harness.engines import Engine
 from harness.engines.request import EngineAnswers, Held
 from harness.explain.changes.readings import element_at, find_readings
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
-from harness.files.rules.constraint_law import ConstraintLaw
+from harness.files.rules import ConstraintLaw
 from harness.files.tree import WORLD
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.constraint_forces import Softness, softened_program

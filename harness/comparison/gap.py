@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import StepRule
 from harness.programs.evaluation import values
 from harness.programs.program import upper_triangle
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Share

@@ -23,7 +23,7 @@ from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.changes.readings import find_readings
 from harness.files.document.xml import read_any
 from harness.files.joint_kinds import JointKind
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import StepRule
 from harness.library import nearest
 from harness.motion.trajectories import Start
 from harness.programs.states import States

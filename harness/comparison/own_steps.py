@@ -14,7 +14,7 @@ from harness.arrays import Array
 from harness.engines.coordinates import multiplied
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.request import AskedJoint, by_joint
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import StepRule
 
 LENGTH = 0.002
 _HALF = Fraction(1, 2)

@@ -28,7 +28,7 @@ from harness.engines import (
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest
-from harness.files.mjcf.meshes import CompiledMesh, Number
+from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
 from harness.library import ROBOTS, Library, is_file, nearest

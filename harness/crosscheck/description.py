@@ -12,8 +12,7 @@ from statistics import median
 from harness.crosscheck.judgement import Pair, SystemProgress
 from harness.engines import EQUATIONS, engine_files
 from harness.environments.folders import split_name
-from harness.files.model_file import ModelFile
-from harness.files.text.features import features_of
+from harness.files.model_file import ModelFile, features_of
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.cross_check import SystemCard

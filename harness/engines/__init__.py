@@ -47,8 +47,7 @@ from harness.engines.interface import (
 from harness.environments.folders import environment_of, split_name
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile
-from harness.files.rules.constraint_law import ConstraintLaw, Impedance, InverseWeight
-from harness.files.rules.step_rule import ImplicitPart, StepRule
+from harness.files.rules import ConstraintLaw, Impedance, ImplicitPart, InverseWeight, StepRule
 from harness.library import Library, nearest
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Requ
 from harness.engines.tree_request import model_request
 from harness.files.equalities import Equality
 from harness.files.model_file import ModelFile
-from harness.files.rules.constraint_law import ConstraintLaw
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import ConstraintLaw, StepRule
 
 if TYPE_CHECKING:
     from harness.engines import Model

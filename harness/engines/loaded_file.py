@@ -10,7 +10,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.interface import METHODS, NotOffered, Unsupported
 from harness.engines.request import AskedJoint, Refused, Request
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import StepRule
 
 
 class EngineRun(Protocol):

@@ -21,24 +21,26 @@ URDF states neither springs nor reflected inertias. These conventions, and no ot
   joint's own inertia. As in Drake, the joint's effort limit must be above zero. Source: Drake, "Parsing
   model files", tags drake:rotor_inertia and drake:gear_ratio, and "Reflected Inertia";
 - two points held together, ``<drake:ball_constraint>``, with a ``name`` that the harness finds it by. Source: Drake, "Parsing model
-  files", tag drake:ball_constraint (``harness.files.urdf.equalities``);
+  files", tag drake:ball_constraint (``harness.files.urdf.beside``);
 - a ball joint, ``<drake:joint>`` of type ball from ``world``, which is not declared, to the root link. Source:
   Drake, "Parsing model files", tag drake:joint.
 
-A joint with ``<mimic>`` is read, and is none of ``joint_lines``: it moves as another does (``harness.files.urdf.equalities``), and is
+A joint with ``<mimic>`` is read, and is none of ``joint_lines``: it moves as another does (``harness.files.urdf.beside``), and is
 one of the ``constraints``. An engine that is not asked for its acceleration refuses the model for itself.
 
 MJCF states gravity, springs, dampers and ``armature`` itself. MuJoCo applies them; for readers that pass over them
 they are listed like those of a URDF (``harness.files.facts``). It states constraints in ``<equality>``
-(``harness.files.mjcf.equalities``).
+(``harness.files.mjcf.between``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+
+from lxml import etree
 
 from harness.files.document.xml import Document, parse_document, read_text
 from harness.files.equalities import Equality
@@ -59,10 +61,15 @@ from harness.files.joint_kinds import JointKind
 from harness.files.lint.checks import check_elements
 from harness.files.lint.mechanisms import check_parts, check_reading
 from harness.files.reading import Meaning, read
+from harness.files.tree import Joint, Spring
 
 __all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
 
 ROOT_TAGS = {"mjcf": "mujoco", "urdf": "robot"}
+# Path of elements below the root to the attributes that they get; see ``with_attributes``.
+Attributes = Mapping[str, Mapping[str, str]]
+_CONSTRAINTS = {"point": "loops", "frame": "loops", "joint": "coupled joints", "tendon": "coupled tendons"}
+_JOINTS = {JointKind.BALL: "ball joints", JointKind.FREE: "free joints"}
 
 
 @dataclass(frozen=True)
@@ -175,3 +182,56 @@ def _validated(path: Path, text: str, format: str) -> ModelFile:
         ),
         constraints=reading.equalities,
     )
+
+
+def with_attributes(model: ModelFile, attributes: Attributes) -> ModelFile:
+    """The model with attributes set on all elements of each path, as ``option/flag`` or ``equality/connect[@name='closure']``.
+
+    An element that a path of plain tags does not find is made.
+
+    Raises:
+        ValueError: another path finds none.
+        InvalidModel: the changed model is not physical.
+    """
+    root = parse_document(model.path, model.text, ROOT_TAGS[model.format]).root
+    for path, values in attributes.items():
+        # Comments match a path that ends with a star.
+        found = [one for one in root.iterfind(path) if isinstance(one.tag, str)] or [_made(root, path)]
+        for element in found if values else ():
+            for name, value in values.items():
+                element.set(name, value)
+    return parse_model(model.path, etree.tostring(root, encoding="unicode"), model.format)
+
+
+def _made(root: etree._Element, path: str) -> etree._Element:
+    element = root
+    for tag in path.split("/"):
+        if not tag.isidentifier():
+            raise ValueError(f"the model has no element at {path!r}")
+        inner = element.find(tag)
+        element = etree.SubElement(element, tag) if inner is None else inner
+    return element
+
+
+def features_of(model: ModelFile) -> list[str]:
+    """What it asks of an engine beyond hinges and slides, in a word or two each: what a report gathers verdicts by.
+
+    Some of "armature", "ball joints", "coupled joints", "coupled tendons", "dampers", "free joints", "loops", "mimic joints" and
+    "springs", sorted."""
+    return sorted(set(_features(model)))
+
+
+def _features(model: ModelFile) -> Iterator[str]:
+    tree = meaning_of(model).tree
+    acting: list[Joint | Spring] = [*tree.joints, *tree.springs]
+    if any(one.stiffness for one in acting):
+        yield "springs"
+    if any(one.damping for one in acting):
+        yield "dampers"
+    followers = {joint.name for joint in tree.joints if joint.follows}
+    if followers:
+        yield "mimic joints"
+    yield from (_CONSTRAINTS[one.couples] for one in model.constraints if one.name not in followers)
+    if any(joint.armature for joint in tree.joints):
+        yield "armature"
+    yield from (_JOINTS[joint.kind] for joint in tree.joints if joint.kind in _JOINTS)

@@ -18,12 +18,11 @@ from harness.files.document.source import Source
 from harness.files.document.xml import Document, describe, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import LeftOut, PassedOver, Unread
-from harness.files.mjcf import left_out as mjcf_left_out
+from harness.files.left_out import left_out_of_mjcf, left_out_of_urdf
 from harness.files.mjcf import reading as mjcf
 from harness.files.mjcf.expansion import expand
-from harness.files.mjcf.meshes import CompileMeshes, Meshes
+from harness.files.mjcf.inertias import CompileMeshes, Meshes
 from harness.files.tree import Joint, SpringDampers, Tree
-from harness.files.urdf import left_out as urdf_left_out
 from harness.files.urdf import reading as urdf
 from harness.files.urdf.reading import FLOATING_BASE
 
@@ -95,12 +94,12 @@ def read(
     root = source.add(document)
     if _format(source, root) == "urdf":
         tree, equalities = urdf.read_tree(source, root, gravity, floating_base)
-        left_out, spring_dampers = urdf_left_out.left_out(source, root), SpringDampers()
+        left_out, spring_dampers = left_out_of_urdf(source, root), SpringDampers()
     elif floating_base:
         source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
         expand(source, root, document.path)
         meshes = None if compile_meshes is None else Meshes(document.path, compile_meshes)
         tree, equalities, spring_dampers = mjcf.read_tree(source, root, meshes)
-        left_out = mjcf_left_out.left_out(source, root, tree)
+        left_out = left_out_of_mjcf(source, root, tree)
     return Meaning(_format(source, root), tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)

@@ -193,7 +193,7 @@ class Solid(_Placed):
     """A geometric body of even density, or an even surface where ``shell``, in the frame ``pose`` of a body, whose origin is its centre.
 
     Attributes:
-        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box"; "mesh" for what an engine compiled, see ``harness.files.mjcf.meshes``.
+        kind: "sphere", "capsule", "cylinder", "ellipsoid" or "box"; "mesh" for what an engine compiled.
         size: radius; radius and half length along z without the half spheres; or half the extents along x, y and z [m].
         mass: [kg]; None where ``density`` [kg/m^3, or kg/m^2] gives it.
         ends: the two points between which it reaches, instead of all sizes but the first; None without.

@@ -19,7 +19,7 @@ from typing import Any
 from harness.files.equalities import Polygon, Tendon, TendonLinkage
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, document_of
-from harness.files.rules.constraint_law import InverseWeight
+from harness.files.rules import InverseWeight
 from harness.files.tree import WORLD, Body, Given, Joint, Tree
 from harness.programs.evaluation import mass_matrix
 from harness.programs.program import upper_triangle

@@ -21,7 +21,7 @@ from harness.errors import InvalidModel
 from harness.files.document.xml import read_any
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
-from harness.files.mjcf.meshes import CompileMeshes
+from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.reading import EXPECTED, GRAVITY, Meaning, read
 from harness.files.tree import Given, Joint, SpringDampers, Tree

@@ -19,7 +19,7 @@ from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.study import BenchmarkStudy
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.files.text.attributes import with_attributes
+from harness.files.model_file import with_attributes
 from harness.library import CONSTRAINED, MECHANISMS, Library
 from harness.motion.integrators import kind_of
 from harness.programs.states import States

@@ -19,7 +19,7 @@ from support import InThisProcess, harness
 from harness.comparison.gap_study import By, GapSettings, GapStudy
 from harness.comparison.robot_library import engines_of_files
 from harness.errors import InvalidRequest
-from harness.files.rules.step_rule import ImplicitPart, StepRule
+from harness.files.rules import ImplicitPart, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
 from harness.study import run_study
 from harness.trees.robot import read_robot

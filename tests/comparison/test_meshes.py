@@ -10,7 +10,7 @@ from comparison.robots import record_of
 
 from harness.comparison import robot_library
 from harness.comparison.robot_library import compiled_meshes
-from harness.files.mjcf.meshes import CompiledMesh, Number
+from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.verdict import Verdict

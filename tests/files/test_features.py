@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from catalogue import BUILT_IN
 
-from harness.files.model_file import parse_model, read_model
-from harness.files.text.features import features_of
+from harness.files.model_file import features_of, parse_model, read_model
 
 
 @pytest.mark.parametrize(

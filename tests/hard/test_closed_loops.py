@@ -12,8 +12,7 @@ from support import where
 from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import Subject, accelerations, load_engine
 from harness.explain.pattern import subject_named
-from harness.files.model_file import ModelFile, read_model
-from harness.files.text.attributes import with_attributes
+from harness.files.model_file import ModelFile, read_model, with_attributes
 from harness.hard import truths
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import HardCase, hard_cases

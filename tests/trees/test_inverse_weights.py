@@ -9,7 +9,7 @@ import pytest
 
 from harness.engines import load_engine
 from harness.files.model_file import parse_model, read_model
-from harness.files.rules.constraint_law import InverseWeight
+from harness.files.rules import InverseWeight
 from harness.library import Library
 from harness.trees.inverse_weights import inverse_weights
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.errors import InvalidModel
-from harness.files.mjcf.meshes import CompiledMesh, Number
+from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.trees.robot import read_robot
 
 TEXT = """<mujoco>

@@ -17,7 +17,7 @@ from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, load_engine
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, parse_model, read_model
-from harness.files.rules.step_rule import ImplicitPart, StepRule
+from harness.files.rules import ImplicitPart, StepRule
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States

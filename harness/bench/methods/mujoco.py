@@ -25,7 +25,7 @@ from harness.bench.methods import Method, Prepared, reproducer_of, truth_of_engi
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.engines.adapters.mujoco import MujocoModel
-from harness.files.text.attributes import Attributes, with_attributes
+from harness.files.model_file import Attributes, with_attributes
 from harness.library import CONSTRAINED, MECHANISMS
 from harness.programs.states import States
 from harness.truth.quantities.accelerations import AccelerationTruth

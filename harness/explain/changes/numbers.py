@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from harness.explain.changes import NUMBER, Change
-from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.mjcf.attributes import ORIENTATIONS
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import Attribute, Element, Number, TextPlace, find_elements, with_values
 from harness.files.urdf.kinds import BALL_CONSTRAINT, POINT_SPRING

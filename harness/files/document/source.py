@@ -109,12 +109,11 @@ class Source:
         attribute: str,
         default: Sequence[float] | None,
         check: Check | None = None,
-        fewest: int = 0,
-        most: int = 0,
+        count: int = 0,
     ) -> tuple[Given, ...]:
-        """The numbers of an attribute, ``default`` where the element has none.
+        """The numbers of an attribute, as many as ``default`` holds, which stand where the element has none.
 
-        As many as ``default`` holds, or from ``fewest`` to ``most``; None demands the attribute.
+        None for ``default`` demands the attribute, which is to hold ``count``.
 
         Raises:
             InvalidModel: another number of numbers, one that is not finite, or one that ``check`` complains of.
@@ -124,8 +123,7 @@ class Source:
             if default is None:
                 self.refuse(element, f"{describe(element)} has no attribute {attribute!r}; add it")
             return self.default(element, attribute, default)
-        count = len(default) if default is not None and not most else fewest
-        return self.read(element, attribute, text, Numbers(count, most or count, check))
+        return self.read(element, attribute, text, Numbers(count if default is None else len(default), None, check))
 
     def default(self, element: etree._Element, attribute: str, values: Sequence[float]) -> tuple[Given, ...]:
         """The numbers that hold for ``element`` where the file gives none."""
@@ -144,7 +142,7 @@ class Source:
 
     def number(self, element: etree._Element, attribute: str, default: float | None, check: Check | None = None) -> Given:
         """``numbers`` of one."""
-        (value,) = self.numbers(element, attribute, None if default is None else (default,), check, 1, 1)
+        (value,) = self.numbers(element, attribute, None if default is None else (default,), check, 1)
         return value
 
 

@@ -26,7 +26,7 @@ from harness.files.document.values import (
     unit,
     whole,
 )
-from harness.files.mjcf.options import KINDS
+from harness.files.mjcf.attributes import KINDS
 from harness.files.urdf.kinds import BALL_CONSTRAINT, DRAKE_KINDS, OF_AXIS, POINT_SPRING, TYPES
 
 # Name of an attribute to what it holds; "" is the text between the tags.

@@ -15,8 +15,7 @@ from harness.files.document.xml import Document, add_named, describe, literal_ta
 from harness.files.equalities import Linkage, Meeting, TendonLinkage
 from harness.files.lint.checks import check_inertia, numbers
 from harness.files.lint.formats import SOLVER_OPTIONS
-from harness.files.mjcf.defaults import resolved
-from harness.files.mjcf.options import ORIENTATIONS, is_on
+from harness.files.mjcf.attributes import ORIENTATIONS, is_on, resolved
 from harness.files.reading import Meaning
 from harness.files.tree import WORLD
 from harness.files.urdf.kinds import BALL_CONSTRAINT, DRAKE_JOINT, FIXED, JOINT_TAGS, needs_axis

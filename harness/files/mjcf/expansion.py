@@ -18,12 +18,11 @@ from harness.errors import InvalidModel
 from harness.files.document.source import Source
 from harness.files.document.values import Numbers, not_negative
 from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
+from harness.files.mjcf.attributes import REPEATED
 
 MOST_FILES = 100
 # Elements that make bodies by rules that only a simulator's program spells out.
 _MAKERS = ("attach", "composite", "flexcomp")
-# The number of a replica: how often the placement of its frame is repeated.
-REPEATED = "repeated"
 
 
 def expand(source: Source, root: etree._Element, path: Path) -> None:

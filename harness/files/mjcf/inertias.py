@@ -1,28 +1,91 @@
 """The masses of MJCF bodies: from ``<inertial>`` or from geoms, and what the ``compiler`` element changes about them.
 
+What meshes weigh is no number of a file, and nothing here judges it: who reads a robot gives a function by which an engine compiles its
+file. The numbers enter the tree as those of the geom, and the robot says of which.
+
 Source: MuJoCo documentation, XML reference, ``compiler``, ``body/inertial`` and ``body/geom``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
 
 from lxml import etree
 
 from harness.files.document.source import Source
 from harness.files.document.values import Numbers, not_negative, positive
 from harness.files.document.xml import describe
-from harness.files.mjcf.defaults import resolved, resolved_text
-from harness.files.mjcf.meshes import Meshes
-from harness.files.mjcf.numbers import JOINTS, Attributes, inside
-from harness.files.tree import ORIGIN, Body, Bounds, Inertia, Placement, Solid, vector
+from harness.files.mjcf.attributes import JOINTS, Attributes, inside, resolved, resolved_text
+from harness.files.tree import ORIGIN, Body, Bounds, Direction, Given, Inertia, Placement, Quaternion, Solid, vector
 
 # Sizes that each takes, and those that it takes beside two points.
 _SIZES = {"sphere": (1, 0), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": (3, 1), "box": (3, 1)}
 _WEIGHTLESS = ("plane", "hfield")
 _OF_WATER = 1000.0
+
+
+@dataclass(frozen=True)
+class CompiledMesh:
+    """A geom that has the shape or the size of a mesh.
+
+    Attributes:
+        name: of the geom, "" for none.
+        mass: [kg]. moments: (3,) principal moments [kg m^2] about the centre of mass.
+        position, orientation: of the principal frame in the frame of the body, [m] and (w, x, y, z).
+    """
+
+    name: str
+    mass: float
+    moments: Sequence[float]
+    position: Sequence[float]
+    orientation: Sequence[float]
+
+
+# Number of the body and number of the geom in it, both from 0 in the order of the file with its included files and replicas.
+Number = tuple[int, int]
+# Raises ValueError with the engine's words where it does not compile the file.
+CompileMeshes = Callable[[Path], Mapping[Number, CompiledMesh]]
+
+
+class Meshes:
+    """The meshes of one file, compiled when the first is asked for."""
+
+    def __init__(self, path: Path, compile_meshes: CompileMeshes) -> None:
+        self._path, self._compile = path, compile_meshes
+        self._found: Mapping[Number, CompiledMesh] | None = None
+
+    def solid(self, source: Source, geom: etree._Element) -> Solid:
+        """The solid of a geom; raises InvalidModel where the engine has none there."""
+        if self._found is None:
+            try:
+                self._found = self._compile(self._path)
+            except ValueError as error:
+                source.refuse(geom, f"{describe(geom)} gives its body the inertia of a mesh, and the file does not compile: {error}")
+        number, place = _number_of(geom), source.place(geom)
+        compiled = self._found.get(number)
+        if compiled is None or compiled.name != geom.get("name", ""):
+            source.refuse(
+                geom,
+                f"{describe(geom)} gives its body the inertia of a mesh, and is not where the engine has one; write the body an <inertial>",
+            )
+
+        def given(values: Sequence[float], what: str) -> tuple[Given, ...]:
+            return tuple(Given(float(value), place, f"{what} of the compiled mesh", index) for index, value in enumerate(values))
+
+        (mass,) = given((compiled.mass,), "mass")
+        pose = Placement(vector(given(compiled.position, "position")), (Quaternion(given(compiled.orientation, "orientation")),))
+        return Solid("mesh", (), (pose,), mass, mass, place=place, moments=given(compiled.moments, "moments"))
+
+
+def _number_of(geom: etree._Element) -> Number:
+    body = next(geom.iterancestors("body"))
+    root = next(body.iterancestors("mujoco"))
+    bodies = [one for world in root.iterchildren("worldbody") for one in world.iter("body")]
+    geoms = [one for one in body.iter("geom") if next(one.iterancestors("body")) is body]
+    return bodies.index(body), geoms.index(geom)
 
 
 class Inertias:
@@ -75,7 +138,7 @@ class Inertias:
             source.refuse(element, f"{describe(element)} has both diaginertia and fullinertia; expected one of them")
         if pose[-1].rotation:
             source.refuse(element, f"{describe(element)} has fullinertia and an orientation; expected one of them")
-        return Inertia(pose, mass, source.numbers(element, "fullinertia", None, None, 6, 6), place)
+        return Inertia(pose, mass, source.numbers(element, "fullinertia", None, count=6), place)
 
     def _solid(self, geom: etree._Element) -> Iterator[Solid]:
         """What a geom adds to its body: one solid, or nothing."""
@@ -127,7 +190,7 @@ class Inertias:
         if first == second:
             line = "" if points[0].place == place else f" of line {points[0].place.line}"
             self._source.refuse(geom, f"{describe(geom)} reaches from a point to itself by the fromto{line}; expected two points")
-        between = Placement(first, attributes.between(first, second), second)
+        between = Placement(first, (Direction(second, first),), second)
         return replace(solid, size=sizes, pose=(*solid.pose[:-1], between), ends=(first, second))
 
 

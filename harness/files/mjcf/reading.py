@@ -18,14 +18,13 @@ from harness.files.document.values import not_negative, not_zero
 from harness.files.document.xml import describe
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.defaults import resolved_text
-from harness.files.mjcf.equalities import read_equalities
-from harness.files.mjcf.inertias import Inertias
-from harness.files.mjcf.meshes import Meshes
-from harness.files.mjcf.numbers import JOINTS, Attributes, inside
-from harness.files.mjcf.options import GRAVITY, KINDS, is_on
-from harness.files.mjcf.tendons import read_tendons
+from harness.files.mjcf.attributes import JOINTS, KINDS, Attributes, inside, is_on, resolved_text
+from harness.files.mjcf.between import Between
+from harness.files.mjcf.inertias import Inertias, Meshes
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers, Tree, Vector, vector
+
+# What MuJoCo takes without an option.
+GRAVITY = (0.0, 0.0, -9.81)
 
 
 def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
@@ -42,13 +41,10 @@ def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None
     _refuse_other_frames(source, root, attributes)
     reader = _MjcfReader(source, root, attributes, meshes)
     bodies = tuple(reader.body(body) for world in root.iterchildren("worldbody") for body in world.iter("body"))
-    springs, couplings = read_tendons(
-        source, root, attributes, reader.name, {joint.name: joint for body in bodies for joint in body.joints}
-    )
-    inertias = reader.inertias
+    between, inertias = Between(source, root, attributes, reader.name, bodies), reader.inertias
+    springs, couplings = between.springs()
     tree = Tree(bodies, _gravity(source, root), springs, couplings, inertias.total_mass, source.place(root), inertias.bounds)
-    equalities = read_equalities(source, root, attributes, reader.name, bodies)
-    return tree, equalities, SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
+    return tree, between.equalities(), SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
 
 
 def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:
@@ -164,9 +160,6 @@ class _MjcfReader:
         )
 
     def _limits(self, element: etree._Element) -> tuple[Fraction, Fraction] | None:
-        """The range of a joint that is limited, as ``autolimits`` says where it does not say so itself."""
+        """The range of a joint that is limited."""
         lower, upper = self.attributes.numbers(element, "range", (0, 0))
-        limited = resolved_text(element, "limited", "auto")
-        given = lower.place != self._source.place(element) or "range" in element.attrib
-        is_limited = limited == "true" or (limited == "auto" and self.attributes.auto_limits and given)
-        return (lower, upper) if is_limited and lower < upper else None
+        return (lower, upper) if self.attributes.is_limited(element) and lower < upper else None

@@ -17,7 +17,7 @@ from harness.files.document.xml import Document, literal_tag, read_document
 from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.mjcf.attributes import ORIENTATIONS
 from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring, meaning_of
 from harness.files.text.scan import Element, all_elements
 from harness.files.tree import Body, Given, Joint, Place, Placement, numbers_in

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.mjcf.attributes import ORIENTATIONS
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.text.scan import Element, all_elements, innermost
 from harness.files.tree import Body, Inertia, Joint, Place, Placement, Spring, Tree, numbers_in

@@ -21,8 +21,7 @@ from harness.files.document.xml import MAXIMUM_DEPTH, describe, literal_tag
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Pose, Tree, Turn, vector
-from harness.files.urdf.beside import Beside, read_beside
-from harness.files.urdf.equalities import follow, read_equalities
+from harness.files.urdf.beside import Beside
 from harness.files.urdf.kinds import DRAKE_JOINT, JOINT_TAGS, LIMITED, kind_of, needs_axis
 
 FLOATING_BASE = "floating_base"
@@ -62,11 +61,10 @@ class _UrdfReader:
     def read(self, gravity: float, floating_base: bool) -> tuple[Tree, tuple[Equality, ...]]:
         source, place = self._source, self._source.place(self._root)
         order = self._order()
-        beside = read_beside(source, self._root, self._links, self._joints, self._kinds)
-        bodies = [self._body(name, beside, floating_base and name == order[0]) for name in order]
+        beside = Beside(source, self._root, self._links, self._joints, self._kinds)
+        bodies = tuple(self._body(name, beside, floating_base and name == order[0]) for name in order)
         down = Fraction(0), Fraction(0), Given(-gravity, place, "gravity")
-        tree = Tree(follow(source, self._joints, self._kinds, bodies), down, beside.springs, place=place)
-        return tree, read_equalities(source, self._root, self._links, self._joints, self._kinds)
+        return Tree(bodies, down, beside.springs, place=place), beside.equalities()
 
     def _connect(self, joint: etree._Element) -> None:
         parent, child = self._link_of(joint, "parent"), self._link_of(joint, "child")
@@ -121,7 +119,7 @@ class _UrdfReader:
         if above is None:
             # The root link is fixed; one called world is the world itself.
             return Body(name, WORLD, (), base, inertia, place)
-        joints = (*base, *self._joint(above, beside))
+        joints = (*base, *map(beside.following, self._joint(above, beside)))
         return Body(name, self._link_of(above, "parent"), self._pose(above), joints, inertia, place)
 
     def _free_name(self) -> str:

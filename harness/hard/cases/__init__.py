@@ -24,8 +24,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene, with_parameters
 from harness.engines import Model
-from harness.files.model_file import ModelFile, parse_model, read_model
-from harness.files.text.attributes import Attributes, with_attributes
+from harness.files.model_file import Attributes, ModelFile, parse_model, read_model, with_attributes
 from harness.files.text.scan import Element, Number, find_elements, with_values
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library, nearest
@@ -89,7 +88,7 @@ class HardCase:
         changes: model format to the numbers of the model file that follow, by address, for example
             ``"body bar_2/inertial@diaginertia[0]"``: a tag, the element's name (or ``reference``), tags further in,
             the attribute, and the place in it.
-        attributes: model format to attributes of the file that the knob sets, as of ``harness.files.text.attributes``, where its author
+        attributes: model format to attributes of the file that the knob sets, as of ``harness.files.model_file``, where its author
             may have written none.
         opened: moves states off the manifold of the constraints, which all others are on; only declared truths are asked for there.
         configured: an engine's model with settings that the knob's value says.

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from harness.files.rules.step_rule import ImplicitPart, StepRule
+from harness.files.rules import ImplicitPart, StepRule
 from harness.files.tree import Given
 from harness.programs.derivatives import derivative_name, differentiate
 from harness.programs.program import StraightLineProgram, upper_triangle, without_unused
@@ -186,7 +186,7 @@ class _Stepper:
     # Steps of vectors and rotations.
 
     def _turned(self, step: Term, rates: Vector) -> Vector:
-        """q + h v, rotations as of ``harness.files.rules.step_rule``."""
+        """q + h v, rotations as of ``harness.files.rules``."""
         after: list[Term] = []
         place = 0
         while place < self.nv:

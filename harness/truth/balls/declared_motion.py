@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import StepRule
 from harness.programs.kernels import BallKernel
 from harness.trees.stepping.step_forces import StepForces
 from harness.trees.stepping.steps import LARGEST_TURN, steps_program

@@ -14,7 +14,7 @@ from harness.arrays import Array
 from harness.engines import Model
 from harness.errors import InvalidRequest
 from harness.files.model_file import ModelFile
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import StepRule
 from harness.library import nearest
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF

@@ -10,7 +10,7 @@ off length 1 counts for nothing, as no reader of one feels it.
 A wrong step is explained by the mistake that undone makes it right: by another rule, which the answers then follow, or by a convention
 undone, after which they follow their own.
 
-Source: that of ``harness.files.rules.step_rule``.
+Source: that of ``harness.files.rules``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Model, NotOffered, answer_of
-from harness.files.rules.step_rule import ImplicitPart, StepRule
+from harness.files.rules import ImplicitPart, StepRule
 from harness.programs.evaluation import values
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States

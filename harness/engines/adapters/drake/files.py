@@ -21,7 +21,7 @@ from harness.engines.reading import refuse_unexpressed, root_link
 from harness.engines.request import Refused, Request
 from harness.files.document.xml import Document, describe, literal_tag, parse_document
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.defaults import resolved, resolved_text
+from harness.files.mjcf.attributes import resolved, resolved_text
 from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring
 from harness.files.tree import WORLD
 from harness.files.urdf.kinds import POINT_SPRING

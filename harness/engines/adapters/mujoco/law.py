@@ -17,9 +17,9 @@ from typing import Literal
 from lxml import etree
 
 from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
-from harness.files.mjcf.options import is_on
+from harness.files.mjcf.attributes import is_on
 from harness.files.model_file import ModelFile, document_of
-from harness.files.rules.constraint_law import ConstraintLaw, Impedance, InverseWeight
+from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
 
 # mjMINIMP, mjMAXIMP and mjMINVAL.
 LEAST_IMPEDANCE, MOST_IMPEDANCE, LEAST_NUMBER = 0.0001, 0.9999, 1e-15

@@ -23,7 +23,7 @@ from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.request import AskedJoint, Refused, Request, by_joint, projected
 from harness.files.joint_kinds import JointKind
-from harness.files.rules.step_rule import StepRule
+from harness.files.rules import StepRule
 
 # Tags of a file by the names of MuJoCo's types of equality, where they are others.
 _TYPES = {"mimic": "joint"}

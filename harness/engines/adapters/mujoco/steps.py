@@ -24,9 +24,9 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.versions import require_declared_steps
 from harness.engines.interface import NotOffered
-from harness.files.mjcf.options import is_on
+from harness.files.mjcf.attributes import is_on
 from harness.files.model_file import ModelFile, document_of
-from harness.files.rules.step_rule import ImplicitPart, StepRule
+from harness.files.rules import ImplicitPart, StepRule
 
 # Of an iteration, relative.
 _TOLERANCE = 2.0**-53

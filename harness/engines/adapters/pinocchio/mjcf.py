@@ -19,8 +19,7 @@ from harness.engines import Unsupported
 from harness.engines.reading import captured_standard_error
 from harness.files.document.xml import Document, describe, shorten
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.defaults import childclass_of, of_class, resolved
-from harness.files.mjcf.options import ORIENTATIONS
+from harness.files.mjcf.attributes import ORIENTATIONS, childclass_of, of_class, resolved
 from harness.files.model_file import ModelFile, document_of
 
 # Sections of which the reader takes the first as often as there are some.

@@ -15,8 +15,8 @@ from decimal import Context, Decimal
 from harness.explain.changes import Change
 from harness.files.model_file import ModelFile
 from harness.files.text.anatomy import anatomy
-from harness.files.text.anatomy.parts import Anatomy, Slot, Words
 from harness.files.text.scan import TextPlace, edited
+from harness.files.text.slots import Anatomy, Slot, Words
 from harness.registry import Registry
 
 # A slot with its new words, None where it goes.

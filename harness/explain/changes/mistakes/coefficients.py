@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from harness.explain.changes.mistakes import FixedChange, FreeChange, Mistake, is_zero, times
 from harness.files.joint_kinds import JointKind
-from harness.files.text.anatomy.parts import Anatomy, Slot
+from harness.files.text.slots import Anatomy, Slot
 
 # What a mistake leaves in, of the natural size, to one digit.
 _LEFT_IN = 0.1

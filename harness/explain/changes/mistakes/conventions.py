@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from harness.explain.changes.mistakes import COMPONENTS, FixedChange, Mistake, Write, along, exchanged, is_zero, times
 from harness.files.joint_kinds import JointKind
-from harness.files.text.anatomy.parts import Anatomy, Slot
+from harness.files.text.slots import Anatomy, Slot
 
 
 def _turned(parts: Anatomy) -> Iterator[FixedChange]:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from harness.arrays import Array
 from harness.explain.changes.mistakes import COMPONENTS, FixedChange, FreeChange, Mistake, Rewrites, Write, along, is_zero, plus
-from harness.files.text.anatomy.parts import ENTRIES, Anatomy, Slot
+from harness.files.text.slots import ENTRIES, Anatomy, Slot
 
 # What a mistake turns a frame by [rad].
 TURN = 0.5

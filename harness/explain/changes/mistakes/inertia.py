@@ -16,7 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.explain.changes.mistakes import FixedChange, FreeChange, Mistake, Write, Writes, is_zero, plus, times
 from harness.explain.changes.mistakes.frames import matrix_of
-from harness.files.text.anatomy.parts import ENTRIES, Anatomy, BodySlots, InertialSlots
+from harness.files.text.slots import ENTRIES, Anatomy, BodySlots, InertialSlots
 
 MOMENTS, PRODUCTS = ENTRIES[:3], ENTRIES[3:]
 # MuJoCo writes moments first, URDF row by row.

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from harness.explain.changes.mistakes import FixedChange, Mistake, Write, Writes, times
 from harness.files.joint_kinds import JointKind
-from harness.files.text.anatomy.parts import ENTRIES, Anatomy, InertialSlots, Slot
+from harness.files.text.slots import ENTRIES, Anatomy, InertialSlots, Slot
 
 # Of a mass or length, and of an inertia: g m^2, kg mm^2 and g mm^2, and back.
 _FACTORS, _OF_INERTIA = ("0.001", "1000"), ("1000", "0.001", "1e6", "1e-6", "1e9", "1e-9")

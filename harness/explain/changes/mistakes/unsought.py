@@ -15,8 +15,8 @@ from harness.arrays import Array
 from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake
 from harness.files.model_file import ModelFile
-from harness.files.text.anatomy.parts import Anatomy
 from harness.files.text.scan import Number, TextPlace, find_elements, find_numbers, with_values
+from harness.files.text.slots import Anatomy
 
 # Moments of inertia, masses and centres of mass in both formats.
 _MOMENTS = {"inertial": ("diaginertia", "fullinertia"), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}

@@ -16,7 +16,7 @@ from harness.explain.changes.readings import (
     without_bodies,
 )
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.defaults import childclass_of, of_class, resolved, resolved_text
+from harness.files.mjcf.attributes import childclass_of, of_class, resolved, resolved_text
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Solid, Tree, vector
 from harness.trees.bodies.bounds import bounded
 from harness.trees.robot import Robot

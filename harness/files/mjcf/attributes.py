@@ -1,12 +1,16 @@
-"""The attributes of MJCF elements once their default classes are applied, as numbers with places, and their placements.
+"""The attributes of MJCF elements once their default classes are applied: as text, as numbers with places, and as placements.
 
-Source: MuJoCo documentation, Modeling, sections Default settings and Frame orientations; XML reference, ``compiler``.
+Source: MuJoCo documentation, Modeling, sections Default settings and Frame orientations; XML reference, ``compiler``, ``option`` and
+``option/flag``.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import NamedTuple
 
 from lxml import etree
 
@@ -14,15 +18,120 @@ from harness.files.document.source import Source
 from harness.files.document.values import Check, Numbers
 from harness.files.document.xml import describe, shorten
 from harness.files.findings import Unread
-from harness.files.mjcf.defaults import writings
-from harness.files.mjcf.expansion import REPEATED
-from harness.files.mjcf.options import ORIENTATIONS, is_on
-from harness.files.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, Vector, vector
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, vector
 
-_UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
-_SIZES = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
-_LETTERS = 3
+# Kinds of joints by their names in MJCF, in the order of its reference.
+KINDS = {kind.value: kind for kind in (JointKind.HINGE, JointKind.SLIDE, JointKind.BALL, JointKind.FREE)}
 JOINTS = ("joint", "freejoint")
+# The attributes of which one gives a frame its orientation, and how many numbers each holds.
+_SIZES = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
+ORIENTATIONS = tuple(_SIZES)
+# In a frame that a replica has become: how often its placement is repeated.
+REPEATED = "repeated"
+# Name of the outermost class where its author gave it none.
+MAIN = "main"
+# Where the defaults of an element stand under another tag than its own.
+_DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon"}
+_UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
+_LETTERS = 3
+
+
+def is_on(root: etree._Element, stage: str) -> bool:
+    """False where a stage of MuJoCo's pipeline, like "spring", is switched off."""
+    return [flag.get(stage) for flag in root.iterfind("option/flag") if stage in flag.attrib][-1:] != ["disable"]
+
+
+class Written(NamedTuple):
+    """The text of an attribute, and the element in which it is written."""
+
+    text: str
+    owner: etree._Element
+
+
+def resolved(element: etree._Element, name: str) -> Written | None:
+    """An attribute as MuJoCo resolves it: the element's own, else that of its class or of a class around that; None where nobody gives it.
+
+    An element without a class of its own has the childclass of the innermost body or frame around it that names one.
+    """
+    return next(writings(element, name), None)
+
+
+def resolved_text(element: etree._Element, name: str, default: str = "") -> str:
+    """The text of ``resolved``; ``default`` where nobody gives the attribute."""
+    written = resolved(element, name)
+    return default if written is None else written.text
+
+
+def writings(element: etree._Element, name: str) -> Iterator[Written]:
+    """Wherever an attribute of ``element`` is written: in itself, in its class, in the classes around that.
+
+    Of a list MuJoCo takes each number from the first of them that is long enough to hold it.
+    """
+    if name in element.attrib:
+        yield Written(str(element.get(name)), element)
+    # A free joint takes nothing from the defaults of joints, and most files have none.
+    if element.tag != "freejoint" and _classes(element.getroottree().getroot()):
+        yield from _in_class(element, str(element.get("class") or childclass_of(element) or MAIN), name)
+
+
+def childclass_of(element: etree._Element) -> str | None:
+    """The childclass of the innermost ancestor that names one."""
+    return next((name for ancestor in element.iterancestors() if (name := ancestor.get("childclass"))), None)
+
+
+def of_class(element: etree._Element, name_of_class: str, name: str) -> Written | None:
+    """An attribute that a default class, or one around it, gives elements like ``element``; None where none does."""
+    return next(_in_class(element, name_of_class, name), None)
+
+
+def _in_class(element: etree._Element, name_of_class: str, name: str) -> Iterator[Written]:
+    classes = _classes(element.getroottree().getroot())
+    key = _default_tag(element), name
+    # A class inside another of its name, which MuJoCo refuses, is around itself.
+    chain = [name_of_class]
+    for one in chain:
+        if one in classes:
+            yield from classes[one].given.get(key, ())
+            chain += [around for around in classes[one].around if around not in chain]
+
+
+def _default_tag(element: etree._Element) -> str:
+    """The tag under which defaults of ``element`` stand: constraints of all kinds share one."""
+    parent = element.getparent()
+    return "equality" if parent is not None and parent.tag == "equality" else _DEFAULT_TAG.get(element.tag, str(element.tag))
+
+
+@dataclass
+class _Class:
+    """A default class: the name of the one ``around`` it, if any, and its writings by (tag, attribute)."""
+
+    around: tuple[str, ...] = ()
+    given: dict[tuple[str, str], list[Written]] = field(default_factory=dict)
+
+
+# Of the last file alone, and once: a file looks as many attributes up as it has elements.
+@functools.lru_cache(maxsize=1)
+def _classes(root: etree._Element) -> dict[str, _Class]:
+    """The default classes of a file by name; a name that stands twice is one class, and what comes later goes first."""
+    classes: dict[str, _Class] = {}
+    for default in (default for section in root.iterchildren("default") for default in section.iter("default")):
+        parts = [(part, *written) for part in default.iterchildren("*") for written in part.attrib.items()]
+        for name in _names(default):
+            known = classes.setdefault(name, _Class())
+            known.around = _names(default.getparent())[-1:]
+            for part, attribute, text in parts:
+                earlier, words = known.given.get((part.tag, attribute), []), len(text.split())
+                longer = [written for written in earlier if len(written.text.split()) > words]
+                known.given[part.tag, attribute] = [Written(text, part), *longer]
+    return classes
+
+
+def _names(default: etree._Element) -> tuple[str, ...]:
+    """The names of a class, none for what is no class: the outermost one is ``MAIN`` besides."""
+    own = default.get("class")
+    outermost = default.tag == "default" and default.getparent().tag == "mujoco"
+    return (*([MAIN] if outermost else []), *([str(own)] if own else []))
 
 
 class Attributes:
@@ -31,7 +140,7 @@ class Attributes:
     def __init__(self, source: Source, root: etree._Element) -> None:
         self._source, self._root = source, root
         self.in_degrees = self.compiler("angle", "degree", ("degree", "radian")) == "degree"
-        self.auto_limits = self.compiler("autolimits", "true", ("true", "false")) == "true"
+        self._auto_limits = self.compiler("autolimits", "true", ("true", "false")) == "true"
         self._sequence = self.compiler("eulerseq", "xyz")
         if len(self._sequence) != _LETTERS or set(self._sequence.lower()) - set("xyz"):
             compiler = [*root.iterchildren("compiler")][-1]
@@ -92,26 +201,25 @@ class Attributes:
         """Whether "spring" or "damper" forces are switched on."""
         return is_on(self._root, stage) and is_on(self._root, "passive")
 
+    def is_limited(self, element: etree._Element) -> bool:
+        """Whether the range of a joint or tendon holds, as ``autolimits`` says where it does not say so itself."""
+        limited = resolved_text(element, "limited", "auto")
+        return limited == "true" or (limited == "auto" and self._auto_limits and bool(resolved_text(element, "range")))
+
     def pose(self, element: etree._Element) -> Pose:
         """The placement of an element, behind those of the frames around it."""
-        placements = [self.placement(element)]
+        placements = [self._placement(element)]
         for ancestor in element.iterancestors():
             if ancestor.tag != "frame":
                 break
-            placements += [self.placement(ancestor)] * int(ancestor.get(REPEATED, "1"))
+            placements += [self._placement(ancestor)] * int(ancestor.get(REPEATED, "1"))
         return tuple(reversed(placements))
 
-    def between(self, first: Vector, second: Vector) -> Rotation:
-        """The orientation whose z axis points from one point to another."""
-        return (Direction(second, first),)
+    def _placement(self, element: etree._Element) -> Placement:
+        position = self.numbers(element, "offset" if REPEATED in element.attrib else "pos", (0, 0, 0))
+        return Placement(vector(position), self._rotation(element))
 
-    def placement(self, element: etree._Element) -> Placement:
-        return Placement(self._position(element), self.rotation(element))
-
-    def _position(self, element: etree._Element) -> Vector:
-        return vector(self.numbers(element, "offset" if REPEATED in element.attrib else "pos", (0, 0, 0)))
-
-    def rotation(self, element: etree._Element) -> Rotation:
+    def _rotation(self, element: etree._Element) -> Rotation:
         """The orientation of an element; raises InvalidModel where it is given twice."""
         given = [name for name in ORIENTATIONS if next(writings(element, name), None) is not None]
         if len(given) > 1:

@@ -1,9 +1,7 @@
 """Bodies, joints and inertias of a model in either format, each as places in its text that can be written.
 
-A hypothesis speaks of a body's offset or a joint's damping; what these are called, and where they go when they are
-absent, is said here once for MJCF and URDF. A value that an MJCF joint inherits from a default class counts as absent.
-
-Sources: MuJoCo 4 XML reference; http://wiki.ros.org/urdf/XML; ``harness.files.model_file`` for springs and rotors in a URDF.
+A hypothesis speaks of a body's offset or a joint's damping; ``harness.files.text.anatomy`` says what these are called in each format,
+and where they go when they are absent.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
-from harness.files.text.scan import Attribute, Edit, Element, TextPlace, find_elements
+from harness.files.text.scan import Edit, TextPlace
 
 # Of an inertia matrix, in MuJoCo's order; both formats call them so.
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -84,8 +82,8 @@ class JointSlots:
 
     name: Slot
     kind: JointKind
-    anchor: Array
-    axis: Slot | None
+    anchor: Array = field(default_factory=lambda: np.zeros(3))
+    axis: Slot | None = None
     damping: Slot | None = None
     stiffness: Slot | None = None
     spring_reference: Slot | None = None
@@ -194,62 +192,3 @@ class Anatomy:
     def inertia(self, joint: JointSlots) -> float:
         """A natural size of what a joint moves: kg m^2 where it turns, kg where it slides."""
         return self.mass * self.length**2 if joint.kind is JointKind.HINGE else self.mass
-
-
-class Parts:
-    """The elements of a model, and slots for their attributes."""
-
-    def __init__(self, model: ModelFile) -> None:
-        self.model, self.text = model, model.text
-        self.elements = find_elements(model.text, model.format)
-
-    def all(self, *path: str) -> list[Element]:
-        """Elements whose path ends so."""
-        return [element for element in self.elements if element.path[-len(path) :] == path]
-
-    def inside(self, holder: Element, tag: str) -> Element | None:
-        """The first child of ``holder`` with that tag."""
-        path = (*holder.path, tag)
-        return next((element for element in self.elements if element.path == path and holder.holds(element)), None)
-
-    def line(self, position: int) -> int:
-        return self.text.count("\n", 0, position) + 1
-
-    def slot(self, element: Element, name: str, default: str = "0 0 0", along: tuple[Edit, ...] = (), alone: bool = False) -> Slot:
-        """Attribute ``name`` of an element that is there; ``alone``: the element goes with it where it has no other attribute."""
-        found = next((attribute for attribute in element.attributes if attribute.name == name), None)
-        if found is None:
-            end = element.opened - (2 if self.text[element.opened - 2] == "/" else 1)
-            return self.missing(element, end, (element.tag, name), (f' {name}="', '"'), default, along)
-        span = (element.start, element.end) if alone and len(element.attributes) == 1 else (found.start, found.end)
-        return self._standing(element, found, span, element.line, along)
-
-    def slot_inside(
-        self, holder: Element, tag: str, name: str, default: str = "0 0 0", along: tuple[Edit, ...] = (), alone: bool = True
-    ) -> Slot:
-        """Attribute ``name`` of the child ``tag`` of an element, which itself may be absent."""
-        child = self.inside(holder, tag)
-        if child is None:
-            return self.missing(holder, holder.opened, (tag, name), (f'<{tag} {name}="', '"/>'), default, along)
-        slot = self.slot(child, name, default, along, alone)
-        return replace(slot, absent_line=holder.line) if slot.removed == (child.start, child.end) else slot
-
-    def text_slot(self, element: Element, holder: Element, absent_line: int) -> Slot:
-        """The text between the tags of an element that goes with ``holder``."""
-        found = next(attribute for attribute in element.attributes if attribute.name == "")
-        return self._standing(element, found, (holder.start, holder.end), absent_line, ())
-
-    def missing(
-        self, owner: Element, at: int, what: tuple[str, str], around: tuple[str, str], default: str = "0", along: tuple[Edit, ...] = ()
-    ) -> Slot:
-        """An attribute that is not there, and would stand at a position of the text with ``around`` before and behind its value."""
-        place = TextPlace(owner.line, *what, None, "")
-        return Slot(place, at, at, *around, self.line(at), owner.line, tuple(default.split()), (at, at), along)
-
-    def _standing(self, element: Element, found: Attribute, removed: tuple[int, int], absent_line: int, along: tuple[Edit, ...]) -> Slot:
-        place = TextPlace(found.line, element.tag, found.name, None, found.value)
-        whole = self.text[found.start : found.end]
-        before = whole.rindex(found.value, 0, len(whole) - bool(found.name)) if found.value else len(whole) - 1
-        head, tail = whole[:before], whole[before + len(found.value) :]
-        words = tuple(found.value.split())
-        return Slot(place, found.start, found.end, head, tail, found.line, absent_line, words, removed, along)

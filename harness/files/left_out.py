@@ -1,0 +1,177 @@
+"""What a file says besides the equations of motion of its tree.
+
+Sources: MuJoCo documentation, XML reference, and Modeling, section URDF extensions; http://wiki.ros.org/urdf/XML; SDFormat extensions to
+URDF.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from lxml import etree
+
+from harness.files.document.source import Source
+from harness.files.document.xml import literal_tag
+from harness.files.findings import LeftOut
+from harness.files.mjcf.attributes import JOINTS, Attributes, resolved_text
+from harness.files.tree import Tree
+from harness.files.urdf.beside import FORCES_WITHOUT_AXIS, UNREAD_ROTORS, has_rotor
+from harness.files.urdf.kinds import BALL_CONSTRAINT, FIXED, JOINT_TAGS, LIMITED, POINT_SPRING
+from harness.files.urdf.reading import DAMPING_OF_SEVERAL
+
+_CONTACTS, _VISUAL, _LIMITS, _FRICTION = "contacts", "visual geometry", "joint limits", "friction loss"
+
+# MJCF. What each is, and whether an engine that has it switched on could give other accelerations for it.
+_SECTIONS = {
+    "equality": ("equality constraints", True),
+    "actuator": ("actuators", True),
+    "deformable": ("deformable bodies", True),
+    "sensor": ("sensors", False),
+    "keyframe": ("keyframes", False),
+    "asset": ("meshes, textures and materials", False),
+    "custom": ("custom data", False),
+    "extension": ("plugins", True),
+    "contact": ("contacts that are excluded", False),
+}
+_ALONE = {"visual": "settings of the picture", "statistic": "settings of the picture", "size": "sizes of memory"}
+_IN_BODIES = {"camera": "cameras and lights", "light": "cameras and lights", "plugin": "plugins"}
+_SECTIONS_READ = ("compiler", "option", "default", "worldbody", "tendon")
+_OF_FLUID = ("density", "viscosity", "wind")
+
+# URDF, in the order in which it is told.
+_UNKNOWN, _XACRO, _EFFORT = "elements that URDF does not know", "xacro leftovers", "effort and velocity limits"
+_TRANSMISSIONS, _SAFETY, _GAZEBO = "transmissions", "safety controllers and calibration", "gazebo elements"
+_MUJOCO, _LOOPS = "options of MuJoCo's own reader", "Drake's ball constraints, which no engine's reader reads"
+_BEARS_ON_MOTION = {
+    **dict.fromkeys((_CONTACTS, _LIMITS, _FRICTION, DAMPING_OF_SEVERAL, FORCES_WITHOUT_AXIS, UNREAD_ROTORS, _MUJOCO, _LOOPS), True),
+    **dict.fromkeys((_EFFORT, _TRANSMISSIONS, _SAFETY, _VISUAL, _GAZEBO, _XACRO, _UNKNOWN), False),
+}
+_OF_PATH = {
+    "link/visual": _VISUAL,
+    "link/collision": _CONTACTS,
+    "robot/material": _VISUAL,
+    "robot/transmission": _TRANSMISSIONS,
+    "robot/gazebo": _GAZEBO,
+    "robot/mujoco": _MUJOCO,
+    f"robot/{BALL_CONSTRAINT}": _LOOPS,
+    "joint/safety_controller": _SAFETY,
+    "joint/calibration": _SAFETY,
+}
+_PATHS_READ = frozenset(
+    ["robot/link", *(f"robot/{tag}" for tag in JOINT_TAGS), f"robot/{POINT_SPRING}", "link/inertial"]
+    + [f"{tag}/{part}" for tag in JOINT_TAGS for part in ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic")]
+)
+
+Found = Iterator[tuple[str, bool, etree._Element]]
+
+
+def left_out_of_mjcf(source: Source, root: etree._Element, tree: Tree) -> tuple[LeftOut, ...]:
+    """What is left out, what bears on the motion first."""
+    found: dict[tuple[str, bool], list[etree._Element]] = {}
+    for what, bears, element in (*_of_sections(root), *_of_bodies(root), *_of_tendons(source, root), *_of_joints(source, root, tree)):
+        found.setdefault((what, bears), []).append(element)
+    parts = [LeftOut(what, source.lines(elements), bears) for (what, bears), elements in found.items()]
+    return tuple(sorted(parts, key=lambda part: not part.bears_on_motion))
+
+
+def _of_sections(root: etree._Element) -> Found:
+    for section in root.iterchildren("*"):
+        if section.tag in _SECTIONS:
+            for element in section.iterchildren("*"):
+                is_pair = section.tag == "contact" and element.tag == "pair"
+                yield (_CONTACTS, True, element) if is_pair else (*_SECTIONS[section.tag], element)
+        elif section.tag == "option" and any(_is_felt(section.get(name, "")) for name in _OF_FLUID):
+            yield "fluid", True, section
+        elif section.tag not in _SECTIONS_READ:
+            yield _ALONE.get(section.tag, "elements that MJCF does not know"), False, section
+
+
+def _is_felt(text: str) -> bool:
+    """Whether a list of numbers holds another one than 0."""
+    return any(word.strip("+-0.") for word in text.split())
+
+
+def _of_bodies(root: etree._Element) -> Found:
+    """Geoms, and what bodies hold besides."""
+    for world in root.iterchildren("worldbody"):
+        for element in world.iterdescendants("*"):
+            if element.tag == "geom":
+                touches = any(resolved_text(element, name, "1") != "0" for name in ("contype", "conaffinity"))
+                yield _CONTACTS if touches else _VISUAL, touches, element
+            elif element.tag in _IN_BODIES:
+                yield _IN_BODIES[element.tag], element.tag == "plugin", element
+            elif element.tag == "body":
+                if _is_felt(element.get("gravcomp", "")):
+                    yield "gravity compensation", True, element
+                if element.get("mocap") == "true":
+                    yield "bodies moved from outside", False, element
+
+
+def _of_tendons(source: Source, root: etree._Element) -> Found:
+    attributes = Attributes(source, root)
+    for tendon in root.iterfind("tendon/*"):
+        if attributes.is_limited(tendon):
+            yield "tendon limits", True, tendon
+        if _is_felt(resolved_text(tendon, "frictionloss")):
+            yield _FRICTION, True, tendon
+
+
+def _of_joints(source: Source, root: etree._Element, tree: Tree) -> Found:
+    """Friction and limits, which the tree knows."""
+    elements = {source.place(joint): joint for world in root.iterchildren("worldbody") for joint in world.iter(*JOINTS)}
+    for joint in tree.joints:
+        assert joint.place is not None
+        element = elements[joint.place]
+        if joint.friction_loss:
+            yield _FRICTION, True, element
+        if joint.limits is not None:
+            yield _LIMITS, True, element
+        if resolved_text(element, "actuatorfrcrange"):
+            yield "limits of actuators' forces", False, element
+
+
+def left_out_of_urdf(source: Source, root: etree._Element) -> tuple[LeftOut, ...]:
+    """What is left out of a tree that has been read, what bears on the motion first."""
+    found: dict[str, set[int]] = {}
+    for what, element in _findings(source, root):
+        found.setdefault(what, set()).update(source.lines([element]))
+    for one in source.passed_over:
+        found.setdefault(one.what, set()).add(one.line)
+    return tuple(LeftOut(what, tuple(sorted(found[what])), bears) for what, bears in _BEARS_ON_MOTION.items() if what in found)
+
+
+def _findings(source: Source, root: etree._Element) -> Iterator[tuple[str, etree._Element]]:
+    for element in root.iterchildren("*"):
+        tag = literal_tag(element)
+        yield from _of_path("robot", [element])
+        if tag in ("link", *JOINT_TAGS):
+            yield from _of_path(tag, element.iterchildren("*"))
+        if tag == "joint":
+            yield from _of_joint(source, element)
+
+
+def _of_path(holder: str, elements: Iterable[etree._Element]) -> Iterator[tuple[str, etree._Element]]:
+    for element in elements:
+        path = f"{holder}/{literal_tag(element)}"
+        if literal_tag(element).startswith("xacro:"):
+            yield _XACRO, element
+        elif path not in _PATHS_READ and not _is_read(path, element):
+            yield _OF_PATH.get(path, _UNKNOWN), element
+
+
+def _is_read(path: str, element: etree._Element) -> bool:
+    """True for springs and rotors, which the equations of motion hold, or which are passed over for a reason of their own."""
+    if path == "robot/gazebo":
+        return {literal_tag(part) for part in element.iterchildren("*")} - {"springReference"} == {"springStiffness"}
+    return path == "robot/transmission" and has_rotor(element)
+
+
+def _of_joint(source: Source, joint: etree._Element) -> Iterator[tuple[str, etree._Element]]:
+    kind, limit, dynamics = joint.get("type"), joint.find("limit"), joint.find("dynamics")
+    if limit is not None:
+        if kind in LIMITED and source.number(limit, "lower", 0.0) < source.number(limit, "upper", 0.0):
+            yield _LIMITS, limit
+        if {"effort", "velocity"} & set(limit.attrib):
+            yield _EFFORT, limit
+    if dynamics is not None and kind != FIXED and source.number(dynamics, "friction", 0.0):
+        yield _FRICTION, dynamics

@@ -1,0 +1,215 @@
+"""What an MJCF states between its bodies and joints: the springs and dampers of its tendons, and its equalities.
+
+Those springs are read that run straight from one site to another, or act on a sum of joint positions; those equalities that are of points
+and frames, or couple joints, fixed tendons and tendons through sites.
+
+Source: MuJoCo documentation, XML reference, ``tendon/spatial``, ``tendon/fixed``, ``equality``, ``option/flag``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import TypeVar
+
+from lxml import etree
+
+from harness.files.document.source import Elements, Source, unresolved
+from harness.files.document.values import one_sign
+from harness.files.document.xml import describe
+from harness.files.equalities import (
+    POLYNOMIAL,
+    SOLIMP,
+    SOLREF,
+    Equality,
+    Linkage,
+    Meeting,
+    Polygon,
+    Rows,
+    SolverParameters,
+    Sum,
+    Tendon,
+    TendonLinkage,
+    Weld,
+)
+from harness.files.findings import Unread
+from harness.files.joint_kinds import JointKind
+from harness.files.mjcf.attributes import JOINTS, Attributes, is_on, resolved, resolved_text
+from harness.files.tree import WORLD, Body, Coupling, Given, Placement, Pose, Quaternion, Spring, vector
+
+# Of a weld: a quaternion of zero stands for the orientation at the reference.
+_AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_UNWRITTEN = "is of a kind whose rows the harness does not write"
+_ALONG_PATH = "is about a tendon that runs along a path, or about none of this file"
+
+_Coupled = TypeVar("_Coupled", str, Tendon)
+
+
+class _NotRead(Exception):
+    """What an equality speaks of is not there, or not read; the message says what."""
+
+
+class Between:
+    """Reads a file whose ``bodies`` have been read; ``name`` gives the name of a body's element."""
+
+    def __init__(
+        self, source: Source, root: etree._Element, attributes: Attributes, name: Callable[[etree._Element], str], bodies: Sequence[Body]
+    ) -> None:
+        self._source, self._root, self._attributes, self._name = source, root, attributes, name
+        sites, joints, holders = (
+            [element for world in root.iterchildren("worldbody") for element in world.iter(*tags)]
+            for tags in (("site",), JOINTS, ("body",))
+        )
+        self._sites, self._joints, self._bodies = map(_by_name, (sites, joints, holders))
+        self._tendons = _by_name(root.iterfind("tendon/*"))
+        self._singles = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
+        floating = [any(joint.kind is JointKind.FREE for joint in body.joints) for body in bodies]
+        placed = zip(bodies, holders, floating, strict=True)
+        self._floating = tuple((body.name, attributes.pose(holder)) for body, holder, floats in placed if floats)
+
+    def _at(self, site: etree._Element) -> tuple[str, Pose]:
+        """The body of a site, and its place there."""
+        return self._name(next(site.iterancestors("body", "worldbody"))), self._attributes.pose(site)
+
+    # Springs and dampers.
+
+    def springs(self) -> tuple[tuple[Spring, ...], tuple[Coupling, ...]]:
+        """Those between points, and those on sums of joint positions.
+
+        Raises:
+            InvalidModel: one speaks of nothing in the file. A spring or damper on another path, or between two lengths, is left unread.
+        """
+        found = [spring for tendon in self._root.iterfind("tendon/*") if (spring := self._spring(tendon)) is not None]
+        return tuple(one for one in found if isinstance(one, Spring)), tuple(one for one in found if isinstance(one, Coupling))
+
+    def _spring(self, tendon: etree._Element) -> Spring | Coupling | None:
+        attributes, place, path = self._attributes, self._source.place(tendon), list(tendon.iterchildren("*"))
+        if armature := attributes.number(tendon, "armature", 0.0):
+            attributes.leave_unread(tendon, "armature", armature, "is an inertia in a tendon", "remove it")
+            return None
+        stiffness, damping = attributes.coefficient(tendon, "stiffness", "spring"), attributes.coefficient(tendon, "damping", "damper")
+        if not stiffness and not damping:
+            return None
+        lower, upper = _rest(attributes, tendon) if stiffness else (Fraction(0), Fraction(0))
+        if lower != upper:
+            what, advice = "is slack between two lengths", "write one springlength"
+        elif tendon.tag == "fixed":
+            terms = tuple(self._term(part) for part in tendon.iterchildren("joint"))
+            return Coupling(terms, stiffness, damping, None if lower < 0 else lower, place)
+        elif [part.tag for part in path] != ["site", "site"]:
+            what, advice = "does not run straight from one site to another", "lead it through two sites"
+        elif lower < 0:
+            what, advice = "leaves its springlength to the reader", "write it"
+        else:
+            first, second = (self._at(self._sites[self._source.resolve(part, "site", self._sites)]) for part in path)
+            return Spring((first, second), lower, stiffness, damping, place)
+        self._source.unread.append(Unread(place, f"{describe(tendon)} {what}", advice))
+        return None
+
+    def _term(self, part: etree._Element) -> tuple[str, Given]:
+        name = str(part.get("joint"))
+        if name not in self._singles:
+            self._source.refuse(part, f'<joint joint="{name}"> names no hinge or slide of this file; correct the name')
+        return name, self._source.number(part, "coef", None)
+
+    # Equalities.
+
+    def equalities(self) -> tuple[Equality, ...]:
+        """All of them in the order of the file."""
+        is_on_here = all(is_on(self._root, stage) for stage in ("constraint", "equality"))
+        return tuple(self._equality(element, is_on_here) for element in self._root.iterfind("equality/*"))
+
+    def _equality(self, element: etree._Element, is_on_here: bool) -> Equality:
+        readers: Mapping[str, Callable[[etree._Element], Rows]] = {
+            "connect": self._connect,
+            "weld": self._weld,
+            "joint": lambda coupling: Linkage(*self._coupled(coupling, self._single)),
+            "tendon": lambda coupling: TendonLinkage(*self._coupled(coupling, self._length)),
+        }
+        says, why_not, softness = None, _UNWRITTEN, None
+        try:
+            if element.tag in readers:
+                says, why_not, softness = readers[str(element.tag)](element), "", _softness(self._attributes, element)
+        except _NotRead as problem:
+            says, why_not = None, str(problem)
+        if isinstance(says, TendonLinkage) and any(isinstance(tendon, Polygon) for tendon in says.tendons):
+            why_not = _ALONG_PATH
+        place, (line,) = self._source.place(element), self._source.lines([element])
+        is_active = is_on_here and resolved_text(element, "active", "true") != "false"
+        return Equality(str(element.tag), place, line, says, why_not, softness, is_active, str(element.get("name") or ""))
+
+    def _connect(self, element: etree._Element) -> Meeting:
+        if "site1" in element.attrib:
+            return Meeting(*self._sites_of(element))
+        bodies = self._body(element, "body1"), self._body(element, "body2")
+        return Meeting(bodies, (Placement(vector(self._source.numbers(element, "anchor", None, count=3))),), None, self._floating)
+
+    def _weld(self, element: etree._Element) -> Weld:
+        scale = self._source.number(element, "torquescale", 1.0)
+        if "site1" in element.attrib:
+            return Weld(*self._sites_of(element), torque_scale=scale)
+        # The frame of the second body at its anchor is the one that is given; that of the first may be where it is at the reference.
+        bodies = self._body(element, "body2"), self._body(element, "body1")
+        anchor = Placement(vector(self._source.numbers(element, "anchor", (0, 0, 0))))
+        relative = self._source.numbers(element, "relpose", _AT_REFERENCE)
+        held = (Placement(vector(relative[:3]), (Quaternion(tuple(relative[3:])),)),) if any(relative[3:]) else None
+        return Weld(bodies, (anchor,), held, self._floating, scale)
+
+    def _sites_of(self, element: etree._Element) -> tuple[tuple[str, str], Pose, Pose]:
+        """The bodies of the two sites that a constraint names, and their places there."""
+        (one, first), (other, second) = (self._at(self._named(element, name, self._sites)) for name in ("site1", "site2"))
+        return (one, other), first, second
+
+    def _named(self, element: etree._Element, attribute: str, known: Elements) -> etree._Element:
+        if element.get(attribute) not in known:
+            raise _NotRead(f"is not read: {unresolved(element, attribute, known)}")
+        return known[str(element.get(attribute))]
+
+    def _body(self, element: etree._Element, attribute: str) -> str:
+        if element.get(attribute, WORLD) == WORLD:
+            return WORLD
+        return self._name(self._named(element, attribute, self._bodies))
+
+    def _single(self, element: etree._Element, attribute: str) -> str:
+        """The hinge or slide that an attribute names."""
+        self._named(element, attribute, self._joints)
+        joint = str(element.get(attribute))
+        if joint not in self._singles:
+            raise _NotRead(f"couples joint {joint!r}, which is no hinge or slide")
+        return joint
+
+    def _coupled(
+        self, element: etree._Element, read: Callable[[etree._Element, str], _Coupled]
+    ) -> tuple[_Coupled, _Coupled | None, tuple[Given, ...]]:
+        """What is coupled, its leader, and the coefficients."""
+        first, second = f"{element.tag}1", f"{element.tag}2"
+        tied, leader = read(element, first), read(element, second) if second in element.attrib else None
+        return tied, leader, self._attributes.numbers(element, "polycoef", POLYNOMIAL)
+
+    def _length(self, element: etree._Element, attribute: str) -> Tendon:
+        tendon = self._named(element, attribute, self._tendons)
+        name, parts = str(tendon.get("name")), list(tendon.iterchildren("*"))
+        if tendon.tag == "fixed":
+            return Sum(name, tuple((self._single(part, "joint"), self._source.number(part, "coef", None)) for part in parts))
+        if any(part.tag != "site" for part in parts):
+            raise _NotRead(_ALONG_PATH)
+        return Polygon(name, tuple(self._at(self._named(part, "site", self._sites)) for part in parts))
+
+
+def _by_name(elements: Iterable[etree._Element]) -> Elements:
+    return {str(element.get("name")): element for element in elements if element.get("name")}
+
+
+def _rest(attributes: Attributes, tendon: etree._Element) -> tuple[Given, Given]:
+    """The two lengths between which a tendon's spring is at rest; negative where those of the joints' springs are."""
+    lower, upper = attributes.numbers(tendon, "springlength", (-1, -1))
+    written = resolved(tendon, "springlength")
+    return (lower, lower) if written is not None and len(written.text.split()) == 1 else (lower, upper)
+
+
+def _softness(attributes: Attributes, element: etree._Element) -> SolverParameters:
+    time, ratio = map(float, attributes.numbers(element, "solref", SOLREF))
+    if complaint := one_sign((time, ratio)):
+        raise _NotRead(f'has solref="{time:g} {ratio:g}" with its default class, which {complaint}')
+    least, most, width, midpoint, power = map(float, attributes.numbers(element, "solimp", SOLIMP))
+    return SolverParameters((time, ratio), (least, most, width, midpoint, power))

@@ -1,0 +1,138 @@
+"""What engines document of constraints that they do not hold rigid, and of one step of their integrators, as plain data.
+
+Accelerations under a ``ConstraintLaw`` are those of (M + J' D J) qdd = f + J' D aref, with the rows r of ``harness.files.equalities``,
+J = dr/dq and
+
+- D_i = 1 / R_i, R_i = max((1 - d) / d A_i, ``least_regularisation``);
+- aref = -b J v - k d r, and minus J' v (the derivative of J, times v) where ``has_curvature``;
+- d, the impedance at |r|, the norm over all rows of the constraint.
+
+By a ``StepRule``, from positions q and velocities v under forces tau, a step of length h leads to q' and v'. With M a0 = f the equations
+of motion at the start, f the sum of all forces, a rule of one stage is
+
+    (M + h D + h^2 K) a = f - h K v,    v' = v + h a,    q' = q + h v',
+
+D and K being derivatives of forces, by the velocities and by the positions with a minus sign, of those parts that the rule names: the
+linearly implicit Euler method, and the semi-implicit one where they are empty. A rule with ``stages`` is an explicit Runge-Kutta method.
+Positions that are rotations go along the exponential map: q + h v is the rotation q, followed by one about the body's own axes by the
+vector h v. A Runge-Kutta method works in this vector, whose rate is v at the start alone.
+
+Sources: MuJoCo documentation, Computation, sections Constraint model and Solver parameters; Hairer, Wanner, Solving Ordinary
+Differential Equations II, 2nd ed., section IV.7 (linearly implicit methods); Munthe-Kaas, High order Runge-Kutta methods on manifolds,
+Appl. Numer. Math. 29 (1999).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+from typing import Literal
+
+from harness.errors import InvalidRequest
+
+# Of an impedance; the engine's least number.
+LEAST_WIDTH = 1e-15
+
+
+@dataclass(frozen=True)
+class InverseWeight:
+    """The mean of the diagonal of J M^-1 J' in the file's zero position.
+
+    J is that of the "translation" of the centre of mass or of the "rotation" of the body ``of``, of the velocities of the "joint"
+    or of the length of the "tendon" of that name.
+    """
+
+    kind: Literal["translation", "rotation", "joint", "tendon"]
+    of: str
+
+
+@dataclass(frozen=True)
+class Impedance:
+    """d from ``least`` at distance 0 to ``most`` at ``width`` [m or rad] and beyond, by two powers that meet at ``midpoint`` of it."""
+
+    least: float
+    most: float
+    width: float
+    midpoint: float
+    power: float
+
+    def at(self, distance: float) -> float:
+        """The impedance at a distance of 0 or more [m or rad]."""
+        if self.is_constant:
+            return (self.least + self.most) / 2
+        x = min(distance / self.width, 1.0)
+        if x <= self.midpoint:
+            y = math.pow(x, self.power) / math.pow(self.midpoint, self.power - 1)
+        else:
+            y = 1 - math.pow(1 - x, self.power) / math.pow(1 - self.midpoint, self.power - 1)
+        return self.least + y * (self.most - self.least)
+
+    @property
+    def is_constant(self) -> bool:
+        """True where the distance does not matter; d is then the mean of ``least`` and ``most``."""
+        return self.least == self.most or self.width <= LEAST_WIDTH
+
+
+@dataclass(frozen=True)
+class ConstraintLaw:
+    """How soft one constraint is.
+
+    Attributes:
+        impedance: d. stiffness: k [1/s^2]. damping: b [1/s].
+        weights: for each row the parts whose sum is A_i, an empty sum being 0; None where A_i is the diagonal of J M^-1 J' at the state.
+        has_curvature: whether aref takes account of the change of J along the motion.
+        least_regularisation: least R_i.
+    """
+
+    impedance: Impedance
+    stiffness: float
+    damping: float
+    weights: tuple[tuple[InverseWeight, ...], ...] | None
+    has_curvature: bool
+    least_regularisation: float
+
+
+class ImplicitPart(StrEnum):
+    """A part of the forces that a rule may take implicitly.
+
+    ``JOINT_DAMPERS`` and ``JOINT_SPRINGS`` act in joints. ``LINE_DAMPERS`` and ``LINE_SPRINGS`` act on lengths: those between two points,
+    and sums of joint positions; the second derivatives of lengths are in no rule. ``VELOCITY_TERMS`` are centripetal, Coriolis and
+    gyroscopic forces; ``VELOCITY_TERMS_OF_FREE_BODIES`` those of bodies that float and carry none.
+    """
+
+    JOINT_DAMPERS = "joint dampers"
+    LINE_DAMPERS = "line dampers"
+    VELOCITY_TERMS = "velocity terms"
+    VELOCITY_TERMS_OF_FREE_BODIES = "velocity terms of free bodies"
+    JOINT_SPRINGS = "joint springs"
+    LINE_SPRINGS = "line springs"
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """The rule of one integrator.
+
+    Attributes:
+        name: as the engine has it.
+        length: of a step [s], which the model file states, or the engine's default.
+        implicit: the parts that D and K hold the derivatives of.
+        along_branches: whether D leaves out what one velocity does to another that moves none of the same bodies.
+        with_old_velocities: whether positions follow with v in the place of v', as in the explicit Euler method.
+        stages, weights: of an explicit Runge-Kutta method, of each stage but the first the weights of those before it; () for rules of
+            one stage.
+    """
+
+    name: str
+    length: float
+    implicit: frozenset[ImplicitPart] = frozenset()
+    along_branches: bool = False
+    with_old_velocities: bool = False
+    stages: tuple[tuple[Fraction, ...], ...] = ()
+    weights: tuple[Fraction, ...] = ()
+
+    def __post_init__(self) -> None:
+        one_stage = self.implicit or self.along_branches or self.with_old_velocities
+        if self.stages and (one_stage or len(self.weights) != len(self.stages) + 1):
+            raise InvalidRequest(f"the rule {self.name!r} has stages; expected a weight for each and the start, and nothing else")

@@ -1,1 +1,0 @@
-"""What engines document of constraints that they do not hold rigid, and of their steps, as plain data."""
