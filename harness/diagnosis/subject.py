@@ -21,7 +21,7 @@ from harness.explain.columns import diagnostic_states, watch
 from harness.explain.model_side import diagnose
 from harness.explain.result import Conclusion, Diagnosis, digits_of
 from harness.explain.search import EVALUATIONS, Limits
-from harness.explain.terms import TermComparison, TermTruth, batches_at, compare_terms, wrong_blocks
+from harness.explain.terms import TermComparison, batches_at, compare_terms, wrong_blocks
 from harness.explain.textbook_side import TextbookSide, search_parameters, textbook_evaluations
 from harness.library import Library, member_of
 from harness.programs.states import States
@@ -133,7 +133,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     note("comparing terms")
     count = TERM_STATES * min(1.0, (TERM_VELOCITIES / len(mechanism.joints)) ** 3)
     positions = generic_sample(mechanism, max(LEAST_TERM_STATES, int(count)), scope.seed)
-    terms = compare_terms(TermTruth(kernel, positions), loaded, str(assignment.subject), of_answers.factorises)
+    terms = compare_terms(kernel, positions, loaded, str(assignment.subject), of_answers.factorises)
     limits = Limits(scope.evaluations, scope.tolerance, of_answers.factorises)
     note("diagnosing the model")
     of_model, certified = None, kernel.evaluate(states)

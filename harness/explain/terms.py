@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from harness.engines import Model, Terms, accelerations
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Flags, compare
-from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.reference import ReferenceKernel
 from harness.truth.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
 from harness.verdict import AGREEMENT, Verdict, gravest
 
@@ -34,14 +33,15 @@ TITLES = {
     PASSIVE: "springs, dampers and constraints",
     APPLIED: "applied forces",
 }
-_WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever forces are applied"}
-_SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once forces are applied"}
-# Of a quantity that is computed from accelerations or forces.
-_WHEN_GIVEN = {**_WHEN, LOADED: "wherever forces or accelerations are given"}
-_SINCE_GIVEN = {**_SINCE, LOADED: "once forces or accelerations are given"}
+# What is wrong at all states of a kind and of later ones, and what is wrong at some.
+_WHEN = {AT_REST: "at every state", MOVING: "wherever it moves", LOADED: "wherever {given}"}
+_SINCE = {AT_REST: "at rest already", MOVING: "once it moves", LOADED: "once {given}"}
+_APPLIED, _GIVEN = "forces are applied", "forces or accelerations are given"
 _WRONG = {Verdict.DISAGREES.value, Verdict.ERROR.value}
 _MOST_NAMED = 3
 _AXES = "xyz"
+# Kinds of n states.
+Kinds = np.ndarray[Any, np.dtype[np.str_]]
 
 
 @dataclass(frozen=True)
@@ -91,14 +91,11 @@ class TermFinding:
         size = "" if self.backward_error is None else f"{self.backward_error:.3g} data roundoffs"
         if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED):
             return f"{title}: {self.verdict}" + (f"; {size}" if size else "")
-        when = _WHEN[self.since] if self.wrong == self.states else f"at {self.wrong} of {self.states} states, {_SINCE[self.since]}"
+        when = _when(self.since, "" if self.wrong == self.states else f"at {self.wrong} of {self.states} states", _APPLIED)
         if self.verdict == Verdict.ERROR:
             return f"{title}: not finite {when}"
         kind = ("entry", "entries") if self.term == MASS else ("force on", "forces on")
-        named = ", ".join(map(str, self.places[:_MOST_NAMED]))
-        more = f" and {len(self.places) - _MOST_NAMED} more" if len(self.places) > _MOST_NAMED else ""
-        plural = len(self.places) > 1
-        return f"{title}: {kind[plural]} {named}{more} {'are' if plural else 'is'} wrong {when}; {size}"
+        return f"{title}: {kind[len(self.places) > 1]} {_are_wrong(list(map(str, self.places)), when, size)}"
 
 
 @dataclass(frozen=True)
@@ -130,7 +127,7 @@ class TermComparison:
             return tuple(finding.sentence for finding in self.wrong)
         if not self.accelerations_since:
             return ("every term agrees" if self.findings else "the engine states no terms",)
-        since = _SINCE[self.accelerations_since]
+        since = _SINCE[self.accelerations_since].format(given=_APPLIED)
         if self.loses_digits:
             return (f"no term is wrong; solving for the accelerations loses digits, {since}",)
         if not self.findings:
@@ -145,38 +142,15 @@ class TermComparison:
         return {**asdict(self), "sentences": list(self.sentences)}
 
 
-class TermTruth:
-    """The truth of ``compare_terms`` at ``states``, certified once for all subjects of a system whose frames are those of ``kernel``.
+def compare_terms(kernel: ReferenceKernel, states: States, model: Model, subject: str, factorises: bool = False) -> TermComparison:
+    """Judge every term that ``model`` states, at the positions of ``states``: at rest, at their velocities, and under their forces.
 
-    The positions are asked for at rest, at the velocities of ``states``, and under their forces.
+    ``kernel`` has the model's frames; see ``harness.engines.Engine``. ``factorises`` as of ``harness.truth.compare.compare``.
     """
-
-    def __init__(self, kernel: ReferenceKernel, states: States) -> None:
-        self.mechanism, self._kernel = kernel.mechanism, kernel
-        self.batches = batches_at(states)
-        self.states = States.concatenate(list(self.batches.values()))
-        self.kinds = np.repeat(list(self.batches), len(states))
-
-    @cached_property
-    def accelerations(self) -> dict[str, Reference]:
-        """Of each batch."""
-        return {name: self._kernel.evaluate(batch) for name, batch in self.batches.items()}
-
-    @cached_property
-    def terms(self) -> TermReference:
-        """At all states, the batches in order."""
-        return certify_terms(self._kernel, self.states)
-
-
-def compare_terms(truth: TermTruth, model: Model, subject: str, factorises: bool = False) -> TermComparison:
-    """Judge every term that ``model`` states.
-
-    The kernel of ``truth`` has the model's frames; see ``harness.engines.Engine``. ``factorises`` as of
-    ``harness.truth.compare.compare``.
-    """
+    batches = batches_at(states)
     verdicts = {
-        name: gravest(compare(truth.accelerations[name], accelerations(model, batch), factorises).verdicts.tolist())
-        for name, batch in truth.batches.items()
+        name: gravest(compare(kernel.evaluate(batch), accelerations(model, batch), factorises).verdicts.tolist())
+        for name, batch in batches.items()
     }
     wrong = [name for name, verdict in verdicts.items() if verdict in _WRONG]
     unstable = [name for name, verdict in verdicts.items() if verdict == Verdict.UNSTABLE]
@@ -184,14 +158,14 @@ def compare_terms(truth: TermTruth, model: Model, subject: str, factorises: bool
     stated = getattr(model, "terms", None)
     findings: tuple[TermFinding, ...] = ()
     if stated is not None:
-        terms = stated(truth.states.q, truth.states.v, truth.states.tau)
-        findings = tuple(_finding(name, truth.terms, terms, truth.mechanism, truth.states, truth.kinds) for name in TERMS)
-    return TermComparison(truth.mechanism.name, subject, findings, since, bool(unstable and not wrong))
+        everywhere, kinds = States.concatenate(list(batches.values())), np.repeat(list(batches), len(states))
+        reference, terms = certify_terms(kernel, everywhere), stated(everywhere.q, everywhere.v, everywhere.tau)
+        names = coordinate_names(kernel.mechanism)
+        findings = tuple(_finding(name, reference, terms, everywhere, kinds, names) for name in TERMS)
+    return TermComparison(kernel.mechanism.name, subject, findings, since, bool(unstable and not wrong))
 
 
-def _finding(
-    name: str, reference: TermReference, terms: Terms, mechanism: Mechanism, states: States, kinds: np.ndarray[Any, np.dtype[np.str_]]
-) -> TermFinding:
+def _finding(name: str, reference: TermReference, terms: Terms, states: States, kinds: Kinds, coordinates: Sequence[str]) -> TermFinding:
     parts, whole, finite = term_errors(name, reference, terms)
     verdicts = np.select(
         [~finite, ~reference.certified[name], whole <= AGREEMENT],
@@ -209,7 +183,7 @@ def _finding(
         since=since,
         wrong=int(later.sum()),
         states=len(later),
-        places=_places(parts[verdicts == Verdict.DISAGREES.value], coordinate_names(mechanism)),
+        places=_places(parts[verdicts == Verdict.DISAGREES.value], coordinates),
         worst_state=states.as_json(worst),
     )
 
@@ -241,10 +215,20 @@ def coordinate_names(mechanism: Mechanism) -> list[str]:
     return names
 
 
-def _since(wrong: Flags, kinds: np.ndarray[Any, np.dtype[Any]]) -> tuple[str, Flags]:
+def _since(wrong: Flags, kinds: Kinds) -> tuple[str, Flags]:
     """The first of the kinds of states (n,), in order, at which one is wrong, and which states of it and of later ones are."""
     since = str(kinds[np.argmax(wrong)])
     return since, wrong[int(np.argmax(kinds == since)) :]
+
+
+def _when(since: str, at_some: str, given: str) -> str:
+    """A phrase on what is wrong since a kind of state: at all of them, or ``at_some``."""
+    return (f"{at_some}, {_SINCE[since]}" if at_some else _WHEN[since]).format(given=given)
+
+
+def _are_wrong(named: Sequence[str], when: str, size: str) -> str:
+    more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
+    return f"{', '.join(named[:_MOST_NAMED])}{more} {'are' if len(named) > 1 else 'is'} wrong {when}; {size}"
 
 
 def batches_at(states: States) -> dict[str, States]:
@@ -254,7 +238,7 @@ def batches_at(states: States) -> dict[str, States]:
     return {AT_REST: at_rest, MOVING: moving, LOADED: states}
 
 
-def wrong_blocks(blocks: Sequence[str], errors: Array, kinds: Array) -> Iterator[str]:
+def wrong_blocks(blocks: Sequence[str], errors: Array, kinds: Kinds) -> Iterator[str]:
     """A sentence for the blocks that are wrong since the same kind of state, and as often; ``errors`` are (n, blocks) [data roundoffs].
 
     ``kinds``, (n,), are kinds of states, in order. NaN counts as wrong.
@@ -264,10 +248,8 @@ def wrong_blocks(blocks: Sequence[str], errors: Array, kinds: Array) -> Iterator
     for block in np.flatnonzero(wrong.any(axis=0)).tolist():
         since, later = _since(wrong[:, block], kinds)
         alike.setdefault((since, bool(later.all())), []).append(block)
-    for (since, always), found in sorted(alike.items(), key=lambda item: list(_SINCE_GIVEN).index(item[0][0])):
+    for (since, always), found in sorted(alike.items(), key=lambda item: list(_SINCE).index(item[0][0])):
         largest = np.nan_to_num(errors[:, found], nan=np.inf, posinf=np.inf).max(axis=0)
         worst = [blocks[found[place]] for place in np.argsort(-largest, kind="stable")]
-        more = f" and {len(worst) - _MOST_NAMED} more" if len(worst) > _MOST_NAMED else ""
         size = f"{largest.max():.3g} data roundoffs" if np.isfinite(largest.max()) else "not finite"
-        when = _WHEN_GIVEN[since] if always else f"at some states, {_SINCE_GIVEN[since]}"
-        yield f"{', '.join(worst[:_MOST_NAMED])}{more} {'are' if len(worst) > 1 else 'is'} wrong {when}; {size}"
+        yield _are_wrong(worst, _when(since, "" if always else "at some states", _GIVEN), size)

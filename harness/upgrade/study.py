@@ -14,7 +14,7 @@ from harness.crosscheck.settings import Settings
 from harness.engines import HeldModel, Subject, Unsupported, engine_files, subjects_of
 from harness.environments.folders import AT, split_name
 from harness.errors import InvalidRequest
-from harness.explain.terms import TermTruth, compare_terms
+from harness.explain.terms import compare_terms
 from harness.library import Library
 from harness.results.records import Record
 from harness.results.run_changes import READING, TERMS, RunChange, run_changes
@@ -66,7 +66,7 @@ def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str
         note(f"terms of {one.subject}")
         model = load_audited(one)
         truth = acceleration_truth_of(one)
-        compared = compare_terms(TermTruth(truth.kernel, states), model, str(one.subject), truth.may_lose_digits(model))
+        compared = compare_terms(truth.kernel, states, model, str(one.subject), truth.may_lose_digits(model))
         found.append({finding.term: finding for finding in compared.findings})
     for term in [term for term in found[0] if term in found[1]]:
         old, new = found[0][term], found[1][term]

@@ -16,7 +16,7 @@ from catalogue import BUILT_IN
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
-from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, TermTruth, compare_terms, coordinate_names
+from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, compare_terms, coordinate_names
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.expressions import assemble
@@ -75,7 +75,7 @@ def judged(
     subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = lambda text: text, seed: int = 0, count: int = POSITIONS
 ) -> TermComparison:
     states = generic_sample(mechanism, count, seed)
-    return compare_terms(TermTruth(kernel_of(mechanism, subject), states), load(subject, mechanism, change), str(subject))
+    return compare_terms(kernel_of(mechanism, subject), states, load(subject, mechanism, change), str(subject))
 
 
 # The derivatives.
@@ -274,7 +274,7 @@ def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
             continue
         kernel = kernel_of(mechanism, subject)
         for seed in range(10):
-            found = compare_terms(TermTruth(kernel, generic_sample(mechanism, 64, seed)), model, str(subject))
+            found = compare_terms(kernel, generic_sample(mechanism, 64, seed), model, str(subject))
             assert not found.wrong, (seed, found.sentences)
 
 
@@ -302,9 +302,8 @@ def test_special_positions_do_not_make_a_sound_term_wrong(name: str) -> None:
     for place, bounds in enumerate(mechanism.position_ranges):
         q[:, place] = q[:, place] if bounds is None else np.clip(q[:, place], *bounds)
     states = States.at(q, draw.choice(rates, size=q.shape), draw.choice(rates, size=q.shape))
-    truths = {kernel: TermTruth(kernel, states) for kernel in {kernel_of(mechanism, subject) for subject in SUBJECTS}}
     for subject in SUBJECTS:
-        found = compare_terms(truths[kernel_of(mechanism, subject)], load(subject, mechanism), str(subject))
+        found = compare_terms(kernel_of(mechanism, subject), states, load(subject, mechanism), str(subject))
         assert not found.wrong, found.sentences
 
 
@@ -413,7 +412,7 @@ class Changed:
 def compared(terms: Callable[[Terms], Terms], accelerations: Callable[[Array], Array] = lambda a: a) -> TermComparison:
     mechanism = load_mechanism(BUILT_IN, "arm_2r")
     model = Changed(load(Subject("pinocchio", "urdf"), mechanism), terms, accelerations)
-    return compare_terms(TermTruth(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0)), model, "changed")
+    return compare_terms(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0), model, "changed")
 
 
 def test_forces_on_the_wrong_joint_show_once_there_are_any() -> None:
@@ -454,8 +453,8 @@ def test_a_term_that_is_no_number_is_an_error() -> None:
 
 def test_digits_that_solving_loses_show_no_wrong_term() -> None:
     mechanism = load_mechanism(BUILT_IN, "chain_12")
-    truth = TermTruth(ReferenceKernel(mechanism), straight(mechanism))
-    found = compare_terms(truth, load(Subject("mujoco", "mjcf"), mechanism), "mujoco/mjcf", factorises=True)
+    model = load(Subject("mujoco", "mjcf"), mechanism)
+    found = compare_terms(ReferenceKernel(mechanism), straight(mechanism), model, "mujoco/mjcf", factorises=True)
     assert (found.wrong, found.loses_digits, found.accelerations_since) == ((), True, AT_REST)
     assert found.sentences == ("no term is wrong; solving for the accelerations loses digits, at rest already",)
 
@@ -475,13 +474,13 @@ def test_an_engine_without_terms_is_judged_by_its_accelerations_alone() -> None:
     class Silent:
         loaded, forward_dynamics = model.loaded, model.forward_dynamics
 
-    found = compare_terms(TermTruth(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0)), Silent(), "silent")
+    found = compare_terms(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 0), Silent(), "silent")
     assert (found.findings, found.accelerations_since, found.sentences) == ((), "", ("the engine states no terms",))
 
 
 def compared_by_mujoco(mechanism: Mechanism, file: ModelFile) -> TermComparison:
     model = load_engine(BUILT_IN, "mujoco").load(file, mechanism.joints, mechanism.gravity)
-    return compare_terms(TermTruth(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 1)), model, "mujoco/mjcf")
+    return compare_terms(ReferenceKernel(mechanism), generic_sample(mechanism, POSITIONS, 1), model, "mujoco/mjcf")
 
 
 def test_it_is_said_in_plain_data_and_a_sentence() -> None:
