@@ -27,8 +27,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
       harness show collar --html collar.html
       harness show robot.urdf
     """
-    from harness.show.exhibit import Exhibition, as_text
-    from harness.show.page import render
+    from harness.show.exhibit import Exhibition, as_text, render
 
     if is_file(bracket.library, name):
         show_robot(bracket, name, html_path)

@@ -27,7 +27,7 @@ from harness.results.benchmark import (
 )
 from harness.results.pareto import error_of, front, way_of, with_cheapest
 from harness.results.records import Run
-from harness.results.table import Cell, Column, Table, TableOf, error_text, seconds_text
+from harness.results.table import Cell, Column, Table, TableOf, error_text, grouped, seconds_text
 from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
 _Answered = TypeVar("_Answered", AccelerationCost, QuantityCost)
@@ -75,26 +75,19 @@ class BenchmarkSummary:
     def quantities(self, system: str) -> dict[str, list[QuantityCost]]:
         """The costs of quantities beyond accelerations on ``system``, by quantity, each by subject and from few states at once to many."""
         shown = [cost for cost in self.benchmark.quantities if cost.system == system]
-        ordered = sorted(shown, key=attrgetter("quantity", "method", "states"))
-        return {quantity: list(costs) for quantity, costs in groupby(ordered, key=attrgetter("quantity"))}
+        return grouped((cost.quantity, cost) for cost in sorted(shown, key=attrgetter("quantity", "method", "states")))
 
     def explanations(self, verdicts: Sequence[str]) -> dict[str, list[str]]:
         """The reasons why orders of convergence have one of ``verdicts``, each with the places where it holds."""
-        places: dict[str, list[str]] = {}
-        for order in sorted(self.benchmark.orders, key=lambda order: (order.integrator, order.system)):
-            if order.explanation and order.verdict in verdicts:
-                places.setdefault(order.explanation, []).append(f"{order.integrator} on {order.system}")
-        return places
+        orders = sorted(self.benchmark.orders, key=attrgetter("integrator", "system"))
+        chosen = [order for order in orders if order.explanation and order.verdict in verdicts]
+        return grouped((order.explanation, f"{order.integrator} on {order.system}") for order in chosen)
 
 
 def _by_system(measured: Iterable[_Measured], key: Callable[[_Measured], Any]) -> dict[str, list[_Measured]]:
     """What was measured on each system, in the order of ``key``; nothing on any other."""
-    found: dict[str, list[_Measured]] = defaultdict(list)
-    for one in measured:
-        found[one.system].append(one)
-    for own in found.values():
-        own.sort(key=key)
-    return found
+    systems = grouped((one.system, one) for one in measured)
+    return defaultdict(list, {system: sorted(own, key=key) for system, own in systems.items()})
 
 
 def acceleration_front(costs: Sequence[_Answered]) -> list[_Answered]:
@@ -200,7 +193,7 @@ def cheapest(summary: BenchmarkSummary, kind: str, pages: Mapping[str, str] | No
     """System by error asked for: the fastest way whose error is small enough, and its cost. ``pages``: of systems, from this page."""
     chosen = [entry for entry in summary.benchmark.cheapest if entry.kind == kind]
     rows: list[list[object]] = []
-    for system, entries in groupby(chosen, key=attrgetter("system")):
+    for system, entries in grouped((entry.system, entry) for entry in chosen).items():
         rows.append([Cell(system, link=pages[system] if pages else "")])
         for one in entries:
             fastest = f", fastest {seconds_text(one.fastest)}" if one.fastest is not None else ""

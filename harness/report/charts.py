@@ -27,7 +27,7 @@ from harness.report.hard_cases import SILENT, Family, HardSummary
 from harness.report.summary import Summary
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import Record
-from harness.results.table import counted, error_text, seconds_text
+from harness.results.table import counted, error_text, grouped, seconds_text
 from harness.results.trend import ChangedCell
 from harness.results.trend_numbers import MEDIAN
 from harness.verdict import AGREEMENT
@@ -251,11 +251,9 @@ def _family(family: Family, known: dict[str, Style]) -> plotting.figure | None:
 
 def _draw_bounds(plot: plotting.figure, placed: Sequence[tuple[HardRow, HardPoint]], place: Callable[[float], float], high: float) -> None:
     """The end of "unstable": from the lowest to the highest of the subjects' own bounds at each value of the knob."""
-    bounds: dict[float, list[float]] = {}
-    for _, point in placed:
-        if point.unstable_bound is not None and drawable(point.unstable_bound):
-            # Below the limit of agreement nothing is unstable.
-            bounds.setdefault(place(point.knob), []).append(min(max(point.unstable_bound, AGREEMENT), high**2))
+    known = [(place(point.knob), point.unstable_bound) for _, point in placed if drawable(point.unstable_bound)]
+    # Below the limit of agreement nothing is unstable.
+    bounds = grouped((x, min(max(bound, AGREEMENT), high**2)) for x, bound in known)
     x = sorted(bounds)
     lowest, highest = [min(bounds[value]) for value in x], [max(bounds[value]) for value in x]
     if len(x) > 1:

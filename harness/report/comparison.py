@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.files.findings import Impossible
 from harness.report.sparkline import Sparkline
 from harness.results.comparison import (
     Effect,
@@ -201,20 +200,14 @@ def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
 def _impossible(found: FilesComparison) -> Iterator[str]:
     for file in found.files:
         for one in file.impossible:
-            yield _impossible_text(file, one)
+            numbers, nearest = (" ".join(f"{value:.6g}" for value in values) for values in (one.found, one.nearest))
+            by = f" by {one.by_how_much:.2g} of the largest" if one.by_how_much else ""
+            possible = f"; nearest that a body can have: {nearest}" if nearest else ""
+            yield f"{file.name}:{one.line}: {one.body}: {one.what}{by}: {numbers}{possible}"
         if file.impossible:
-            yield "  " + "; ".join(_stance(subject) for subject in found.of(file.path) if not subject.aided)
-
-
-def _impossible_text(file: FileRecord, one: Impossible) -> str:
-    numbers = " ".join(f"{value:.6g}" for value in one.found)
-    nearest = f"; nearest that a body can have: {' '.join(f'{value:.6g}' for value in one.nearest)}" if one.nearest else ""
-    by = f" by {one.by_how_much:.2g} of the largest" if one.by_how_much else ""
-    return f"{file.name}:{one.line}: {one.body}: {one.what}{by}: {numbers}{nearest}"
-
-
-def _stance(subject: SubjectRecord) -> str:
-    return f"{subject.engine} refuses the file" if subject.outcome == "refused" else f"{subject.engine} computes on without a word"
+            stances = {True: "refuses the file", False: "computes on without a word"}
+            plain = [subject for subject in found.of(file.path) if not subject.aided]
+            yield "  " + "; ".join(f"{subject.engine} {stances[subject.outcome == 'refused']}" for subject in plain)
 
 
 def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:

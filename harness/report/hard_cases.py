@@ -6,13 +6,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import groupby
 from operator import attrgetter
 from statistics import median
 
 from harness.results.atlas import Atlas, HardReason, HardRow, Parting, StableStep
 from harness.results.records import Run
-from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, seconds_text
+from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, seconds_text
 from harness.verdict import SEVERITY, Verdict, gravest
 
 # Points at which the engine was not asked, or gave nothing that could be judged.
@@ -53,10 +52,7 @@ class Family:
     @property
     def reasons(self) -> list[tuple[list[str], HardReason]]:
         """Subjects and why a verdict is expected of them, each reason once."""
-        found: dict[HardReason, list[str]] = {}
-        for subject, row in self.rows.items():
-            for reason in row.reasons:
-                found.setdefault(reason, []).append(subject)
+        found = grouped((reason, subject) for subject, row in self.rows.items() for reason in row.reasons)
         return [(subjects, reason) for reason, subjects in found.items()]
 
     @property
@@ -69,13 +65,9 @@ class Family:
     @property
     def silences(self) -> list[str]:
         """A sentence on the points that are undecided, refused or failed, for each subject, verdict and reason."""
-        found: dict[tuple[str, str, str], list[float]] = {}
-        for subject, row in self.rows.items():
-            for point in row.points:
-                if point.verdict in SILENT:
-                    found.setdefault((subject, point.verdict, point.reason), []).append(point.knob)
+        silent = [(subject, point) for subject, row in self.rows.items() for point in row.points if point.verdict in SILENT]
         sentences = []
-        for (subject, verdict, reason), knobs in found.items():
+        for (subject, verdict, reason), knobs in grouped(((who, one.verdict, one.reason), one.knob) for who, one in silent).items():
             low, high = min(knobs), max(knobs)
             where = f", {low:.3g}" if low == high else f" between {low:.3g} and {high:.3g}"
             sentences.append(f"{subject} {verdict} at {counted(len(knobs), 'point')}{where}: {reason or 'no reason is given'}.")
@@ -95,8 +87,8 @@ class HardSummary:
     def __init__(self, run: Run, atlas: Atlas) -> None:
         self.run, self.atlas = run, atlas
         self.subjects = sorted({row.subject for row in atlas.rows})
-        rows = sorted(atlas.rows, key=attrgetter("family", "subject"))
-        self.families = [Family(name, {row.subject: row for row in own}) for name, own in groupby(rows, key=attrgetter("family"))]
+        families = grouped((row.family, row) for row in sorted(atlas.rows, key=attrgetter("family", "subject")))
+        self.families = [Family(name, {row.subject: row for row in own}) for name, own in families.items()]
         # An engine that cannot be loaded is one problem, however many parts of the atlas it was asked for in.
         self.unexpected, self.problems = atlas.unexpected, list(dict.fromkeys(atlas.problems))
 
@@ -166,9 +158,8 @@ def matrix(hard: HardSummary, anchors: Mapping[str, str]) -> Table:
 def partings(hard: HardSummary) -> Table:
     """One row per family of motions and integrator."""
     rows: list[list[object]] = []
-    key = attrgetter("motion", "integrator")
-    for (motion, integrator), own in groupby(sorted(hard.atlas.partings, key=key), key=key):
-        found = list(own)
+    ordered = sorted(hard.atlas.partings, key=attrgetter("motion", "integrator"))
+    for (motion, integrator), found in grouped(((one.motion, one.integrator), one) for one in ordered).items():
         times = [one.parted for one in found if one.parted is not None]
         ratios = [one.rate / one.expected_rate for one in found if one.rate is not None and one.expected_rate]
         rates = f"median {median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
@@ -186,8 +177,7 @@ def starts(partings: Sequence[Parting]) -> Table:
     columns = [Column("knob", "given"), Column("expected rate", "error"), Column("may part from", "plain")]
     columns += [Column(f"{name}: {what}", kind) for name in integrators for what, kind in (("rate", "error"), ("parts after", "plain"))]
     cells: list[list[object]] = []
-    for knob, own in groupby(sorted(partings, key=attrgetter("knob")), key=attrgetter("knob")):
-        first = next(own)
+    for knob, (first, *_) in grouped((one.knob, one) for one in sorted(partings, key=attrgetter("knob"))).items():
         cells.append([knob, first.expected_rate, _time(first.earliest)])
         for one in (by_place.get((knob, name)) for name in integrators):
             tone = "disagrees" if one and one.verdict != "agrees" else ""
@@ -198,9 +188,8 @@ def starts(partings: Sequence[Parting]) -> Table:
 def stable_steps(hard: HardSummary) -> Table:
     """One row per integrator: the largest stable step times the frequency of an undamped spring."""
     rows: list[list[object]] = []
-    key = attrgetter("integrator")
-    for integrator, own in groupby(sorted(hard.atlas.stable_steps, key=key), key=key):
-        steps = list(own)
+    ordered = sorted(hard.atlas.stable_steps, key=attrgetter("integrator"))
+    for integrator, steps in grouped((one.integrator, one) for one in ordered).items():
         expected, limits = steps[0].expected, [step.measured for step in steps]
         low, high = min(limits), max(limits)
         measured = "no limit found" if math.isinf(low) else f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"

@@ -5,7 +5,6 @@ Everything that differs between two runs with the same results stands in the las
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.summary import Summary, changes_table, states_of, worst
 from harness.results.records import Record, Records
-from harness.results.table import Cell, Column, Table, error_text, markdown_cell, markdown_line, printable
+from harness.results.table import Cell, Column, Table, error_text, grouped, markdown_cell, markdown_line, printable
 from harness.results.trend import trend_changes_table
 from harness.verdict import AGREEMENT
 
@@ -49,13 +48,15 @@ def _stable(summary: Summary) -> Iterator[str]:
     yield from summary.remarks
     yield "## Verdicts and worst backward errors"
     yield f"A backward error is an error in units of data roundoff; up to {AGREEMENT:g} agrees."
-    yield matrix(summary).markdown()
+    yield _matrix(summary).markdown()
     yield "## Expected to differ"
     yield _bullets(_listed(record) for record in summary.listed) or "None."
     yield "## Worst backward error per engine"
-    worst = _worst_per_engine(summary)
+    # An engine is a subject without its model format.
+    by_engine = grouped((record.subject.partition("/")[0], record) for record in summary.records)
+    found = [(name, worst(records)) for name, records in sorted(by_engine.items())]
     engines = [
-        [name, r.backward_error, r.verdict, r.system, r.subject] if r else [name, None, "nothing compared", "", ""] for name, r in worst
+        [name, r.backward_error, r.verdict, r.system, r.subject] if r else [name, None, "nothing compared", "", ""] for name, r in found
     ]
     error = Column("backward error", "error")
     yield Table(["engine", error, "verdict", "system", "subject"], engines).markdown()
@@ -87,13 +88,11 @@ def _quantities_on(summary: Summary, system: str) -> Table:
     return records.table().only("subject", "quantity", "verdict", "worst backward error") if records else Table(["quantity"], [])
 
 
-def matrix(summary: Summary) -> Table:
+def _matrix(summary: Summary) -> Table:
     """System by subject: verdict and worst backward error."""
-    cells = {pair: _verdict_cell(found) for pair, found in summary.cells.items()}
-    cells |= {pair: Cell("not run", tone="empty", fills=True) for pair in summary.missing}
-    not_asked = Cell("not asked", tone="empty", fills=True)
-    rows = [[system, *(cells.get((system, subject), not_asked) for subject in summary.subjects)] for system in summary.systems]
-    return Table(["system", *summary.subjects], rows, "Verdict and worst backward error", "matrix")
+    cells = dict.fromkeys(summary.missing, Cell("not run")) | {pair: _verdict_cell(found) for pair, found in summary.cells.items()}
+    rows = [[system, *(cells.get((system, subject), "not asked") for subject in summary.subjects)] for system in summary.systems]
+    return Table(["system", *summary.subjects], rows)
 
 
 def _verdict_cell(records: Sequence[Record]) -> Cell:
@@ -102,16 +101,8 @@ def _verdict_cell(records: Sequence[Record]) -> Cell:
     for record in records:
         expected = "as expected" if record.as_expected else f"expected: {record.expected}"
         notes += [error_text(record.backward_error), *([expected] if not record.as_expected or record.expected != "agrees" else [])]
-    is_surprise = not all(record.as_expected for record in records)
-    verdicts = ("✗ " if is_surprise else "") + "; ".join(record.verdict for record in records)
-    tone = records[0].verdict + (" surprise" if is_surprise else "")
-    return Cell(verdicts, notes, tone, fills=True)
-
-
-def _worst_per_engine(summary: Summary) -> list[tuple[str, Record | None]]:
-    """Engine (a subject without its model format) and its record with the worst backward error, None without any."""
-    engines = sorted({record.subject.partition("/")[0] for record in summary.records})
-    return [(engine, worst(r for r in summary.records if r.subject.partition("/")[0] == engine)) for engine in engines]
+    mark = "" if all(record.as_expected for record in records) else "✗ "
+    return Cell(mark + "; ".join(record.verdict for record in records), notes)
 
 
 def _diagnosis(cause: Cause) -> Iterator[str]:
@@ -119,7 +110,7 @@ def _diagnosis(cause: Cause) -> Iterator[str]:
     if cause.is_shared:
         yield f"As {markdown_cell(cause.diagnosed)}, which reads the same file."
     else:
-        yield _fenced("\n".join([*cause.terms, *itertools.chain.from_iterable(cause.sides)]))
+        yield _fenced("\n".join(cause.lines))
 
 
 def _volatile(summary: Summary) -> Iterator[str]:
@@ -208,9 +199,14 @@ def _bullets(items: Iterable[str]) -> str:
 
 def _fenced(text: str) -> str:
     """``text`` as it is, whatever it holds, but for control characters."""
-    text = "\n".join(map(printable, text.expandtabs().splitlines()))
+    return fenced(map(printable, text.expandtabs().splitlines()), "text")
+
+
+def fenced(lines: Iterable[str], language: str) -> str:
+    """Lines in a block that none of them ends."""
+    text = "\n".join(lines)
     fence = "`" * max(3, 1 + max(map(len, re.findall("`+", text)), default=0))
-    return f"{fence}text\n{text}\n{fence}"
+    return f"{fence}{language}\n{text}\n{fence}"
 
 
 def _pair(named: Record | SuperfluousPart) -> str:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import groupby
 from typing import Any
 
 from lxml import etree
 
+from harness.report.markdown import fenced
 from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case, Night, NightSettings, new_since
 from harness.results.records import Run
-from harness.results.table import Column, Table, counted, markdown_line, printable
+from harness.results.table import Column, Table, counted, grouped, markdown_line, printable
 from harness.results.trend import ChangedCell, trend_changes_table
 
 
@@ -69,12 +68,10 @@ class NightSummary:
         return f"{bad} of {counted(total, 'case')} {'is' if bad == 1 else 'are'} not as expected{new}."
 
     @property
-    def counts(self) -> Mapping[str, Mapping[str, int]]:
+    def counts(self) -> dict[str, dict[str, int]]:
         """Stage to outcome to number of cases."""
-        found: dict[str, dict[str, int]] = {}
-        for case in self.cases:
-            found.setdefault(case.stage, dict.fromkeys((PASSED, *_OUTCOMES), 0))[case.outcome] += 1
-        return found
+        outcomes = grouped((case.stage, case.outcome) for case in self.cases)
+        return {stage: {name: found.count(name) for name in _OUTCOMES} for stage, found in outcomes.items()}
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.plain_json.to_json``."""
@@ -97,7 +94,7 @@ class NightSummary:
 
 # A summary of a step on GitHub holds 1 MiB; what is beyond stands in the XML.
 MOST_SHOWN, MOST_LISTED, MOST_DETAILS = 60, 100, 4000
-_OUTCOMES = (FAILED, BROKEN, LEFT_OUT)
+_OUTCOMES = (PASSED, FAILED, BROKEN, LEFT_OUT)
 
 
 def render_summary(summary: NightSummary) -> str:
@@ -144,23 +141,17 @@ def _summary(summary: NightSummary) -> Iterator[str]:
     if summary.resumed:
         yield f"The night was interrupted; {counted(summary.resumed, 'unit')} of work were complete when it went on."
     yield "The whole night again:"
-    yield _fenced([run.command], "sh")
+    yield fenced([run.command], "sh")
 
 
 def _shown(case: Case, is_new: bool) -> Iterator[str]:
     new = " (new)" if is_new else ""
     yield f"### {markdown_line(f'{case.stage}: {case.title}')}{new}"
     lines = [printable(line) for line in (case.details or case.message)[:MOST_DETAILS].split("\n")]
-    yield _fenced(lines, "text")
+    yield fenced(lines, "text")
     if case.replay:
         yield "Again:"
-        yield _fenced([printable(case.replay)], "sh")
-
-
-def _fenced(lines: Iterable[str], language: str) -> str:
-    text = "\n".join(lines)
-    fence = "`" * max(3, *(len(run) + 1 for run in re.findall("`+", text)), 3)
-    return f"{fence}{language}\n{text}\n{fence}"
+        yield fenced([printable(case.replay)], "sh")
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -171,21 +162,19 @@ def _listed(names: Iterable[str]) -> str:
 
 def counts_table(summary: NightSummary) -> Table:
     """A row for each stage."""
-    heads: list[Column | str] = ["stage", *(Column(name, "count") for name in (PASSED, *_OUTCOMES))]
-    return Table(heads, [[stage, *(found[name] for name in (PASSED, *_OUTCOMES))] for stage, found in summary.counts.items()])
+    heads = (Column(name, "count") for name in _OUTCOMES)
+    return Table(["stage", *heads], [[stage, *found.values()] for stage, found in summary.counts.items()])
 
 
 def render_junit(summary: NightSummary) -> str:
     """One suite for each stage and one test case for each case, as Jenkins' JUnit schema has them."""
     root = etree.Element("testsuites", name=f"harness nightly {summary.run.library}", **_totals(summary.cases))
-    for stage, own in groupby(summary.cases, key=lambda case: case.stage):
-        cases = list(own)
+    for stage, cases in grouped((case.stage, case) for case in summary.cases).items():
         suite = etree.SubElement(root, "testsuite", name=stage, timestamp=summary.run.started[:19], **_totals(cases))
         suite.set("skipped", str(sum(case.outcome == LEFT_OUT for case in cases)))
         for case in cases:
             _add_case(suite, case)
-    text: str = etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8").decode()
-    return text
+    return str(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8").decode())
 
 
 def _totals(cases: Iterable[Case]) -> dict[str, str]:

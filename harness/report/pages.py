@@ -19,7 +19,7 @@ from harness.results.cross_check import CrossCheckResult
 from harness.results.pareto import way_of
 from harness.results.records import Run
 from harness.results.site import SiteRow
-from harness.results.table import Cell, Column, Table
+from harness.results.table import Cell, Column, Table, grouped
 
 # Shapes are the style sheet's, so that no verdict is told by its colour alone.
 KEY = {
@@ -157,10 +157,8 @@ class Pages:
 
     def _readings(self, engine: str) -> Table:
         """A row for each reading of an engine that applies to a robot of the survey."""
-        found: dict[tuple[str, str], list[float]] = {}
-        for subject in self._files.subjects:
-            for reading in subject.readings if subject.engine == engine and not subject.aided else ():
-                found.setdefault((reading.sentence, reading.source), []).append(reading.alone or 0.0)
+        asked = [subject for subject in self._files.subjects if subject.engine == engine and not subject.aided]
+        found = grouped(((one.sentence, one.source), one.alone or 0.0) for subject in asked for one in subject.readings)
         rows = [[sentence, len(alone), max(alone), source] for (sentence, source), alone in sorted(found.items())]
         heads = [Column("files", "count"), Column("alone it moves qdd by", "error")]
         return Table(["reading", *heads, "source"], rows, f"Readings of {engine} that apply to the robots of the survey")

@@ -202,7 +202,7 @@ def _findings(summary: Summary, measured: BenchmarkSummary) -> Iterator[SiteFind
         groups.setdefault((engine, way), []).append(finding)
     for subject, cases in summary.worst_cases.items():
         for case in (one for one in cases if one.verdict != Verdict.AGREES and one.reproducer):
-            engine, records = split(subject)[0], summary.cells[case.system, subject]
+            engine, records = split(subject)[0], summary.cells.get((case.system, subject), [])
             reason = next((record.expected_reason for record in records if record.expected_reason), "")
             features = sorted({name for record in records for name in record.features})
             finding = SiteFinding(

@@ -14,13 +14,11 @@ from harness.results.site import (
     ShownTable,
     Site,
     SiteCell,
-    SiteChange,
     SiteColumn,
     SiteCount,
-    SiteTrend,
     plain_number,
 )
-from harness.results.table import Cell, Column, Table, error_text
+from harness.results.table import Cell, Column, Table, error_text, grouped
 from harness.results.trend_numbers import change_of
 from harness.verdict import SEVERITY, Verdict, gravest
 
@@ -134,9 +132,7 @@ def head_of(column: SiteColumn) -> str:
 
 def matrix(site: Site) -> Table:
     """A row for each mechanism and robot, a column for each subject; a cell leads to the place where it is told."""
-    held: dict[tuple[str, str], list[SiteCell]] = {}
-    for cell in site.cells:
-        held.setdefault((cell.row, cell.column), []).append(cell)
+    held = grouped(((cell.row, cell.column), cell) for cell in site.cells)
     rows, columns = slugs(row.name for row in site.rows), slugs(column.name for column in site.columns)
     places = {(row, column): f"cell-{rows[row]}--{columns[column]}" for row in rows for column in columns}
     drawn: list[list[object]] = []
@@ -220,21 +216,16 @@ def features(lines: Sequence[FeatureLine], engine: str) -> Table:
 def changes(site: Site, row: str | None = None) -> Table:
     """A row for each change point, of one mechanism or of all: of the latest night first, and of a night the largest first."""
     pages = {one.name: one.page for one in site.rows if one.kind != "robot"}
+    found = [(site.nights[one.study][change.place], one, change) for one in site.trends if row in (None, one.row) for change in one.changes]
+    found.sort(key=lambda entry: (entry[1].row, entry[1].column, entry[1].number))
+    found.sort(key=lambda entry: abs(change_of(entry[2].before, entry[2].now, entry[1].number)), reverse=True)
     rows: list[list[object]] = []
-    for started, trend, change in _ordered(site, row):
+    for started, trend, change in sorted(found, key=lambda entry: entry[0], reverse=True):
         about = [started[:16].replace("T", " "), Cell(trend.row, link=pages[trend.row]), trend.column, trend.number]
         rows.append([*about, change.before, change.now, change.nights, change.found_by])
     shown = f", {MOST_SHOWN} of {len(rows)}" if len(rows) > MOST_SHOWN else ""
     table = Table(_HEADS, rows[:MOST_SHOWN], f"Changed in the trend{shown}")
     return table if row is None else table.without("system")
-
-
-def _ordered(site: Site, row: str | None) -> list[tuple[str, SiteTrend, SiteChange]]:
-    found = [(site.nights[one.study][change.place], one, change) for one in site.trends if row in (None, one.row) for change in one.changes]
-    found.sort(key=lambda entry: (entry[1].row, entry[1].column, entry[1].number))
-    found.sort(key=lambda entry: abs(change_of(entry[2].before, entry[2].now, entry[1].number)), reverse=True)
-    found.sort(key=lambda entry: entry[0], reverse=True)
-    return found
 
 
 def shown(page: str, name: str, table: Table) -> ShownTable:

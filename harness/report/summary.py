@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -16,13 +15,12 @@ from harness.errors import shown_path
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
 from harness.results.records import Record, Records, Run, changed_versions
-from harness.results.table import Table, counted, error_text
+from harness.results.table import Table, counted, error_text, grouped
 from harness.results.trend import ChangedCell, Trend, comparable, readings_of_records, trends
 from harness.results.trend_numbers import TRACKED
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause, CrossCheckResult
-    from harness.results.hard_states import RankedCase
 
 Earlier = tuple[Run, Sequence[Record]]
 # A verdict or a version that is not what it was in the run before: its name, before, and now.
@@ -56,16 +54,14 @@ class Summary:
         self.earlier = sorted(earlier, key=lambda entry: datetime.fromisoformat(entry[0].started))
         self.systems = sorted({record.system for record in found.records} | set(self.cards))
         self.subjects = sorted({record.subject for record in found.records})
-        self.cells: dict[tuple[str, str], list[Record]] = defaultdict(list)
-        for record in self.records:
-            self.cells[record.system, record.subject].append(record)
+        self.cells = grouped(((record.system, record.subject), record) for record in self.records)
         self.unexpected = [*self.records.unexpected, *self.further.unexpected]
         self.listed = [record for record in self.records if record.expected != "agrees"]
         # What nobody claims to compute needs no entry.
         self.listed += [record for record in self.further if record.expected != "agrees" and record.expected_link]
         # A variant of models, which has no card, need not stand in every format.
         self.missing = [
-            (system, subject) for system in sorted(self.cards) for subject in self.subjects if not self.cells.get((system, subject))
+            (system, subject) for system in sorted(self.cards) for subject in self.subjects if (system, subject) not in self.cells
         ]
         self.causes = {(cause.system, cause.subject): _published(cause) for cause in found.causes}
         named = [replace(part, path=_short(part.path)) for part in found.superfluous]
@@ -73,9 +69,7 @@ class Summary:
         shortened = [replace(finding, places=[_short(place) for place in finding.places]) for finding in found.differs]
         self.differs = sorted(shortened, key=lambda finding: (finding.system, finding.joint, finding.quantity))
         self.pictures = {picture.system: picture.svg for picture in found.pictures}
-        self.worst_cases: dict[str, list[RankedCase]] = {}
-        for case in found.worst_cases:
-            self.worst_cases.setdefault(case.subject, []).append(case)
+        self.worst_cases = grouped((case.subject, case) for case in found.worst_cases)
 
     @property
     def is_good(self) -> bool:
@@ -124,10 +118,7 @@ class Summary:
     @property
     def expectations(self) -> dict[tuple[str, str, str], list[Record]]:
         """(expected verdict, reason, link) to the records that are expected to differ for it."""
-        found: dict[tuple[str, str, str], list[Record]] = {}
-        for record in self.listed:
-            found.setdefault((record.expected, record.expected_reason, record.expected_link), []).append(record)
-        return found
+        return grouped(((record.expected, record.expected_reason, record.expected_link), record) for record in self.listed)
 
     def of_system(self, system: str) -> Records:
         """The records of ``system``, by subject."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -14,6 +15,7 @@ import msgspec
 from harness.errors import InvalidInput
 from harness.results.plain_json import dumps
 from harness.results.records import Run, StudyResult
+from harness.results.table import grouped
 
 _APPLICATION = 0x52424856
 _SCHEMA = (
@@ -171,9 +173,7 @@ class History(AbstractContextManager["History"]):
 
     def read(self, study: int, kind: type[_Result], part: str = "%") -> _Result:
         """The result of a study, its parts in the order they were appended, or one part of it; empty for a study that does not exist."""
-        found: dict[str, list[str]] = {}
-        for name, item in self._rows("SELECT part, content FROM parts WHERE study_id = ? AND part LIKE ? ORDER BY id", study, part):
-            found.setdefault(name, []).append(item)
+        found = grouped(self._rows("SELECT part, content FROM parts WHERE study_id = ? AND part LIKE ? ORDER BY id", study, part))
         whole = ", ".join(f"{json.dumps(name)}: [{', '.join(items)}]" for name, items in found.items())
         return self._loaded(kind, f"{{{whole}}}")
 
@@ -181,26 +181,22 @@ class History(AbstractContextManager["History"]):
         """The newest study of a kind, library and profile, or any profile, that found anything; None where there is none."""
         return next(self.recent(kind, library, profile), None)
 
-    def recent(self, kind: type[_Result], library: str, profile: str | None = None, part: str = "%") -> Iterator[tuple[Run, _Result]]:
-        """The studies of a kind, library and profile, or any profile, that found anything, newest first; all of each, or one part."""
+    def recent(
+        self, kind: type[_Result], library: str, profile: str | None = None, part: str = "%", before: float = math.inf
+    ) -> Iterator[tuple[Run, _Result]]:
+        """The studies of a kind, library and profile, or any profile, that found anything, newest first; all of each, or one part.
+
+        Those of the number ``before`` and later are left out.
+        """
         for number, run in self.studies(kind, library).items():
-            found = self.read(number, kind, part) if profile in (None, run.profile) else kind()
+            found = self.read(number, kind, part) if profile in (None, run.profile) and number < before else kind()
             if any(found.stored_parts()):
                 yield run, found
 
     def earlier(self, study: int, kind: type[_Result], part: str = "%") -> Iterator[tuple[Run, _Result]]:
-        """The studies of a kind before ``study``, of its library and profile, that found anything, newest first; all of each, or one part.
-
-        None where there is no such study of the kind.
-        """
-        runs = self.studies(kind)
-        if (this := runs.get(study)) is None:
-            return
-        for number, run in runs.items():
-            if number < study and (run.library, run.profile) == (this.library, this.profile):
-                found = self.read(number, kind, part)
-                if any(found.stored_parts()):
-                    yield run, found
+        """As ``recent``, the studies of a kind before ``study``, of its library and profile; none where there is no such study."""
+        this = self.studies(kind).get(study)
+        return iter(()) if this is None else self.recent(kind, this.library, this.profile, part, study)
 
     def _rows(self, query: str, *values: object) -> list[tuple[Any, str]]:
         with self._explained():

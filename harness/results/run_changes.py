@@ -71,7 +71,7 @@ class ComparedRun:
 
 def run_changes(before: Iterable[Record], now: Iterable[Record], in_one_run: bool = False) -> list[RunChange]:
     """Changes from the first run to the second, by system and subject, the verdict first; ``in_one_run`` where both were timed in one."""
-    old, new = ({_key(record): record for record in records} for records in (before, now))
+    old, new = ({(record.system, record.series): record for record in records} for records in (before, now))
     found: list[RunChange] = []
     for key in sorted(old.keys() | new.keys()):
         if key not in old:
@@ -85,10 +85,6 @@ def run_changes(before: Iterable[Record], now: Iterable[Record], in_one_run: boo
 
 
 changes_between = TableOf(RunChange, "system subject marked before now worse", "Changes")
-
-
-def _key(record: Record) -> Key:
-    return record.system, record.series
 
 
 def _change(key: Key, what: str, before: str, now: str, is_worse: bool = False) -> RunChange:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _STYLES = {"surprise": "bold red", "expected": "green"}
 # Characters that Markdown takes for markup; an underscore within a word is none.
 _MARKUP = re.compile(r"[\\`*\[\]|]|~(?=~)|(?<=~)~|(?<![^\W_])_|_(?![^\W_])")
+_Key = TypeVar("_Key")
+_Held = TypeVar("_Held")
 # Characters of a text column that a narrow terminal leaves; a number is never broken.
 _LEAST_WIDTH = 12
 
@@ -52,6 +54,14 @@ def number_text(value: float) -> str:
 def counted(number: int, noun: str) -> str:
     """ "1 state", "2 states"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def grouped(pairs: Iterable[tuple[_Key, _Held]]) -> dict[_Key, list[_Held]]:
+    """Items by their keys, which stand in the order in which they come."""
+    found: dict[_Key, list[_Held]] = {}
+    for key, item in pairs:
+        found.setdefault(key, []).append(item)
+    return found
 
 
 # How a value of each kind is written; all but "text" stand at the right of their column.

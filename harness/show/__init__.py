@@ -2,5 +2,5 @@
 
 May use ``report`` and what is below it.
 
-Start with ``exhibit``, which gathers what ``page`` and the terminal show; ``gallery`` draws the pictures of the report.
+Start with ``exhibit``, which gathers what a page and the terminal show; ``gallery`` draws the pictures of the report.
 """

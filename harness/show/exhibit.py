@@ -1,13 +1,16 @@
 """Everything to show of one mechanism: equations, parameters, the joints of both models, and what engines hold.
 
-Engines load on a worker process, so that a model which kills one costs its own line only.
+Engines load on a worker process, so that a model which kills one costs its own line only. What was gathered is shown as text, or as a page.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.resources import files
 from pathlib import Path
+
+from markupsafe import Markup
 
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import load_expectations
@@ -21,7 +24,8 @@ from harness.files.text.joint_table import COLUMNS, JointRow, constraint_texts, 
 from harness.library import Library, member_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.table import Column, Table, number_text
-from harness.show.placement import Pose, place
+from harness.show.picture import draw
+from harness.show.placement import Pose, choose_view, place
 from harness.study import Inquiries, Inquiry, Part, ask
 from harness.trees.constraints.rows import rows_of, untied
 from harness.trees.nodes import kinematics
@@ -273,6 +277,35 @@ def as_text(exhibit: Exhibit) -> Iterator[str]:
     if compared := comparison_of_holdings(exhibit):
         yield "\nHeld of each joint and body, in the world's frame with every joint at zero:"
         yield from (f"  {line}" for line in compared)
+
+
+def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str:
+    """The exhibit as one offline page."""
+    from harness.report.html import environment
+
+    pictures: list[Markup] = []
+    view = None
+    if exhibit.placements is not None:
+        resting, moved = exhibit.placements
+        gravity = exhibit.mechanism.gravity
+        view = choose_view(exhibit.placements)
+        pictures = [Markup(draw(resting, [moved], view, gravity)), Markup(draw(moved, [resting], view, gravity, ghost=resting))]
+    made = environment().overlay()
+    made.filters = {**made.filters, "whereabouts": whereabouts}
+    return made.from_string(files(__package__).joinpath("show.html").read_text("utf-8")).render(
+        mechanism=exhibit.mechanism,
+        library=library,
+        exhibit=exhibit,
+        problems=problems,
+        charts=[],
+        pictures=pictures,
+        view=view,
+        joints=joint_table(exhibit),
+        audit=audit_table(exhibit),
+        held=comparison_of_holdings(exhibit),
+        parameters=parameter_table(exhibit.mechanism),
+        coordinates=coordinate_table(exhibit.mechanism),
+    )
 
 
 def parameter_table(mechanism: Mechanism) -> Table:
