@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.motion.first_order import displacement
-from harness.motion.taylor import Path, Taylor
+from harness.motion.taylor import Path, Taylor, displacement
 from harness.programs.machine_code import load_heyoka
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
@@ -64,28 +63,23 @@ class Start:
             ValueError: no configuration that closes the constraints could be proved there.
         """
         if mechanism.start:
-            q, v = np.array(mechanism.start).T
-            return cls(*_closed(mechanism, np.ascontiguousarray(q), np.ascontiguousarray(v)), horizon)
-        nv = mechanism.nv
-        # In (-1, 1), no two alike.
-        spread = 2 * np.mod(np.arange(1, 2 * nv + 1) * GOLDEN_RATIO, 1.0) - 1
-        position_bounds = np.array([bounds or ANGLES for bounds in mechanism.position_ranges])
-        rate_bounds = np.array(mechanism.rate_ranges)
-        q = position_bounds.mean(axis=1) + POSITION_SHARE * np.diff(position_bounds)[:, 0] / 2 * spread[:nv]
-        v = rate_bounds.mean(axis=1) + RATE_SHARE * np.diff(rate_bounds)[:, 0] / 2 * spread[nv:]
-        for place in reversed(mechanism.attitudes):
-            q = np.concatenate([q[:place], START_ROTATION, q[place + 3 :]])
-        return cls(*_closed(mechanism, q, v), horizon)
-
-
-def _closed(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
-    """A start, (nq,) and (nv,), on the manifold of the constraints; as it is of a tree."""
-    if mechanism.constraints is None:
-        return q, v
-    found = closed(mechanism, States.at(q[None], v[None], np.zeros((1, mechanism.nv))))
-    if not closes(mechanism, found).all():
-        raise ValueError(f"{mechanism.name}: its constraints do not close at q = {q.tolist()}, from where motions would start")
-    return found.q[0], found.v[0]
+            q, v = (np.ascontiguousarray(part) for part in np.array(mechanism.start).T)
+        else:
+            nv = mechanism.nv
+            # In (-1, 1), no two alike.
+            spread = 2 * np.mod(np.arange(1, 2 * nv + 1) * GOLDEN_RATIO, 1.0) - 1
+            position_bounds = np.array([bounds or ANGLES for bounds in mechanism.position_ranges])
+            rate_bounds = np.array(mechanism.rate_ranges)
+            q = position_bounds.mean(axis=1) + POSITION_SHARE * np.diff(position_bounds)[:, 0] / 2 * spread[:nv]
+            v = rate_bounds.mean(axis=1) + RATE_SHARE * np.diff(rate_bounds)[:, 0] / 2 * spread[nv:]
+            for place in reversed(mechanism.attitudes):
+                q = np.concatenate([q[:place], START_ROTATION, q[place + 3 :]])
+        if mechanism.constraints is None:
+            return cls(q, v, horizon)
+        found = closed(mechanism, States.at(q[None], v[None], np.zeros((1, mechanism.nv))))
+        if not closes(mechanism, found).all():
+            raise ValueError(f"{mechanism.name}: its constraints do not close at q = {q.tolist()}, from where motions would start")
+        return cls(found.q[0], found.v[0], horizon)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,9 +13,8 @@ from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.errors import InvalidRequest
 from harness.library import Library
-from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator, equations, integrators, mujoco, pinocchio, select_integrators, variational
-from harness.motion.taylor import Path
+from harness.motion.taylor import FirstOrderSystem, Path
 from harness.motion.trajectories import Metric, Start, reference_motion
 from harness.truth.sampling import generic_sample
 
@@ -87,7 +87,7 @@ def test_one_method_is_one_motion_in_every_program(scenes: dict[str, Scene], nam
 
 def test_mujocos_euler_takes_joint_dampers_implicitly(scenes: dict[str, Scene]) -> None:
     """With eulerdamp disabled it is Euler-Cromer; without dampers it always is; and the explanation says which."""
-    explicit = replace(mujoco.EULER, prepare=mujoco.prepare("EULER", disable="EULERDAMP"))
+    explicit = replace(mujoco.EULER, prepare=partial(mujoco.prepare, "EULER", disable="EULERDAMP"))
     for name in ("cart_pendulum", "spring_damper"):
         scene = scenes[name]
         expected = motion(equations.EULER_CROMER, scene)

@@ -12,9 +12,8 @@ import pytest
 from harness.crosscheck.scene import Scene
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
-from harness.motion.first_order import displacement, linear_velocities_turned
 from harness.motion.integrators.equations import EULER_CROMER
-from harness.motion.taylor import Path, Taylor
+from harness.motion.taylor import Path, Taylor, displacement, linear_velocities_turned
 from harness.motion.trajectories import TRUSTED_ERROR, Metric, Start, TrueMotion, reference_motion
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.kernel import EnergyKernel

@@ -19,12 +19,11 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.motion.first_order import FirstOrderSystem
+from harness.crosscheck.variation import quaternion_columns
 from harness.motion.integrators import KINDS, Advance, Integrator, keep
-from harness.motion.taylor import Path, Taylor
+from harness.motion.taylor import FirstOrderSystem, Path, Taylor
 from harness.motion.trajectories import Start
 from harness.programs.machine_code import load_heyoka
-from harness.programs.mechanisms.kernel import Charts
 
 # A function of more instructions takes longer to compile than it saves.
 MOST_INSTRUCTIONS = 1100
@@ -60,8 +59,7 @@ class CompiledSteps:
         self._mechanism = scene.mechanism
         self._scheme = scheme
         self._stages = stages
-        self._systems = [FirstOrderSystem(scene.mechanism, chart) for chart in range(len(scene.mechanism.charts(False)))]
-        self._charts = Charts(scene.mechanism.charts(linear_velocity_in_body=False))
+        self._systems, self._charts = FirstOrderSystem.each(scene.mechanism)
         self._compiled: dict[tuple[int, int], Any] = {}
         room = MOST_INSTRUCTIONS // (stages * len(scene.mechanism.program.instructions))
         # The chart is chosen before each step where there are several.
@@ -114,11 +112,8 @@ class CompiledSteps:
         return go
 
     def _separate_stages(self, system: FirstOrderSystem, count: int) -> Callable[[Array], None]:
-        heyoka = load_heyoka()
-
         positions, velocities = system.variables()
-        now = heyoka.expression("now")
-        nq, nv = len(positions), len(velocities)
+        now, nq, nv = load_heyoka().expression("now"), len(positions), len(velocities)
         function = system.compiled(system.accelerations(positions, velocities, now), [*positions, *velocities, now])
 
         def accelerations(q: Array, v: Array, at: float) -> Array:
@@ -135,24 +130,19 @@ class CompiledSteps:
         return go
 
     def _normalised(self, q: Any, square_root: Any) -> Any:
-        for number, place in enumerate(self._mechanism.attitudes):
-            first = place + number
-            w, x, y, z = q[first : first + 4]
-            q[first : first + 4] = q[first : first + 4] / square_root((w * w + x * x) + (y * y + z * z))
+        for columns in quaternion_columns(self._mechanism):
+            w, x, y, z = q[columns]
+            q[columns] = q[columns] / square_root((w * w + x * x) + (y * y + z * z))
         return q
 
 
 def _dormand_prince(scene: Scene) -> Advance:
-    heyoka = load_heyoka()
-
-    mechanism = scene.mechanism
-    nq = mechanism.nq
-    functions, charts = [], Charts(mechanism.charts(linear_velocity_in_body=False))
-    now = heyoka.expression("now")
-    for chart in range(len(mechanism.charts(False))):
-        system = FirstOrderSystem(mechanism, chart)
+    systems, charts = FirstOrderSystem.each(scene.mechanism)
+    nq, now = scene.mechanism.nq, load_heyoka().expression("now")
+    functions = []
+    for system in systems:
         q, v = system.variables()
-        functions.append(system.compiled([*system.position_rates(q, v), *system.accelerations(q, v, now)], [*q, *v, now]))
+        functions.append(system.compiled(system.rates(q, v, now), [*q, *v, now]))
 
     def rates_at(at: float, state: Array) -> Array:
         return np.asarray(functions[charts.at(state[:nq])](np.append(state, at)))

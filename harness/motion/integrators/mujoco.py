@@ -15,7 +15,7 @@ Source: MuJoCo documentation, Computation, Numerical integration; MuJoCo 3.13.0 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -31,34 +31,30 @@ ROUNDING = 1e-11
 COMPARED_STEPS = 200
 
 
-def prepare(integrator: str, evaluations_per_step: int = 1, disable: str = "") -> Callable[[Scene], Advance]:
+def prepare(integrator: str, scene: Scene, evaluations_per_step: int = 1, disable: str = "") -> Advance:
     """``Integrator.prepare`` of ``mjINT_<integrator>``, with ``mjDSBL_<disable>`` if given."""
+    import mujoco
 
-    def for_scene(scene: Scene) -> Advance:
-        import mujoco
+    loaded = scene.load("mujoco", "mjcf")
+    model = loaded.model
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+    if disable:
+        model.opt.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{disable}")
+    data = mujoco.MjData(model)
+    positions, velocities = loaded.addresses
 
-        loaded = scene.load("mujoco", "mjcf")
-        model = loaded.model
-        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
-        if disable:
-            model.opt.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{disable}")
-        data = mujoco.MjData(model)
-        positions, velocities = loaded.addresses
+    def advance(start: Start, step: float, steps: int, every: int) -> Path:
+        mujoco.mj_resetData(model, data)
+        model.opt.timestep = step
+        data.qpos[positions], data.qvel[velocities] = start.q, start.v
 
-        def advance(start: Start, step: float, steps: int, every: int) -> Path:
-            mujoco.mj_resetData(model, data)
-            model.opt.timestep = step
-            data.qpos[positions], data.qvel[velocities] = start.q, start.v
+        def go(count: int) -> tuple[Array, Array]:
+            mujoco.mj_step(model, data, nstep=count)
+            return np.asarray(data.qpos[positions]), np.asarray(data.qvel[velocities])
 
-            def go(count: int) -> tuple[Array, Array]:
-                mujoco.mj_step(model, data, nstep=count)
-                return np.asarray(data.qpos[positions]), np.asarray(data.qvel[velocities])
+        return keep(start, step, steps, every, evaluations_per_step, go)
 
-            return keep(start, step, steps, every, evaluations_per_step, go)
-
-        return advance
-
-    return for_scene
+    return advance
 
 
 def explain_softness(scene: Scene, start: Start, step: float) -> str:
@@ -79,7 +75,7 @@ def explain_euler(scene: Scene, start: Start, step: float) -> str:
     metric = Metric(scene.mechanism)
 
     def difference(disable: str = "") -> float:
-        found = prepare("EULER", disable=disable)(scene)(start, step, COMPARED_STEPS, 1)
+        found = prepare("EULER", scene, disable=disable)(start, step, COMPARED_STEPS, 1)
         return float(metric.errors(expected, found.q, found.v).max())
 
     damped, undamped = difference(), difference("EULERDAMP")
@@ -96,18 +92,17 @@ def explain_euler(scene: Scene, start: Start, step: float) -> str:
     )
 
 
-EULER = Integrator(name="mujoco Euler", format="mjcf", order=1, prepare=prepare("EULER"), explain=explain_euler, of=KINDS)
+EULER = Integrator(name="mujoco Euler", format="mjcf", order=1, prepare=partial(prepare, "EULER"), explain=explain_euler, of=KINDS)
 RUNGE_KUTTA = Integrator(
     name="mujoco RK4",
     format="mjcf",
     order=4,
-    prepare=prepare("RK4", RUNGE_KUTTA_STAGES),
+    prepare=partial(prepare, "RK4", evaluations_per_step=RUNGE_KUTTA_STAGES),
     long_run="secular",
     explain=explain_softness,
     of=KINDS,
 )
-IMPLICIT = Integrator(name="mujoco implicit", format="mjcf", order=1, prepare=prepare("IMPLICIT"), explain=explain_softness, of=KINDS)
-IMPLICIT_FAST = Integrator(
-    name="mujoco implicitfast", format="mjcf", order=1, prepare=prepare("IMPLICITFAST"), explain=explain_softness, of=KINDS
+IMPLICIT, IMPLICIT_FAST, DISCRETE = (
+    Integrator(name=f"mujoco {name}", format="mjcf", order=1, prepare=partial(prepare, name.upper()), explain=explain_softness, of=KINDS)
+    for name in ("implicit", "implicitfast", "discrete")
 )
-DISCRETE = Integrator(name="mujoco discrete", format="mjcf", order=1, prepare=prepare("DISCRETE"), explain=explain_softness, of=KINDS)

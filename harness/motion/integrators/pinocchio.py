@@ -13,6 +13,7 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., sectio
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.library import CONSTRAINED, MECHANISMS
-from harness.motion.first_order import linear_velocities_turned
 from harness.motion.integrators import Advance, Integrator, keep
-from harness.motion.taylor import Path
+from harness.motion.taylor import Path, linear_velocities_turned
 from harness.motion.trajectories import Start
 
 # (rates, model, q, v, step) to (q, v).
@@ -54,45 +54,45 @@ def _munthe_kaas(accelerations: Any, model: Any, q: Array, v: Array, step: float
     return pinocchio.integrate(model, q, step * ((u1 + u4) + 2 * (u2 + u3)) / 6), v + step * ((v1 + v4) + 2 * (v2 + v3)) / 6
 
 
-def prepare(scheme: Scheme, evaluations_per_step: int) -> Callable[[Scene], Advance]:
+def prepare(scheme: Scheme, evaluations_per_step: int, scene: Scene) -> Advance:
     """``scheme`` as ``Integrator.prepare``."""
+    import pinocchio
 
-    def for_scene(scene: Scene) -> Advance:
-        import pinocchio
+    mechanism = scene.mechanism
+    loaded = scene.load("pinocchio", "urdf")
+    model, force_elements, constraints = loaded.model, loaded.force_elements, loaded.constraints
+    data = model.createData()
+    positions, velocities = loaded.addresses
 
-        mechanism = scene.mechanism
-        loaded = scene.load("pinocchio", "urdf")
-        model, force_elements, constraints = loaded.model, loaded.force_elements, loaded.constraints
-        data = model.createData()
-        positions, velocities = loaded.addresses
+    def accelerations(q: Array, v: Array) -> Array:
+        if constraints is not None:
+            columns = q[:, None], v[:, None], np.asarray(force_elements.at(q, v))[:, None]
+            return np.asarray(constraints.accelerations(columns)[0])
+        return np.asarray(pinocchio.aba(model, data, q, v, force_elements.at(q, v)))
 
-        def accelerations(q: Array, v: Array) -> Array:
-            if constraints is not None:
-                columns = q[:, None], v[:, None], np.asarray(force_elements.at(q, v))[:, None]
-                return np.asarray(constraints.accelerations(columns)[0])
-            return np.asarray(pinocchio.aba(model, data, q, v, force_elements.at(q, v)))
+    def advance(start: Start, step: float, steps: int, every: int) -> Path:
+        q, v = np.zeros(model.nq), np.zeros(model.nv)
+        q[positions] = start.q
+        v[velocities] = linear_velocities_turned(mechanism, start.q[None], start.v[None], into_body=True)[0]
 
-        def advance(start: Start, step: float, steps: int, every: int) -> Path:
-            q, v = np.zeros(model.nq), np.zeros(model.nv)
-            q[positions] = start.q
-            v[velocities] = linear_velocities_turned(mechanism, start.q[None], start.v[None], into_body=True)[0]
+        def go(count: int) -> tuple[Array, Array]:
+            nonlocal q, v
+            for _ in range(count):
+                q, v = scheme(accelerations, model, q, v, step)
+            found = q[positions]
+            return found, linear_velocities_turned(mechanism, found[None], v[velocities][None], into_body=False)[0]
 
-            def go(count: int) -> tuple[Array, Array]:
-                nonlocal q, v
-                for _ in range(count):
-                    q, v = scheme(accelerations, model, q, v, step)
-                found = q[positions]
-                return found, linear_velocities_turned(mechanism, found[None], v[velocities][None], into_body=False)[0]
+        return keep(start, step, steps, every, evaluations_per_step, go)
 
-            return keep(start, step, steps, every, evaluations_per_step, go)
-
-        return advance
-
-    return for_scene
+    return advance
 
 
-_OF = (MECHANISMS, CONSTRAINED)
-SEMI_IMPLICIT_EULER = Integrator(
-    name="pinocchio semi-implicit Euler", format="urdf", order=1, prepare=prepare(_semi_implicit_euler, 1), of=_OF
+SEMI_IMPLICIT_EULER, RUNGE_KUTTA = (
+    Integrator(
+        name=name, format="urdf", order=order, prepare=partial(prepare, scheme, order), long_run=long_run, of=(MECHANISMS, CONSTRAINED)
+    )
+    for name, order, scheme, long_run in (
+        ("pinocchio semi-implicit Euler", 1, _semi_implicit_euler, ""),
+        ("pinocchio RK4", 4, _munthe_kaas, "secular"),
+    )
 )
-RUNGE_KUTTA = Integrator(name="pinocchio RK4", format="urdf", order=4, prepare=prepare(_munthe_kaas, 4), long_run="secular", of=_OF)

@@ -23,9 +23,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.motion.first_order import FirstOrderSystem
 from harness.motion.integrators import Integrator, keep
-from harness.motion.taylor import Path
+from harness.motion.taylor import FirstOrderSystem, Path, named
 from harness.motion.trajectories import Start
 from harness.programs.machine_code import load_heyoka
 
@@ -44,20 +43,17 @@ class Variational:
     """
 
     def __init__(self, scene: Scene) -> None:
-        heyoka = load_heyoka()
-
+        self._heyoka = heyoka = load_heyoka()
         self._mechanism = mechanism = scene.mechanism
         if mechanism.attitudes:
             raise Unsupported("the midpoint of two quaternions is no rotation; expected positions that are coordinates")
         self._system = system = FirstOrderSystem(mechanism)
-        n = mechanism.nv
-        q, w = system.variables()
-        p, last = ([heyoka.expression(f"{name}{i}") for i in range(n)] for name in ("p", "last"))
+        n, (q, w) = mechanism.nv, system.variables()
+        p, last = named("p", n), named("last", n)
         now, step = heyoka.expression("now"), heyoka.expression("step")
         state = [*q, *p, *w, *last, now, step]
-        zero = [heyoka.expression(0.0)] * n
         momenta, _ = self._momenta_and_impulses(q, w, now)
-        constant = heyoka.subs(momenta, dict(zip((str(rate) for rate in w), zero, strict=True)))
+        constant = heyoka.subs(momenta, {str(rate): heyoka.expression(0.0) for rate in w})
         mass = [[heyoka.diff(momentum, rate) for rate in w] for momentum in momenta]
         self._momenta = system.compiled(momenta, [*q, *w, now])
         velocities = _solve(mass, [given - part for given, part in zip(p, constant, strict=True)])
@@ -96,66 +92,55 @@ class Variational:
     def _step(self, state: Array) -> int:
         """One step in place, by as many iterations as it needs; returns their number."""
         n = self._mechanism.nv
+        new, old = slice(2 * n, 3 * n), slice(3 * n, 4 * n)
         guess = state.copy()
-        guess[2 * n : 3 * n] = 2 * state[2 * n : 3 * n] - state[3 * n : 4 * n]
+        guess[new] = 2 * state[new] - state[old]
         iterations = 0
         while iterations < MOST_ITERATIONS:
             iterations += 1
             improved = np.asarray(self._improve(guess))
-            correction = np.abs(improved - guess[2 * n : 3 * n]).max()
-            guess[2 * n : 3 * n] = improved
+            correction = np.abs(improved - guess[new]).max()
+            guess[new] = improved
             if correction <= LAST_CORRECTION * np.abs(improved).max():
                 break
         else:
             guess[:] = np.nan
-        state[3 * n : 4 * n] = state[2 * n : 3 * n]
-        state[2 * n : 3 * n] = guess[2 * n : 3 * n]
+        state[old], state[new] = state[new], guess[new]
         state[: 2 * n] = np.asarray(self._finish(guess))
         state[-2] += state[-1]
         return iterations
 
     def _momenta_and_impulses(self, q: Sequence[Any], w: Sequence[Any], now: Any) -> tuple[list[Any], list[Any]]:
         """dL/dv and dL/dq + Q."""
-        heyoka = load_heyoka()
-
-        positions, velocities = self._system.variables()
-        time = heyoka.expression("midtime")
-        lagrangian = self._system.energies(positions, velocities, time)["lagrangian"]
-        forces = self._system.generalised_forces(positions, velocities, time)
+        heyoka, (positions, velocities) = self._heyoka, self._system.variables()
+        energies = self._system.energies(positions, velocities, heyoka.expression("midtime"))
+        [lagrangian] = energies["lagrangian"]
         momenta = [heyoka.diff(lagrangian, rate) for rate in velocities]
-        impulses = [heyoka.diff(lagrangian, x) + force for x, force in zip(positions, forces, strict=True)]
-        at = dict(zip((f"q{i}" for i in range(len(q))), q, strict=True)) | dict(zip((f"v{i}" for i in range(len(w))), w, strict=True))
+        impulses = [heyoka.diff(lagrangian, x) + force for x, force in zip(positions, energies["forces"], strict=True)]
+        at = {str(symbol): value for symbol, value in zip([*positions, *velocities], [*q, *w], strict=True)}
         found = heyoka.subs([*momenta, *impulses], at | {"midtime": now})
         return found[: len(q)], found[len(q) :]
 
     def _improved(self, q: Sequence[Any], p: Sequence[Any], w: Sequence[Any], now: Any, step: Any) -> list[Any]:
         """w after one Newton iteration."""
-        heyoka = load_heyoka()
-
-        unknowns = [heyoka.expression(f"unknown{i}") for i in range(len(w))]
+        heyoka, unknowns = self._heyoka, named("unknown", len(w))
         middle = [x + 0.5 * step * rate for x, rate in zip(q, unknowns, strict=True)]
         momenta, impulses = self._momenta_and_impulses(middle, unknowns, now + 0.5 * step)
         residual = [found - 0.5 * step * impulse - given for found, impulse, given in zip(momenta, impulses, p, strict=True)]
         jacobian = [[heyoka.diff(entry, unknown) for unknown in unknowns] for entry in residual]
         corrected = [x - change for x, change in zip(unknowns, _solve(jacobian, residual), strict=True)]
-        at = dict(zip((f"unknown{i}" for i in range(len(w))), w, strict=True))
-        return list(heyoka.subs(corrected, at))
+        return list(heyoka.subs(corrected, {str(unknown): rate for unknown, rate in zip(unknowns, w, strict=True)}))
 
     def _finished(self, q: Sequence[Any], p: Sequence[Any], w: Sequence[Any], now: Any, step: Any) -> list[Any]:
         """q and p after a step with midpoint velocity w."""
         middle = [x + 0.5 * step * rate for x, rate in zip(q, w, strict=True)]
         _, impulses = self._momenta_and_impulses(middle, w, now + 0.5 * step)
         # p1 = p0 + h (dL/dq + Q), the sum of both conditions: Newton's residual does not enter twice.
-        return [
-            *(x + step * rate for x, rate in zip(q, w, strict=True)),
-            *(given + step * impulse for given, impulse in zip(p, impulses, strict=True)),
-        ]
+        return [start + step * change for start, change in zip([*q, *p], [*w, *impulses], strict=True)]
 
     def _compiled(self, state: Sequence[Any], count: int) -> Any:
         """``count`` whole steps: the state after them, the last entry being the square of the largest last correction."""
-        heyoka = load_heyoka()
-
-        n = self._mechanism.nv
+        heyoka, n = self._heyoka, self._mechanism.nv
         q, p, w, last = (list(state[i * n : (i + 1) * n]) for i in range(4))
         now, step = state[-2:]
         largest = heyoka.expression(0.0)
