@@ -24,6 +24,7 @@ from harness.programs.states import States
 from harness.results.hard_states import replay_command
 from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
 from harness.results.records import ACCELERATIONS, Record, Representative, quantity_options, quantity_words
+from harness.results.table import counted, error_text
 from harness.truth.compare import Comparison
 from harness.verdict import Verdict, gravest
 
@@ -41,7 +42,8 @@ class Pair:
         quantity: what it is asked for. assignment: with what it is asked; None until that is known, and where it cannot be.
         componentwise: the componentwise backward error at the worst state; None where it was not measured.
         counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
-        granted: to how many answers the share of the motion was. in_balls: how many truths took ball arithmetic.
+        granted: to how many answers the share of motion and weight was. left_of_zero: of those whose exact value is zero, how many
+            there are and their largest component. in_balls: how many truths took ball arithmetic.
         sampled: the backward errors among them, and verdicts, that are of sampled states.
         shown: the answer that decides, and the one with the largest backward error, with their states.
         stored: how many of the first batch are stored with the system. found: what hypothesis found.
@@ -59,6 +61,7 @@ class Pair:
     componentwise: float | None = None
     counts: Counter[str] = field(default_factory=Counter)
     granted: int = 0
+    left_of_zero: tuple[int, float] = (0, 0.0)
     in_balls: int = 0
     distribution: Counter[str] = field(default_factory=Counter)
     backward: list[Array] = field(default_factory=list)
@@ -101,6 +104,8 @@ class Pair:
         backward = comparison.known("backward_error")
         self.counts.update(comparison.verdicts.tolist())
         self.granted += int(comparison.granted.sum())
+        left = comparison.left_of_zero
+        self.left_of_zero = self.left_of_zero[0] + int(np.count_nonzero(left)), max(self.left_of_zero[1], float(left.max()))
         self.in_balls += int(comparison.in_balls.sum())
         self.distribution.update(distribution_of(backward))
         self.backward.append(backward)
@@ -134,7 +139,7 @@ def judge(system: str, pair: Pair, expectation: Expectation) -> Record:
     remarks = [pair.failure or ("" if counts else "nothing was compared")]
     if not_finite := counts[Verdict.ERROR.value]:
         remarks.append(f"{not_finite} of {counts.total()} answers are not finite.")
-    remarks += [pair.explained or "", *pair.remarks, _distance(pair)]
+    remarks += [pair.explained or "", *pair.remarks, _distance(pair), _left_of_zero(pair)]
     found = pair.found
     searched, added = (0, 0) if found is None else (len(found.states) - found.added, found.added)
     stored = min(pair.stored, counts.total() - searched - added)
@@ -186,6 +191,17 @@ def _distance(pair: Pair) -> str:
     return (
         "Held against what the file's softness of constraints declares, which is a property of the model: accelerations are "
         f"{np.median(distances):.2g} of their size from rigid ones (median; {distances.max():.2g} at most)."
+    )
+
+
+def _left_of_zero(pair: Pair) -> str:
+    """What answers have where the exact one is zero, as a sentence; "" where they have nothing that needs one."""
+    count, largest = pair.left_of_zero
+    if not count:
+        return ""
+    return (
+        f"Zero by cancellation at {counted(count, 'state')}: the exact answer is 0, and the largest component of the engine's is "
+        f"{error_text(largest)}, which is within the rounding of the terms that cancel."
     )
 
 

@@ -9,10 +9,11 @@ it and nothing else: where a process dies, the subject that was being asked is s
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from harness.crosscheck import hypothesis_search, tasks
 from harness.crosscheck.description import asked_features, describe_system
@@ -296,8 +297,10 @@ class CrossCheck(Inquiries):
             else:
                 pair.explained = outcome.value or ""
         # It changes no verdict: at the worst state that any task has found.
-        if moves and not pair.failure and pair.shown is not None and not math.isnan(pair.shown[1].backward_error[LARGEST]):
+        # Where the share is granted the answer moves by more than its inputs say, componentwise too.
+        shown = pair.shown
+        if moves and not pair.failure and shown is not None and not (np.isnan(shown[1].backward_error) | shown[1].granted)[LARGEST]:
             beyond = 0.0 if self.settings.componentwise else AGREEMENT
-            state = pair.shown[0][[LARGEST]]
+            state = shown[0][[LARGEST]]
             outcome = yield from ask(tasks.measure_componentwise, pair.assignment, state, beyond, affinity=system.name)
             pair.componentwise = outcome.value

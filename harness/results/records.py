@@ -75,7 +75,7 @@ class Record:
         representative: another state that shows the verdict; None where the worst one does.
         componentwise_error: componentwise backward error at the worst state, see ``harness.truth.componentwise``; None where
             it is certainly not beyond ``AGREEMENT`` and was not asked for, and where it is not known.
-        granted: number of states that agree only with the share of the motion, see ``harness.truth.reference``.
+        granted: number of states that agree only with the share of motion and weight, see ``harness.truth.reference``.
         in_balls: number of states whose truth double-double could not decide, and ball arithmetic did.
         quantity: what was compared.
         median_bounds, percentile_99_bounds: errors of the same sample between which those of all states lie but for one run in 400;

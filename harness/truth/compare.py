@@ -120,6 +120,7 @@ class Comparison(Rows):
             subnormal answer too.
         verdicts: (n,) ``Verdict`` values as strings.
         in_balls: (n,) bool; whether the truth took ball arithmetic, which costs a hundred times as much.
+        left_of_zero: (n,) largest component of an answer that the share is granted to where the exact one is zero; 0 elsewhere.
     """
 
     backward_error: Array
@@ -127,6 +128,7 @@ class Comparison(Rows):
     granted: np.ndarray[Any, np.dtype[np.bool_]]
     verdicts: np.ndarray[Any, np.dtype[np.str_]]
     in_balls: np.ndarray[Any, np.dtype[np.bool_]]
+    left_of_zero: Array
 
     def known(self, name: str) -> Array:
         """The values of "backward_error" or "relative_error" that are numbers."""
@@ -184,7 +186,10 @@ def compare(certified: Certified, answers: np.ndarray[Any, np.dtype[np.floating[
     )
     judged = finite & certified.certified
     backward, relative = (np.where(judged, error, np.nan) for error in (backward, relative))
-    return Comparison(backward, relative, granted & finite, verdicts, certified.in_balls)
+    granted, components = granted & finite, tuple(range(1, answers.ndim))
+    is_zero = granted & ~certified.high.any(axis=components)
+    left = np.where(is_zero, np.abs(answers).max(axis=components, initial=0.0), 0.0)
+    return Comparison(backward, relative, granted, verdicts, certified.in_balls, left)
 
 
 def errors_in_roundoffs(certified: Certified, answers: Array) -> Array:

@@ -4,11 +4,13 @@ Most states are certified in double-double with proven bounds, by ``harness.prog
 too. What its bounds do not decide, and programs that it has no code for, are evaluated in balls and solved rigorously; precision
 doubles until the radius is negligible beside the data roundoff, which then comes from ``harness.truth.balls.reverse_mode``.
 
-Beside it stands the share of the motion: half an ulp of twice the kinetic energy, as a torque on every rotating
-coordinate. Engines work in Cartesian frames, in which centripetal forces and v x (m v) are formed and cancel; the
-equations have lost these terms to algebra, so no derivative shows them. Without this share a wheel that is carried
-along at 10 m/s, or a pendulum at its dead centre, would condemn every general algorithm. It depends on the observer, and
-``compare`` grants it only to an answer that would fail without it.
+Beside it stands the share of the motion and of the weight. Engines work in Cartesian frames, in which centripetal forces, v x (m v)
+and moments of weights are formed and cancel; the equations have lost these terms to algebra, so no derivative shows them. Of the motion
+it is half an ulp of twice the kinetic energy, as a torque on every rotating coordinate. Of the weight it is half an ulp of g sqrt(m):
+by Gauss's principle the accelerations are those that the joints leave of an acceleration of each element of mass, which makes none
+longer, and a fall of all elements at g is that long. Without the share a wheel that is carried along at 10 m/s, a pendulum at its dead
+centre, or a rod that hangs from a turntable would condemn every general algorithm. It depends on the observer, and ``compare`` grants
+it only to an answer that would fail without it.
 
 Norms are kinetic-energy norms |x|_M = sqrt(x' M x), which make metres and radians comparable and do
 not depend on the choice of coordinates.
@@ -63,7 +65,8 @@ class Reference(Certified):
 
     Attributes:
         norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|.
-        sensitivity: sum over inputs z of |dqdd/dz z|_M. share: of the motion, the sum over rotating coordinates i of 2 T |M^-1 e_i|_M.
+        sensitivity: sum over inputs z of |dqdd/dz z|_M. share: of the motion, the sum over rotating
+            coordinates i of 2 T |M^-1 e_i|_M, and of the weight, g sqrt(m).
         instability: 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
             are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
@@ -168,6 +171,8 @@ class ChartKernel:
         self.mechanism = mechanism
         self.program = program
         self.balls = BallSolver(mechanism, program)
+        # Length of a fall of all that moves.
+        self.weight = mechanism.gravity * math.sqrt(mechanism.total_mass)
 
     @functools.cached_property
     def encoded(self) -> Encoded | None:
@@ -220,7 +225,7 @@ class ChartKernel:
             radius=norms.radius,
             norm_factor=norms.norm_factor,
             sensitivity=found.sensitivity,
-            share=norms.motion,
+            share=norms.motion + self.weight,
             instability=norms.instability,
             condition=norms.condition,
             certified=bits > 0,
@@ -231,7 +236,7 @@ class ChartKernel:
         """The reference by ball arithmetic, at rising precision."""
         n, nv = len(states), self.mechanism.nv
         high, low, radii = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv))
-        norm_factor, motion, instability, condition = np.empty((n, nv, nv)), np.empty(n), np.empty(n), np.empty(n)
+        norm_factor, shares, instability, condition = np.empty((n, nv, nv)), np.empty(n), np.empty(n), np.empty(n)
         bits, radius = np.zeros(n, dtype=np.int64), np.empty(n)
         sensitivity, in_balls = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)
         pending = np.arange(n)
@@ -240,7 +245,8 @@ class ChartKernel:
             high[pending], low[pending], radii[pending], scale, factor, terms = self.balls.solve(now, parameters[pending], precision)
             bits[pending] = precision
             norms = self._norms(now, high[pending], radii[pending], terms, scale.T, factor.transpose(2, 0, 1))
-            norm_factor[pending], motion[pending], instability[pending] = norms.norm_factor, norms.motion, norms.instability
+            norm_factor[pending], instability[pending] = norms.norm_factor, norms.instability
+            shares[pending] = norms.motion + self.weight
             condition[pending] = norms.condition
             found, is_known = self._sensitivity(inputs[pending], scales[pending], high[pending], scale, factor)
             sensitivity[pending] = np.where(in_balls[pending], sensitivity[pending], found)
@@ -252,7 +258,7 @@ class ChartKernel:
             if not len(pending):
                 break
         certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
-        return Reference(high, low, radius, norm_factor, sensitivity, motion, instability, condition, certified, bits)
+        return Reference(high, low, radius, norm_factor, sensitivity, shares, instability, condition, certified, bits)
 
     def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
         """Sensitivities in float64, (n,), at accelerations and factors of M that are known, and whether they can be believed."""

@@ -180,7 +180,7 @@ def test_a_seed_gives_the_same_hunt_and_the_global_generator_is_left_alone() -> 
 def test_what_is_not_finite_is_worst_and_what_is_not_certified_least() -> None:
     errors = np.array([3.0, np.nan, np.nan, np.inf, 0.0])
     verdicts = np.array([Verdict.AGREES, Verdict.ERROR, Verdict.UNDECIDED, Verdict.DISAGREES, Verdict.AGREES])
-    comparison = Comparison(errors, errors, np.zeros(5, dtype=bool), verdicts, np.zeros(5, dtype=bool))
+    comparison = Comparison(errors, errors, np.zeros(5, dtype=bool), verdicts, np.zeros(5, dtype=bool), np.zeros(5))
     assert np.argsort(evolution.objective(comparison), kind="stable").tolist() == [2, 4, 0, 1, 3]
     assert evolution.worst_index(comparison) == 1
 
@@ -194,7 +194,9 @@ def planted(blame: Callable[[States], Array]) -> Callable[[States], Comparison]:
     def judge(states: States) -> Comparison:
         error = blame(states)
         none = np.zeros(len(error), dtype=bool)
-        return Comparison(error, error, none, np.where(error > 64, Verdict.UNSTABLE.value, Verdict.AGREES.value), none)
+        return Comparison(
+            error, error, none, np.where(error > 64, Verdict.UNSTABLE.value, Verdict.AGREES.value), none, np.zeros(len(error))
+        )
 
     return judge
 

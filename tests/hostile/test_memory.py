@@ -30,17 +30,16 @@ def agreement(task: Task) -> Any:
     if task.function is stages.compare_all:
         assignments, states = task.arguments
         errors = np.linspace(0, 1, len(states))
+        agrees = np.full(len(states), "agrees")
         answers = (
-            stages.Answers(Comparison(errors + 1, errors / 1e16, errors > 9, np.full(len(states), "agrees"), errors > 9), [1e-6])
-            for _ in assignments
+            stages.Answers(Comparison(errors + 1, errors / 1e16, errors > 9, agrees, errors > 9, 0 * errors), [1e-6]) for _ in assignments
         )
         return 1e-6, 0.0, {str(assignment.subject): answer for assignment, answer in zip(assignments, answers, strict=True)}
     if task.function is hypothesis_search.search:
         assignments, examples, seed, _ = task.arguments
         states = generic_sample(assignments[0].mechanism, examples, seed)
-        comparison = Comparison(
-            *np.ones((2, examples)), np.zeros(examples, dtype=bool), np.full(examples, "agrees"), np.zeros(examples, dtype=bool)
-        )
+        none = np.zeros(examples, dtype=bool)
+        comparison = Comparison(*np.ones((2, examples)), none, np.full(examples, "agrees"), none, np.zeros(examples))
         return {str(assignment.subject): hypothesis_search.Found(states, comparison, None) for assignment in assignments}
     return [] if task.function is tasks.find_superfluous else task.function(*task.arguments, lambda text: None)
 
