@@ -65,6 +65,13 @@ def run_study(study: Study, workers: Workers) -> Iterator[Part]:
         yield from study.take(outcome)
 
 
+def complete(study: Study, workers: Workers) -> Any:
+    """The result of a study that is run to the end as by ``run_study``."""
+    for _ in run_study(study, workers):
+        pass
+    return study.result()
+
+
 _Found = TypeVar("_Found")
 # A generator that yields tasks, to be sent their outcomes in the same order, and parts as they are complete; it asks before its first
 # part.

@@ -1,6 +1,6 @@
 """The functions that ``import harness`` offers to scripts and notebooks; see the docstring of the package.
 
-May use ``commands`` and what is below it, each imported where it is called.
+May use ``commands`` and what is below it.
 
 Start with ``check``; ``loaded_system`` is what ``load`` returns.
 """
@@ -10,23 +10,37 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
+from typing import Any, TypedDict, Unpack, overload
 
-from harness.api.loaded_system import Accelerations as Accelerations
-from harness.api.loaded_system import CertifiedValues as CertifiedValues
-from harness.api.loaded_system import Derivatives as Derivatives
-from harness.api.loaded_system import LoadedSystem as LoadedSystem
-from harness.library import Library, is_file, matching, nearest
+from harness import workers as processes
+from harness.api.loaded_system import Accelerations, CertifiedValues, Derivatives, LoadedSystem
+from harness.comparison.robot_library import resolved
+from harness.comparison.study import STATES, ComparisonSettings, RobotComparison
+from harness.comparison.wanted import wanted_diagnosis
+from harness.crosscheck.assignment import refuse_robots
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.engines import describe_engines
+from harness.lagrange.derivation import load_mechanism
+from harness.library import Library, matching, nearest
+from harness.results.comparison import FilesComparison
+from harness.results.cross_check import Cause
 from harness.results.records import ACCELERATIONS, Records, quantity_words
+from harness.study import complete
+from harness.truth.compare import Comparison
+from harness.truth.quantities import require_quantity, select_quantities
+from harness.workers import Workers
 
-if TYPE_CHECKING:
-    from harness.crosscheck.run import CrossCheck
-    from harness.crosscheck.settings import Settings
-    from harness.results.comparison import FilesComparison
-    from harness.results.cross_check import Cause
-    from harness.truth.compare import Comparison
-    from harness.workers import Workers
-
+__all__ = [
+    "Accelerations",
+    "CertifiedValues",
+    "Derivatives",
+    "LoadedSystem",
+    "check",
+    "compare",
+    "diagnose",
+    "load",
+]
 Names = str | Path | Sequence[str | Path]
 Subjects = str | Sequence[str]
 
@@ -39,21 +53,9 @@ def load(name: str | Path, library: str | Path | None = None, *, floating_base: 
     Raises:
         harness.errors.InvalidInput: library, system file or robot's file cannot be used. harness.errors.InvalidRequest: no such mechanism.
     """
-    from harness.lagrange.derivation import load_mechanism
-
-    found = _library_of([str(name)], library, floating_base)
+    found = resolved(Library.at(library), [str(name)], floating_base)
     (name,) = found.select([str(name)])
     return LoadedSystem(found, load_mechanism(found, name))
-
-
-def _library_of(names: Sequence[str], library: str | Path | None, floating_base: bool) -> Library:
-    """The library that ``names`` are of: that of robots' files where they are files."""
-    found = Library.at(library)
-    if not floating_base and not any(is_file(found, name) for name in names):
-        return found
-    from harness.comparison.robot_library import resolved
-
-    return resolved(found, names, floating_base)
 
 
 class Options(TypedDict, total=False):
@@ -90,8 +92,6 @@ def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
         harness.errors.InvalidRequest: a name that nothing has.
     """
-    from harness.truth.quantities import select_quantities
-
     settings = _settings(names, options)
     chosen = select_quantities([quantities] if isinstance(quantities, str) else quantities)
     with _checked(settings, options, chosen) as (studies, _):
@@ -109,22 +109,13 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
         harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
         harness.errors.InvalidRequest: as ``check``; a robot, and another quantity than accelerations.
     """
-    from harness.comparison.wanted import wanted_diagnosis
-    from harness.crosscheck.assignment import refuse_robots
-    from harness.study import run_study
-    from harness.truth.quantities import require_quantity
-
     require_quantity(quantity)
     settings = _settings([name], options)
     if quantity_words(quantity):
         refuse_robots(settings.library, name, quantity)
     with _checked(settings, options, [quantity]) as ([study], pool):
         diagnoses = wanted_diagnosis(study, quantity)
-        if diagnoses is None:
-            return []
-        for _ in run_study(diagnoses, pool):
-            pass
-        causes: list[Cause] = diagnoses.result()
+        causes: list[Cause] = [] if diagnoses is None else complete(diagnoses, pool)
         return causes
 
 
@@ -140,7 +131,7 @@ def compare(
     *others: str | Path,
     floating_base: bool = False,
     renamed: Mapping[str, str] | None = None,
-    states: int = 64,
+    states: int = STATES,
     seed: int = 0,
     workers: int | None = None,
     time_limit: float = 300.0,
@@ -168,48 +159,36 @@ def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | File
 def _compare_robots(
     paths: Sequence[Path], *, renamed: Mapping[str, str] | None = None, workers: int | None = None, time_limit: float = 300.0, **chosen: Any
 ) -> FilesComparison:
-    from harness.comparison.study import ComparisonSettings, RobotComparison
-    from harness.study import run_study
-    from harness.workers import Workers
-
     study = RobotComparison(ComparisonSettings(paths, renamed=renamed or {}, **chosen))
-    with Workers(workers, time_limit=time_limit) as pool:
-        for _ in run_study(study, pool):
-            pass
+    with processes.Workers(workers, time_limit=time_limit) as pool:
+        found: FilesComparison = complete(study, pool)
     for problem in study.problems:
         raise problem
-    return study.result()
+    return found
 
 
 @contextmanager
 def _checked(settings: Settings, options: Options, quantities: Sequence[str]) -> Iterator[tuple[list[CrossCheck], Workers]]:
     """The complete cross-check of each quantity, and the workers that ran them."""
-    from harness.crosscheck.run import CrossCheck
-    from harness.engines import describe_engines
-    from harness.study import run_study
-    from harness.workers import Workers
 
     def workers() -> Workers:
-        return Workers(options.get("workers"), time_limit=options.get("time_limit", 60.0))
+        return processes.Workers(options.get("workers"), time_limit=options.get("time_limit", 60.0))
 
     describe_engines(settings.library, workers)
     studies = [CrossCheck(settings, [name], audits=False) for name in quantities]
     with workers() as pool:
         for study in studies:
-            for _ in run_study(study, pool):
-                pass
+            complete(study, pool)
         yield studies, pool
 
 
 def _settings(names: Names, options: Options) -> Settings:
-    from harness.crosscheck.settings import DEFAULT_STATES, Settings
-
     if unknown := sorted(options.keys() - Options.__annotations__.keys()):
         raise TypeError(f"got an unexpected keyword argument {unknown[0]!r}; {nearest(unknown[0], Options.__annotations__)}")
     given = {name: str(path) for name in ("library", "mjcf", "urdf") if (path := options.get(name)) is not None}
     floating_base, subjects = options.get("floating_base", False), options.get("subjects", ())
     chosen = [str(name) for name in ([names] if isinstance(names, str | Path) else names)]
-    found = _library_of(chosen, given.get("library"), floating_base)
+    found = resolved(Library.at(given.get("library")), chosen, floating_base)
     return Settings(
         library=found,
         names=matching(found, chosen),

@@ -9,36 +9,52 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines import NotOffered
 from harness.errors import InvalidRequest
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.states import States
+from harness.storage import Kept
+from harness.truth.compare import Comparison, Flags, compare
+from harness.truth.equation_values import BIAS, INVERSE_DYNAMICS, MASS_MATRIX, EquationValues
+from harness.truth.quantities.accelerations import reference_kernel
+from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
+from harness.truth.reference import Reference
 
 if TYPE_CHECKING:
     import sympy as sp
 
     from harness.lagrange.equations import EquationsOfMotion
-    from harness.programs.mechanisms.mechanism import Mechanism
-    from harness.programs.states import States
-    from harness.truth.compare import Certified, Comparison
-    from harness.truth.equation_values import EquationValues
-    from harness.truth.quantities.derivatives import DerivativeTruth
-    from harness.truth.reference import Reference, ReferenceKernel
+
+# By mechanism, compiled when they are asked first.
+_DERIVATIVES: Kept[DerivativeTruth] = Kept(64)
+_EQUATIONS: Kept[EquationValues] = Kept(64)
 
 
 @dataclass(frozen=True)
-class Accelerations:
-    """Certified accelerations of n states.
+class CertifiedValues:
+    """Certified values at n states, each entry by itself.
 
     Attributes:
-        value: (n, nv) the float64 nearest to the truth [SI per s^2].
-        error_bound: (n, nv) the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
-        data_roundoff: (n,) how far the truth moves, in the energy norm, when every input moves by half an ulp [sqrt(J)/s].
+        value: (n, nv, nv) of a matrix, (n, nv) of forces; the float64 nearest to the truth [SI].
+        error_bound: of the same shape; the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
+        data_roundoff: of the same shape; how far the truth moves when every input moves by half an ulp.
         certified: (n,) whether the truth is known far below its data roundoff.
     """
 
     value: Array
     error_bound: Array
     data_roundoff: Array
-    certified: np.ndarray[Any, np.dtype[np.bool_]]
+    certified: Flags
+
+
+@dataclass(frozen=True)
+class Accelerations(CertifiedValues):
+    """Certified accelerations of n states; attributes as of ``CertifiedValues``, in SI units per s^2.
+
+    Their ``data_roundoff``, (n,), is in the energy norm [sqrt(J)/s].
+    """
 
 
 @dataclass(frozen=True)
@@ -58,53 +74,7 @@ class Derivatives:
     by_force: Array
     error_bound: Array
     data_roundoff: Array
-    certified: np.ndarray[Any, np.dtype[np.bool_]]
-
-
-@dataclass(frozen=True)
-class CertifiedValues:
-    """Certified values at n states, each entry by itself.
-
-    Attributes:
-        value: (n, nv, nv) of a matrix, (n, nv) of forces; the float64 nearest to the truth [SI].
-        error_bound: of the same shape; the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
-        data_roundoff: of the same shape; how far the truth moves when every input moves by half an ulp.
-        certified: (n,) whether the truth is known far below its data roundoff.
-    """
-
-    value: Array
-    error_bound: Array
-    data_roundoff: Array
-    certified: np.ndarray[Any, np.dtype[np.bool_]]
-
-
-@dataclass(eq=False)
-class Evaluators:
-    """Certified evaluators of one mechanism, each compiled when it is asked first."""
-
-    mechanism: Mechanism
-
-    @cached_property
-    def kernel(self) -> ReferenceKernel:
-        from harness.truth.reference import ReferenceKernel
-
-        return ReferenceKernel(self.mechanism)
-
-    @cached_property
-    def derivatives(self) -> DerivativeTruth:
-        from harness.engines import NotOffered
-        from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
-
-        try:
-            return DerivativeTruth(FORWARD, self.mechanism, linear_velocity_in_body=False)
-        except NotOffered as reason:
-            raise InvalidRequest(f"{self.mechanism.name}: {reason}") from reason
-
-    @cached_property
-    def equation_values(self) -> EquationValues:
-        from harness.truth.equation_values import EquationValues
-
-        return EquationValues(self.kernel)
+    certified: Flags
 
 
 @dataclass(eq=False, repr=False)
@@ -125,10 +95,6 @@ class LoadedSystem:
     def __repr__(self) -> str:
         coordinates = ", ".join(f"{name} ({joint})" for name, joint in zip(self.mechanism.coordinates, self.mechanism.joints, strict=True))
         return f"<{self.name}: {coordinates}>"
-
-    @cached_property
-    def _evaluators(self) -> Evaluators:
-        return Evaluators(self.mechanism)
 
     @cached_property
     def equations(self) -> EquationsOfMotion:
@@ -187,7 +153,7 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        reference = self._evaluators.kernel.evaluate(_states(self.mechanism, q, v, tau))
+        reference = reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
     def derivatives(self, q: Any, v: Any, tau: Any = None) -> Derivatives:
@@ -197,10 +163,12 @@ class LoadedSystem:
             ValueError: the sizes are not those of the mechanism.
             harness.errors.InvalidRequest: constraints tie its coordinates.
         """
-        from harness.programs.numbers import UNIT_ROUNDOFF
-
         states, nv = _states(self.mechanism, q, v, tau), self.mechanism.nv
-        found = self._evaluators.derivatives.evaluate(states)
+        try:
+            truth = _DERIVATIVES.get(self.mechanism.key, lambda: DerivativeTruth(FORWARD, self.mechanism, linear_velocity_in_body=False))
+        except NotOffered as reason:
+            raise InvalidRequest(f"{self.name}: {reason}") from reason
+        found = truth.evaluate(states)
         shape = (len(states), 3, nv, nv)
         bound = np.abs(found.low) + _reach(found.norm_factor)[:, None] * found.radius[:, :, None]
         bound = np.where(found.certified[:, None, None], bound * (1 + 1e-6), np.inf)
@@ -220,9 +188,7 @@ class LoadedSystem:
             ValueError: the size is not that of the mechanism.
         """
         still = np.zeros((len(np.atleast_2d(q)), self.mechanism.nv))
-        return _entries(
-            self._evaluators.equation_values.evaluate("mass_matrix", _states(self.mechanism, q, still, None)), (self.mechanism.nv,) * 2
-        )
+        return _entries(self.mechanism, MASS_MATRIX, _states(self.mechanism, q, still, None))
 
     def bias(self, q: Any, v: Any) -> CertifiedValues:
         """Certified velocity terms and gravity together, without springs and dampers; under constraints as ``mass_matrix``.
@@ -233,7 +199,7 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        return _entries(self._evaluators.equation_values.evaluate("bias", _states(self.mechanism, q, v, None)), (self.mechanism.nv,))
+        return _entries(self.mechanism, BIAS, _states(self.mechanism, q, v, None))
 
     def inverse_dynamics(self, q: Any, v: Any, qdd: Any) -> CertifiedValues:
         """Certified applied forces that give these accelerations, beside springs and dampers.
@@ -247,9 +213,7 @@ class LoadedSystem:
         """
         if self.mechanism.constraints is not None:
             raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
-        return _entries(
-            self._evaluators.equation_values.evaluate("inverse_dynamics", _states(self.mechanism, q, v, qdd)), (self.mechanism.nv,)
-        )
+        return _entries(self.mechanism, INVERSE_DYNAMICS, _states(self.mechanism, q, v, qdd))
 
     def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
         """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
@@ -259,15 +223,11 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
         """
-        from harness.truth.compare import compare
-
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
-        return compare(self._evaluators.kernel.evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)
+        return compare(reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)
 
 
 def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:
-    from harness.programs.states import States
-
     states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau)
     found, expected = (states.q.shape, states.v.shape, states.tau.shape), (mechanism.nq, mechanism.nv, mechanism.nv)
     if tuple(shape[1] for shape in found) != expected or len({shape[0] for shape in found}) != 1:
@@ -275,12 +235,12 @@ def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:
     return states
 
 
-def _entries(found: Certified, shape: tuple[int, ...]) -> CertifiedValues:
-    """Values each of whose entries is a block of its own."""
-    from harness.programs.numbers import UNIT_ROUNDOFF
-
+def _entries(mechanism: Mechanism, name: str, states: States) -> CertifiedValues:
+    """Values of ``EquationValues``, each of whose entries is a block of its own."""
+    found = _EQUATIONS.get(mechanism.key, lambda: EquationValues(reference_kernel(mechanism, False))).evaluate(name, states)
+    shape = len(states), *[mechanism.nv] * (2 if name == MASS_MATRIX else 1)
     bound = np.where(found.certified[:, None], (np.abs(found.low[:, :, 0]) + found.radius) * (1 + 1e-6), np.inf)
-    value, bound, roundoff = (entries.reshape(len(bound), *shape) for entries in (found.high, bound, UNIT_ROUNDOFF * found.sensitivity))
+    value, bound, roundoff = (entries.reshape(shape) for entries in (found.high, bound, UNIT_ROUNDOFF * found.sensitivity))
     return CertifiedValues(value, bound, roundoff, found.certified)
 
 

@@ -9,7 +9,7 @@ from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.results.cross_check import Cause
 from harness.results.records import ACCELERATIONS, Record
-from harness.study import Study, run_study
+from harness.study import Study, complete
 from harness.workers import Workers
 
 
@@ -42,8 +42,5 @@ def wanted_diagnosis(study: CrossCheck, quantity: str = ACCELERATIONS, **limits:
 
 def find_causes(settings: Settings, records: Sequence[Record], workers: Workers, **options: Any) -> list[Cause]:
     """The result of ``diagnoses_of`` on workers whose context the caller has entered, by system and subject."""
-    study = diagnoses_of(settings, records, **options)
-    for _ in run_study(study, workers):
-        pass
-    causes: list[Cause] = study.result()
+    causes: list[Cause] = complete(diagnoses_of(settings, records, **options), workers)
     return causes

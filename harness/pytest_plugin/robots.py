@@ -53,16 +53,14 @@ class _Robots:
     def comparison(self, path: Path) -> FilesComparison:
         """What is found on a file."""
         from harness.comparison.study import ComparisonSettings, RobotComparison
-        from harness.study import run_study
+        from harness.study import complete
         from harness.workers import Workers
 
         option = self.config.getoption
         if path not in self._found:
             study = RobotComparison(ComparisonSettings([path], option("--harness-states") or _STATES, option("--harness-seed")))
             with Workers(option("--harness-workers") or 1, time_limit=option("--harness-time-limit")) as pool:
-                for _ in run_study(study, pool):
-                    pass
-            self._found[path] = study.result()
+                self._found[path] = complete(study, pool)
         return self._found[path]
 
 
