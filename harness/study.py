@@ -4,9 +4,9 @@ A cross-check, an atlas, a benchmark, a search, a diagnosis and a fault campaign
 depends on what was answered: ``tasks`` gives what can run by now, ``take`` the parts that an outcome completes, ``result`` all
 of them.
 
-A study is mostly written as ``Inquiries``: a generator for each mechanism, file or case, in which a question and what is made of its
-answer stand in one place. Several generators are under way at once; where a process dies, the task that it ran has an outcome that
-says so, and all others go on::
+A study is written as a generator for each mechanism, file or case, in which a question and what is made of its answer stand in one
+place. Several generators are under way at once; where a process dies, the task that it ran has an outcome that says so, and all
+others go on::
 
     def inquiry(self, name: str) -> Inquiry[None]:
         outcome = yield from ask(derive, self.library, name, affinity=name)
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from harness.errors import InvalidInput
 from harness.workers import Outcome, Task, Workers
@@ -32,44 +32,6 @@ class Part:
 
     label: str
     value: Any
-
-
-class Study(Protocol):
-    """Work for worker processes.
-
-    Attributes:
-        title: of the progress bar. steps: how many parts there will be, as far as it is known.
-        problems: what its user has to mend. crashed: whether a process died or ran out of time.
-    """
-
-    title: str
-    problems: list[Exception]
-    crashed: bool
-
-    @property
-    def steps(self) -> int: ...
-
-    def tasks(self) -> Sequence[Task]:
-        """The tasks that can run by now and were not given out before."""
-
-    def take(self, outcome: Outcome) -> Iterable[Part]:
-        """The parts that the outcome of one of ``tasks`` completes."""
-
-    def result(self) -> Any:
-        """Everything that is complete so far."""
-
-
-def run_study(study: Study, workers: Workers) -> Iterator[Part]:
-    """Run to the end on workers whose context the caller has entered; each part as soon as it is complete."""
-    for outcome in workers.run(study.tasks(), study.tasks):
-        yield from study.take(outcome)
-
-
-def complete(study: Study, workers: Workers) -> Any:
-    """The result of a study that is run to the end as by ``run_study``."""
-    for _ in run_study(study, workers):
-        pass
-    return study.result()
 
 
 _Found = TypeVar("_Found")
@@ -98,11 +60,18 @@ class _UnderWay:
     awaited: int = 0
 
 
-class Inquiries:
-    """A study that is made of generators, as many under way as workers have time for; also what failed in it.
+class Study:
+    """Work for worker processes that is made of generators, as many under way as workers have time for.
 
     ``inquiries`` gives rounds of generators. Those of a round begin together, once all of the round before have ended.
+
+    Attributes:
+        title: of the progress bar. steps: how many parts there will be, as far as it is known.
+        problems: what its user has to mend. crashed: whether a process died or ran out of time.
     """
+
+    title: str
+    steps: int
 
     def __init__(self) -> None:
         self.problems: list[Exception] = []
@@ -113,9 +82,14 @@ class Inquiries:
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         """The rounds in order, each made when the one before is complete."""
-        yield from ()
+        raise NotImplementedError
+
+    def result(self) -> Any:
+        """Everything that is complete so far."""
+        raise NotImplementedError
 
     def tasks(self) -> Sequence[Task]:
+        """The tasks that can run by now and were not given out before."""
         while not self._next and not self._open and (coming := next(self._rounds, None)) is not None:
             for inquiry in coming:
                 self._begin(inquiry)
@@ -123,6 +97,7 @@ class Inquiries:
         return work
 
     def take(self, outcome: Outcome) -> Iterable[Part]:
+        """The parts that the outcome of one of ``tasks`` completes."""
         under_way, place = outcome.task.key
         under_way.outcomes[place] = outcome
         if len(under_way.outcomes) == under_way.awaited:
@@ -166,6 +141,19 @@ class Inquiries:
         """Add a problem that is not known yet."""
         if str(problem) not in map(str, self.problems):
             self.problems.append(problem)
+
+
+def run_study(study: Study, workers: Workers) -> Iterator[Part]:
+    """Run to the end on workers whose context the caller has entered; each part as soon as it is complete."""
+    for outcome in workers.run(study.tasks(), study.tasks):
+        yield from study.take(outcome)
+
+
+def complete(study: Study, workers: Workers) -> Any:
+    """The result of a study that is run to the end as by ``run_study``."""
+    for _ in run_study(study, workers):
+        pass
+    return study.result()
 
 
 def is_out_of_memory(exception: BaseException | None) -> bool:

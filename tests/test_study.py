@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import pytest
 from support import InThisProcess
 
-from harness.study import Inquiries, Inquiry, Part, ask, run_study
+from harness.study import Inquiry, Part, Study, ask, run_study
 from harness.workers import Task
 
 
@@ -17,7 +17,7 @@ def twice(number: int, note: object) -> int:
     return 2 * number
 
 
-class Doubling(Inquiries):
+class Doubling(Study):
     """Two rounds of inquiries, the second about what the first found."""
 
     title, steps = "doubling", 4

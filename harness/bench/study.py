@@ -15,7 +15,7 @@ from harness.library import MECHANISMS, ROBOTS, member_of, nearest
 from harness.motion.integrators import integrators, kind_of
 from harness.results.benchmark import Benchmark
 from harness.results.records import ACCELERATIONS
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.truth.quantities import select_quantities
 from harness.workers import Outcome
 
@@ -57,7 +57,7 @@ def not_for(settings: BenchmarkSettings, scene: Scene) -> list[str]:
     return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in settings.methods if one not in able]
 
 
-class BenchmarkStudy(Inquiries):
+class BenchmarkStudy(Study):
     """One benchmark of a library; a ``harness.study.Study`` of ``Benchmark`` parts.
 
     Raises:
@@ -115,7 +115,7 @@ class BenchmarkStudy(Inquiries):
         return [part.name for part in PARTS if without and part.needs_energies and self.methods[part.kind]]
 
     @property
-    def steps(self) -> int:
+    def steps(self) -> int:  # type: ignore[override]
         return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in self._parts)
 
     def result(self) -> Benchmark:

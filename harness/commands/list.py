@@ -113,12 +113,12 @@ def _list_library(bracket: Bracket) -> None:
     from harness.engines import engine_files
     from harness.lagrange.derivation import degrees_of_freedom, kept_degrees_of_freedom
     from harness.library import installed_libraries
-    from harness.study import Inquiries
+    from harness.study import Study
     from harness.workers import Task
 
     library = bracket.library
     installed = list(installed_libraries())
-    names, failures = library.select(()), Inquiries()
+    names, failures = library.select(()), Study()
     found = {name: kept for name in names if (kept := kept_degrees_of_freedom(library, name))}
     # Worker processes alone run a system file.
     # Each imports SymPy, which takes longer than most files.

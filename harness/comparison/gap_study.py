@@ -28,7 +28,7 @@ from harness.library import nearest
 from harness.motion.trajectories import Start
 from harness.programs.states import States
 from harness.results.gap import Gap, Gaps, Mover
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
 from harness.trees.stepping.step_forces import step_forces
@@ -104,7 +104,7 @@ class _Case:
     steps: int
 
 
-class GapStudy(Inquiries):
+class GapStudy(Study):
     """The gap between two motions."""
 
     title, steps = "gap", 3

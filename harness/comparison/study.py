@@ -22,7 +22,7 @@ from harness.errors import InvalidInput, InvalidModel
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, PairRecord, SubjectRecord
 from harness.results.cross_check import Cause
 from harness.results.records import Record
-from harness.study import Inquiries, Inquiry, Part, ask, call
+from harness.study import Inquiry, Part, Study, ask, call
 from harness.verdict import Verdict
 
 STATES = 64
@@ -49,7 +49,7 @@ class ComparisonSettings:
     subjects: Sequence[str] = ()
 
 
-class RobotComparison(Inquiries):
+class RobotComparison(Study):
     """Every file with every engine that reads its format, plain and aided.
 
     Raises:

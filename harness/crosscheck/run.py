@@ -39,12 +39,12 @@ from harness.library import Library
 from harness.programs.states import States
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import ACCELERATIONS, quantity_words
-from harness.study import Inquiries, Inquiry, Part, ask, is_out_of_memory
+from harness.study import Inquiry, Part, Study, ask, is_out_of_memory
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Outcome, Task
 
 
-class CrossCheck(Inquiries):
+class CrossCheck(Study):
     """One cross-check of a library in one or several quantities, system by system and subject by subject; a ``harness.study.Study``.
 
     A variant of models is compared as a system of its own, whose mechanism and states are those of the system it is named after.

@@ -23,7 +23,7 @@ from harness.library import MODEL_SUFFIXES, Library
 from harness.programs.states import States
 from harness.results.cross_check import Cause
 from harness.results.records import Record
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.trees.mechanism import accelerations
 from harness.truth.compare import compare
 from harness.truth.quantities import find_quantities
@@ -46,7 +46,7 @@ class _Alike:
     causes: list[Cause] = field(default_factory=list)
 
 
-class Diagnoses(Inquiries):
+class Diagnoses(Study):
     """The causes of the records of one quantity that are wrong and not as expected; a ``harness.study.Study``.
 
     Args:

@@ -18,11 +18,11 @@ from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, par
 from harness.library import Library
 from harness.registry import select
 from harness.results.atlas import Atlas, HardRow
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.truth.quantities import select_quantities
 
 
-class AtlasStudy(Inquiries):
+class AtlasStudy(Study):
     """One run along the hard cases; a ``harness.study.Study`` of ``Atlas`` parts.
 
     ``library`` is the one whose engines are meant; the cases are the harness's own, all for none. Without ``subjects`` every

@@ -45,7 +45,7 @@ from harness.results.hard_states import (
     worst_of_each,
 )
 from harness.results.records import ACCELERATIONS, quantity_options
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.truth.quantities import find_quantities, require_quantity
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
@@ -93,7 +93,7 @@ def hunts(budget: int) -> list[tuple[int, int]]:
     return [(by_hypothesis, 0), *((states, population) for states, population in shares if states >= evolution.SMALLEST_POPULATION)]
 
 
-class StateSearch(Inquiries):
+class StateSearch(Study):
     """One search of a system; a ``harness.study.Study`` whose parts are steps without a value.
 
     Raises:

@@ -26,7 +26,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.table import Column, Table, number_text
 from harness.show.picture import draw
 from harness.show.placement import Pose, choose_view, place
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.trees.constraints.rows import rows_of, untied
 from harness.trees.nodes import kinematics
 from harness.trees.robot import tree_of
@@ -77,7 +77,7 @@ def hold(assignment: Assignment, with_picture: bool, note: Callable[[str], None]
     return Holding(assignment.subject, loaded.loaded(), held_by(loaded), place(loaded, mechanism) if with_picture else None)
 
 
-class Exhibition(Inquiries):
+class Exhibition(Study):
     """Reads and loads what there is of one mechanism; a ``harness.study.Study``. Whatever cannot be used is left out and reported.
 
     Raises:

@@ -11,10 +11,10 @@ from harness.library import Library
 from harness.results.cross_check import CrossCheckResult, Picture
 from harness.show.picture import draw
 from harness.show.placement import choose_view, place
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 
 
-class Gallery(Inquiries):
+class Gallery(Study):
     """The pictures of systems; a ``harness.study.Study``. A system that no engine can place has none.
 
     ``crashes`` are those of the cross-check, as ``CrossCheck`` has them: what died or hung there would again.

@@ -18,7 +18,7 @@ from harness.explain.terms import compare_terms
 from harness.library import Library
 from harness.results.records import Record
 from harness.results.run_changes import READING, TERMS, RunChange, run_changes
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.truth.sampling import generic_sample
 from harness.verdict import SEVERITY, Verdict
 
@@ -120,7 +120,7 @@ def of_version(records: Sequence[Record], version: str) -> list[Record]:
     return found
 
 
-class Explanations(Inquiries):
+class Explanations(Study):
     """The terms and readings that changed, of every system and format that both versions answered; a ``harness.study.Study``."""
 
     title = "explanations"
@@ -130,11 +130,8 @@ class Explanations(Inquiries):
         self._library, self._seed, self._versions = settings.library, settings.seed, (before, after)
         old, new = ({(one.system, one.subject) for one in _answered(of_version(records, version))} for version in (before, after))
         self._keys = sorted(old & new)
+        self.steps = len(self._keys)
         self._found: list[RunChange] = []
-
-    @property
-    def steps(self) -> int:
-        return len(self._keys)
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._explained(*key) for key in self._keys]

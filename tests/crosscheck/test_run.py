@@ -21,7 +21,7 @@ from harness.crosscheck.tasks import find_superfluous
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import Record
-from harness.study import Inquiries, Inquiry, Part, ask, run_study
+from harness.study import Inquiry, Part, Study, ask, run_study
 from harness.truth.reference import ReferenceKernel
 from harness.workers import Crash, Outcome, Task, Workers
 
@@ -191,7 +191,7 @@ def test_tasks_of_a_system_share_a_worker() -> None:
 
 
 @dataclass
-class Counting(Inquiries):
+class Counting(Study):
     """Three rounds, of which the second grows while it runs."""
 
     title: str = "counting"

@@ -20,7 +20,7 @@ from harness.night.together import Together
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
 from harness.results.night import Night, NightSettings, case_of
-from harness.study import Inquiries, Inquiry, ask
+from harness.study import Inquiry, Study, ask
 
 SETTINGS = NightSettings(stages=["toy"], states=10, seed=0, versions={"mujoco": "4.0"}, inputs={"systems/a.py": "12"})
 
@@ -29,7 +29,7 @@ def double(number: int, note: object) -> int:
     return 2 * number
 
 
-class Doubling(Inquiries):
+class Doubling(Study):
     """Doubles a number as often as it says, one task after the other."""
 
     title, steps = "doubling", 1

@@ -11,11 +11,11 @@ from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, sm
 from harness.engines import EQUATIONS, Subject, engine_files, select_subjects, subjects_beside
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, names_in
-from harness.study import Inquiries, Inquiry, Part, ask
+from harness.study import Inquiry, Part, Study, ask
 from harness.verdict import Verdict
 
 
-class FaultStudy(Inquiries):
+class FaultStudy(Study):
     """Rows of every model, each found by one task, ``function(library, system, format or subject, *given)``; a ``harness.study.Study``.
 
     Args:
