@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from harness.library import matching
 
 if TYPE_CHECKING:
     from harness.night.course import Course
-    from harness.night.stage import NightChoice, Stage
+    from harness.night.stages import NightChoice, Stage
     from harness.report.night import NightSummary
 
 SUMMARY, JUNIT = "nightly.md", "nightly.xml"
@@ -68,7 +69,7 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
       harness nightly --engine mujoco@3.13.0 --scheduler tls://cluster:8786
     """
     from harness.night.course import Course
-    from harness.night.stage import select_stages
+    from harness.night.stages import select_stages
 
     chosen = select_stages(stages)
     choice = _choice(bracket, chosen, names, {name: list(value) if isinstance(value, tuple) else value for name, value in asked.items()})
@@ -97,9 +98,8 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
         InvalidRequest: a name of anything that does not exist.
     """
     from harness.crosscheck.description import describe_run
-    from harness.night.course import settings_of
-    from harness.night.inputs import digests, subjects_of
-    from harness.night.stage import NightChoice
+    from harness.night.course import digests, subjects_of
+    from harness.night.stages import NightChoice
     from harness.results.night import NightSettings
 
     library = bracket.library
@@ -112,10 +112,10 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
         **asked,
     )
     choice = NightChoice(library, settings, subjects_of(library, settings.engines), bracket.replay_options)
-    settings = settings_of(choice, stages)
+    settings = replace(settings, stages=[stage.name for stage in stages if stage.units(choice)])
     if not settings.stages:
         raise InvalidRequest("no stage has anything to do: a survey needs --survey FOLDER, a campaign --faults of 1 at least")
-    return NightChoice(library, settings, choice.subjects, choice.replay_options)
+    return replace(choice, settings=settings)
 
 
 def _how_it_goes_on(course: Course) -> str:

@@ -6,5 +6,5 @@ other units.
 
 May use ``show`` and what is below it.
 
-Start with ``stage``, which says what a stage declares; ``course`` runs a night or goes on with one.
+Start with ``stages``, which says what a stage declares; ``course`` runs a night or goes on with one.
 """

@@ -1,21 +1,30 @@
-"""The course of a night: it begins or goes on, stage by stage and unit by unit, and each unit is stored as soon as it is complete."""
+"""The course of a night: it begins or goes on, stage by stage and unit by unit, and each unit is stored as soon as it is complete.
+
+A night that goes on tells what was changed in between by digests of all that it reads.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
+from harness.comparison.collection import find_files
+from harness.engines import select_subjects, subjects
 from harness.errors import InvalidRequest
-from harness.night.stage import NightChoice, Stage, UnitFound
+from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.night.stages import NightChoice, Stage, UnitFound
 from harness.night.together import Together, attempted
 from harness.results.change_points import NightValue
 from harness.results.history import History
-from harness.results.night import BegunStage, Case, DoneUnit, Night, NightSettings
+from harness.results.night import BegunStage, Case, DoneUnit, Night
 from harness.results.records import Run
 from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last, comparable
+from harness.storage import sources_digest
 from harness.study import Part
 from harness.workers import Workers
 
@@ -23,6 +32,7 @@ from harness.workers import Workers
 _CLOSING = "(closing)"
 # Units under way for each process: of one system the tasks run in one process, one after the other.
 _UNITS_PER_SEAT = 2
+_DIGITS = 16
 
 
 def unfinished(history: History, library: str) -> int | None:
@@ -88,7 +98,7 @@ class Course:
 
     def complete(self, stage: Stage, workers: Workers) -> Iterator[Part]:
         """Run what is left of a stage, and store each unit with the mark that it is complete, in one transaction."""
-        study = self._study_of(stage)
+        study = self.study_of(stage)
         units = {unit: partial(stage.steps, self.choice, unit) for unit in self.left(stage)}
         most = (lambda: 1) if stage.is_timed else (lambda: _UNITS_PER_SEAT * workers.seats)
         for part in Together(units, most, stage.kind).run(workers):
@@ -110,10 +120,6 @@ class Course:
         """All that a stage has found by now."""
         return found_by(self.history, self.night, stage)
 
-    def earlier(self, stage: Stage, most: int, part: str = "%") -> list[tuple[Run, Any]]:
-        """The studies of the stage's profile before this one, newest first, that found anything; all of each, or one part."""
-        return list(islice(self.history.earlier(self._study_of(stage), stage.kind, part), most))
-
     def night_before(self, stages: Sequence[Stage]) -> list[Case] | None:
         """The cases of the latest night before this one that has ended, for the stages of this one; None where there is none."""
         for number in self.history.studies(Night, self.run.library):
@@ -122,7 +128,7 @@ class Course:
                 return [case for stage in stages if night.study_of(stage.name) for case in cases_of(self.history, night, stage)]
         return None
 
-    def _study_of(self, stage: Stage) -> int:
+    def study_of(self, stage: Stage) -> int:
         """The number under which the history keeps what the stage finds; a new one where it has not begun."""
         known = self.night.study_of(stage.name)
         if known is not None:
@@ -154,11 +160,6 @@ def cases_of(history: History, night: Night, stage: Stage) -> list[Case]:
     return sorted(stage.cases(found_by(history, night, stage)), key=lambda case: case.key)
 
 
-def settings_of(choice: NightChoice, stages: Sequence[Stage]) -> NightSettings:
-    """The settings of a choice with the stages that have something to do."""
-    return replace(choice.settings, stages=[stage.name for stage in stages if stage.units(choice)])
-
-
 def changes_of(course: Course, stages: Sequence[Stage]) -> list[ChangedCell]:
     """Changes of this night in all stages that have numbers."""
     return [one for stage in stages for one in changes_of_the_last(nights_of(course, stage))]
@@ -168,6 +169,56 @@ def nights_of(course: Course, stage: Stage) -> list[Mapping[Cell, NightValue]]:
     """The readings of each night of a stage's profile and number of states, oldest first, this one last; none without numbers."""
     if stage.numbers is None:
         return []
-    states, read = stage.states(course.choice), stage.numbers.readings
-    earlier = comparable(states, course.earlier(stage, MOST_NIGHTS - 1, stage.numbers.part))
-    return [*(read(found) for _, found in reversed(earlier)), read(course.found(stage))]
+    before = course.history.earlier(course.study_of(stage), stage.kind, stage.numbers.part)
+    earlier = comparable(stage.states(course.choice), list(islice(before, MOST_NIGHTS - 1)))
+    return [stage.numbers.readings(found) for found in (*(found for _, found in reversed(earlier)), course.found(stage))]
+
+
+def digests(library: Library, survey: Sequence[str]) -> dict[str, str]:
+    """Name of a file to a digest of its content, and "harness" to that of the program.
+
+    Raises:
+        InvalidInput: a place to survey holds no robot.
+    """
+    package = Path(__file__).resolve().parents[1]
+    rooms = sorted(path.name for path in package.iterdir() if path.is_dir() and any(path.glob("*.py")))
+    found = {"harness": sources_digest(*rooms).hex()[:_DIGITS]}
+    found |= {name: _digest(path) for name, path in _files(library)}
+    return found | {str(path): _digest(path) for path in (find_files(survey) if survey else [])}
+
+
+def _files(library: Library) -> Iterator[tuple[str, Path]]:
+    """Name and path of every file of the library; its name tells no place of this machine."""
+    folders = [
+        ("systems", library.systems, "*.py"),
+        ("engines", library.engines, "**/*.py"),
+        ("hard_states", library.hard_states, "*.json"),
+    ]
+    folders += [(name, library.models / name, pattern) for name, suffix in MODEL_SUFFIXES.items() for pattern in (f"*{suffix}", "*.py")]
+    for name, folder, pattern in folders:
+        yield from ((f"{name}/{path.relative_to(folder)}", path) for path in sorted(folder.glob(pattern)))
+    if library.expected_verdicts.is_file():
+        yield library.expected_verdicts.name, library.expected_verdicts
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:_DIGITS]
+
+
+def subjects_of(library: Library, engines: Sequence[str]) -> list[str]:
+    """Names of the subjects; none, which means all, where no engine was asked for.
+
+    Raises:
+        InvalidRequest: no subject is of such an engine.
+    """
+    if not engines:
+        return []
+    chosen = [str(subject) for subject in select_subjects(library, ())]
+    known = [str(subject) for subject in subjects(library)]
+    for engine in engines:
+        own = [name for name in known if name.partition("/")[0] == engine]
+        if not own:
+            names = sorted({name.partition("/")[0] for name in known})
+            raise InvalidRequest(f"no engine is called {engine!r}; {nearest(engine, names)}; harness list has those that are there")
+        chosen += own
+    return list(dict.fromkeys(chosen))

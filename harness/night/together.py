@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from harness.errors import InvalidInput, InvalidRequest
-from harness.night.stage import Steps, UnitFound
+from harness.night.stages import Steps, UnitFound
 from harness.results.records import StudyResult
-from harness.study import Part, Study, sentence
+from harness.study import Part, sentence
 from harness.workers import Outcome, Task, Workers
 
 _Made = TypeVar("_Made")
@@ -36,14 +36,38 @@ def attempted(make: Callable[[], _Made], unit: str, kind: type[StudyResult]) -> 
         return UnitFound(result=kind(), faults=[f"{unit}: {sentence(error)} ({where})"])
 
 
+def _tasks_of(steps: Steps) -> Generator[Sequence[Task], Outcome, UnitFound]:
+    """Tasks of a unit: those of its first study, then those that each outcome leads to; ends with what the unit came to."""
+    while True:
+        try:
+            study = next(steps)
+        except StopIteration as end:
+            found: UnitFound = end.value
+            return found
+        tasks = study.tasks()
+        out = len(tasks)
+        while out:
+            outcome = yield tasks
+            for _ in study.take(outcome):
+                pass
+            tasks = study.tasks()
+            out += len(tasks) - 1
+
+
 @dataclass
 class _Open:
-    """A unit under way: what is left of it, the study that runs, how many of its tasks are out, and what it came to if it failed."""
+    """A unit under way: what is left of it, how many of its tasks are out, and what it came to."""
 
-    steps: Steps
-    study: Study
+    course: Generator[Sequence[Task], Outcome, UnitFound]
     out: int = 0
-    failed: UnitFound | None = None
+    found: UnitFound | None = None
+
+    def send(self, outcome: Outcome | None) -> Sequence[Task] | UnitFound:
+        try:
+            return self.course.send(outcome) if outcome else next(self.course)
+        except StopIteration as end:
+            found: UnitFound = end.value
+            return found
 
 
 class Together:
@@ -62,17 +86,19 @@ class Together:
         self._complete: list[Part] = []
 
     def run(self, workers: Workers) -> Iterator[Part]:
-        """Each unit as soon as it is complete, its value a ``Found``."""
+        """Each unit as soon as it is complete, its value a ``UnitFound``."""
         for outcome in workers.run(self._tasks(), self._tasks):
-            self._take(outcome)
+            name, task = outcome.task.key
+            self._open[name].out -= 1
+            self._go_on(name, replace(outcome, task=task))
             yield from self._completed()
         yield from self._completed()
 
     def _tasks(self) -> Sequence[Task]:
         while self._waiting and len(self._open) < max(1, self._most()):
             name = next(iter(self._waiting))
-            steps = self._waiting.pop(name)()
-            self._follow(name, steps)
+            self._open[name] = _Open(_tasks_of(self._waiting.pop(name)()))
+            self._go_on(name, None)
         work, self._next = self._next, []
         return work
 
@@ -80,59 +106,16 @@ class Together:
         complete, self._complete = self._complete, []
         yield from complete
 
-    def _take(self, outcome: Outcome) -> None:
-        name, task = outcome.task.key
+    def _go_on(self, name: str, outcome: Outcome | None) -> None:
+        """Give out what a unit asks next; one that is complete, or has failed, ends as soon as its tasks have come back."""
         unit = self._open[name]
-        unit.out -= 1
-        if unit.failed is None:
-            self._guarded(name, unit, partial(self._taken, name, unit, replace(outcome, task=task)))
-        if not unit.out:
-            del self._open[name]
-            if unit.failed is None:
-                self._follow(name, unit.steps)
+        if unit.found is None:
+            given = attempted(partial(unit.send, outcome), name, self._kind)
+            if isinstance(given, UnitFound):
+                unit.found = given
             else:
-                self._complete.append(Part(name, unit.failed))
-
-    def _taken(self, name: str, unit: _Open, outcome: Outcome) -> None:
-        for _ in unit.study.take(outcome):
-            pass
-        self._give_out(name, unit)
-
-    def _guarded(self, name: str, unit: _Open, action: Callable[[], None]) -> None:
-        """Do something for a unit; where that raises, the unit ends as soon as its tasks have come back."""
-
-        def act() -> UnitFound | None:
-            action()
-            return None
-
-        unit.failed = attempted(act, name, self._kind)
-
-    def _follow(self, name: str, steps: Steps) -> None:
-        """Begin the next study of a unit that has any tasks; without one the unit is complete."""
-        while True:
-            found = attempted(partial(_next_of, steps), name, self._kind)
-            if isinstance(found, UnitFound):
-                self._complete.append(Part(name, found))
-                return
-            unit = _Open(steps, found)
-            self._guarded(name, unit, partial(self._give_out, name, unit))
-            if unit.failed is not None:
-                self._complete.append(Part(name, unit.failed))
-                return
-            if unit.out:
-                self._open[name] = unit
-                return
-
-    def _give_out(self, name: str, unit: _Open) -> None:
-        tasks = list(unit.study.tasks())
-        unit.out += len(tasks)
-        self._next += [replace(task, key=(name, task)) for task in tasks]
-
-
-def _next_of(steps: Steps) -> Study | UnitFound:
-    """The next study of a unit, or what it came to."""
-    try:
-        return next(steps)
-    except StopIteration as end:
-        found: UnitFound = end.value
-        return found
+                unit.out += len(given)
+                self._next += [replace(task, key=(name, task)) for task in given]
+        if unit.found is not None and not unit.out:
+            del self._open[name]
+            self._complete.append(Part(name, unit.found))

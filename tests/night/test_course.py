@@ -15,7 +15,7 @@ from support_results import RECORD, RUN
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library
 from harness.night.course import Course, cases_of, unfinished
-from harness.night.stage import NightChoice, Stage, Steps, UnitFound, find_stages, select_stages
+from harness.night.stages import NightChoice, Stage, Steps, UnitFound, find_stages, select_stages
 from harness.night.together import Together
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History

@@ -14,8 +14,8 @@ from support_results import RECORD
 from harness.diagnosis.faults.summary import Campaign, Fault
 from harness.hard.cases import hard_cases
 from harness.library import Library
-from harness.night.inputs import digests
-from harness.night.stage import NightChoice, find_stages
+from harness.night.course import digests
+from harness.night.stages import NightChoice, find_stages
 from harness.results.atlas import Atlas, HardRow
 from harness.results.benchmark import AccelerationCost, Benchmark, Figure
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord

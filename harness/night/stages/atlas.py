@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import STATES, hard_cases
-from harness.night.stage import NightChoice, Stage, one_study
+from harness.night.stages import NightChoice, Stage, cases_about, one_study
 from harness.results.atlas import Atlas
 from harness.results.night import BROKEN, FAILED, Case
 
@@ -28,10 +28,8 @@ def _cases(found: Atlas) -> Iterator[Case]:
     for row in found.rows:
         outcome, replay = BROKEN if row.crashed else FAILED, f"harness atlas {row.case} --subject {row.subject}"
         yield Case.of((NAME, row.case, row.subject), row.problems, outcome=outcome, replay=replay, seconds=row.seconds)
-    for sentence in Atlas(partings=found.partings, stable_steps=found.stable_steps).unexpected:
-        yield Case.of((NAME, _MOTION, sentence.partition(":")[0]), [sentence])
-    for problem in dict.fromkeys(found.problems):
-        yield Case.of((NAME, "not measured", problem.partition(":")[0]), [problem], outcome=BROKEN)
+    yield from cases_about(NAME, _MOTION, Atlas(partings=found.partings, stable_steps=found.stable_steps).unexpected)
+    yield from cases_about(NAME, "not measured", found.problems, BROKEN)
 
 
 STAGE = Stage(

@@ -8,7 +8,7 @@ from itertools import groupby
 from harness.bench.parts import THOROUGHNESS, BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
 from harness.library import member_of
-from harness.night.stage import NightChoice, Stage, TrendNumbers, one_study
+from harness.night.stages import NightChoice, Stage, TrendNumbers, cases_about, one_study
 from harness.results.benchmark import Benchmark
 from harness.results.night import BROKEN, LEFT_OUT, Case
 from harness.results.pareto import way_of
@@ -51,11 +51,8 @@ def _cases(found: Benchmark) -> Iterator[Case]:
         seconds = cost.states * (cost.seconds_per_state or 0.0)
         yield Case.of((NAME, cost.system, way_of(cost)), wrong, outcome=BROKEN, replay=replay, seconds=seconds)
     own = {f"{cost.system}, {cost.method}: {cost.note}" for cost in found.accelerations if cost.failed}
-    for problem in dict.fromkeys(found.problems):
-        if problem not in own:
-            yield Case.of((NAME, "not measured", problem.partition(":")[0]), [problem], outcome=BROKEN)
-    for sentence in found.unexpected:
-        yield Case.of((NAME, "theory", sentence.partition(":")[0]), [sentence])
+    yield from cases_about(NAME, "not measured", (problem for problem in found.problems if problem not in own), BROKEN)
+    yield from cases_about(NAME, "theory", found.unexpected)
 
 
 STAGE = Stage(

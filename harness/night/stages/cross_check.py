@@ -14,7 +14,7 @@ from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.errors import InvalidModel
 from harness.hard.worst_cases import ranked
-from harness.night.stage import NightChoice, Stage, Steps, TrendNumbers, UnitFound
+from harness.night.stages import NightChoice, Stage, Steps, TrendNumbers, UnitFound
 from harness.results.change_points import NightValue
 from harness.results.cross_check import CrossCheckResult
 from harness.results.night import Case, case_of

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from harness.diagnosis.faults.campaign import CampaignSettings
-from harness.diagnosis.faults.study import campaign, select_models
+from harness.diagnosis.faults.study import FaultStudy, campaign, select_models
 from harness.diagnosis.faults.summary import Campaign, Fault, broken_bars
-from harness.night.stage import NightChoice, Stage, Steps, UnitFound
+from harness.night.stages import NightChoice, Stage, one_study
 from harness.results.night import BROKEN, Case
 
 NAME = "faults"
@@ -27,13 +27,11 @@ def _units(choice: NightChoice) -> list[str]:
     return sorted(random.Random(choice.settings.seed).sample(known, min(choice.settings.models, len(known))))
 
 
-def _steps(choice: NightChoice, model: str) -> Steps:
+def _study(choice: NightChoice, model: str) -> FaultStudy:
     name, _, model_format = model.rpartition("/")
     states = min(STATES, choice.settings.states)
     settings = CampaignSettings(sizes=SIZES, states=states, seed=choice.settings.seed, diagnosed=DIAGNOSED)
-    study = campaign(choice.library, [name], settings, [model_format])
-    yield study
-    return UnitFound(result=Campaign(faults=study.result(), deaths=study.deaths), problems=study.problems, crashed=study.crashed)
+    return campaign(choice.library, [name], settings, [model_format])
 
 
 def _cases(found: Campaign) -> Iterator[Case]:
@@ -71,7 +69,7 @@ STAGE = Stage(
     kind=Campaign,
     time_limit=36000.0,
     units=_units,
-    steps=_steps,
+    steps=one_study(_study, lambda study: Campaign(faults=study.result(), deaths=study.deaths)),
     cases=_cases,
     profile=lambda choice: NAME,
     states=lambda choice: min(STATES, choice.settings.states),

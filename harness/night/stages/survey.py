@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
 from harness.comparison.collection import find_files
 from harness.comparison.study import ComparisonSettings, RobotComparison
-from harness.night.stage import NightChoice, Stage, Steps, UnitFound
+from harness.night.stages import NightChoice, Stage, one_study
 from harness.report.comparison import subject_lines
 from harness.results.comparison import FilesComparison, survey_profile
 from harness.results.night import BROKEN, FAILED, LEFT_OUT, Case
@@ -22,10 +23,8 @@ def _units(choice: NightChoice) -> list[str]:
     return [str(path) for path in find_files(choice.settings.survey)] if choice.settings.survey else []
 
 
-def _steps(choice: NightChoice, path: str) -> Steps:
-    study = RobotComparison(ComparisonSettings((Path(path),), STATES, choice.settings.seed, pairwise=False), NAME)
-    yield study
-    return UnitFound(result=study.result(), problems=study.faults, crashed=study.crashed)
+def _study(choice: NightChoice, path: str) -> RobotComparison:
+    return RobotComparison(ComparisonSettings((Path(path),), STATES, choice.settings.seed, pairwise=False), NAME)
 
 
 def _cases(found: FilesComparison) -> Iterator[Case]:
@@ -54,7 +53,7 @@ STAGE = Stage(
     kind=FilesComparison,
     time_limit=300.0,
     units=_units,
-    steps=_steps,
+    steps=one_study(_study, problems=attrgetter("faults")),
     cases=_cases,
     profile=lambda choice: survey_profile(choice.settings.survey),
     states=lambda choice: STATES,
