@@ -13,7 +13,6 @@ import argparse
 import pytest
 
 from harness.library import BUILT_IN_NAME
-from harness.pytest_plugin.regression import TLS_FILES, register
 
 _DEFAULT_STATES = 1000
 
@@ -68,8 +67,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="use the dask.distributed cluster at this address. Who can reach the scheduler can run code as you; "
         "use tls:// on shared machines",
     )
-    for file, content in TLS_FILES.items():
-        group.addoption(f"--harness-tls-{file}", metavar="FILE", help=content)
+    group.addoption("--harness-tls-ca-file", metavar="FILE", help="certificate of the authority that a tls:// cluster trusts")
+    group.addoption("--harness-tls-cert", metavar="FILE", help="certificate to show to a tls:// cluster")
+    group.addoption("--harness-tls-key", metavar="FILE", help="key of that certificate")
     group.addoption(
         "--harness-time-limit",
         type=_seconds,
@@ -97,4 +97,6 @@ def pytest_configure(config: pytest.Config) -> None:
         robots.register(config)
     chosen = config.getoption("--harness-library") or config.getini("harness_library")
     if chosen:
-        register(config, chosen, config.getoption("--harness-states") or _states_of_settings(config))
+        from harness.pytest_plugin import regression
+
+        regression.register(config, chosen, config.getoption("--harness-states") or _states_of_settings(config))

@@ -11,24 +11,33 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from harness.library import BUILT_IN_NAME, names_in
-from harness.results.records import quantity_words
+from harness import workers
+from harness.errors import InvalidInput, InvalidRequest
+from harness.library import BUILT_IN_NAME, Library, names_in
+from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
+from harness.results.records import Record, quantity_words
+from harness.study import Part, run_study
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.engines import Subject
-    from harness.library import Library
-    from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
-    from harness.results.records import Record
-    from harness.study import Part
-    from harness.workers import Workers
 
-TLS_FILES = {
-    "ca-file": "certificate of the authority that a tls:// cluster trusts",
-    "cert": "certificate to show to a tls:// cluster",
-    "key": "key of that certificate",
-}
+
+@contextlib.contextmanager
+def usage_errors() -> Iterator[None]:
+    """What cannot be used or answered ends pytest with its message."""
+    try:
+        yield
+    except (InvalidInput, InvalidRequest) as error:
+        raise pytest.UsageError(str(error)) from error
+
+
+def collect_also(config: pytest.Config, folder: Path) -> None:
+    """Collect a folder; arguments on the command line may ask for something else besides."""
+    if config.args_source is not pytest.Config.ArgsSource.ARGS:
+        config.args[:] = []
+    config.args.append(str(folder))
 
 
 def register(config: pytest.Config, chosen: str, states: int) -> None:
@@ -37,21 +46,13 @@ def register(config: pytest.Config, chosen: str, states: int) -> None:
     Raises:
         pytest.UsageError: there is no such library.
     """
-    from harness.errors import InvalidInput
-    from harness.library import Library
-
-    try:
+    with usage_errors():
         # From the folder where pytest was started; a name where there is no such folder.
         directory = config.invocation_params.dir / chosen
         library = Library.at(None if chosen == BUILT_IN_NAME else directory if directory.exists() else chosen)
-    except InvalidInput as error:
-        raise pytest.UsageError(str(error)) from error
     config.pluginmanager.register(_Regression(_Choice(config, library, chosen, states)), "harness-regression")
-    # The option asks for the library; arguments on the command line may ask for something else besides.
     if config.getoption("--harness-library"):
-        if config.args_source is not pytest.Config.ArgsSource.ARGS:
-            config.args[:] = []
-        config.args.append(str(library.systems))
+        collect_also(config, library.systems)
 
 
 class _Choice:
@@ -62,30 +63,23 @@ class _Choice:
         self.named: list[str] = list(config.getoption("--harness-quantity") or config.getini("harness_quantity"))
         self.is_distributed = hasattr(config, "workerinput")
         self._replay_options = [] if chosen == BUILT_IN_NAME else ["--library", chosen]
-        self._described = False
 
     @cached_property
     def quantities(self) -> list[str]:
         """The quantities asked for, by default accelerations."""
-        from harness.errors import InvalidRequest
         from harness.truth.quantities import select_quantities
 
-        try:
+        with usage_errors():
             return select_quantities(self.named)
-        except InvalidRequest as error:
-            raise pytest.UsageError(str(error)) from error
 
+    @cached_property
     def subjects(self) -> list[Subject]:
         """The subjects asked for."""
         from harness.engines import describe_engines, select_subjects
-        from harness.errors import InvalidInput, InvalidRequest
 
-        if not self._described:
-            self._described = bool(describe_engines(self.library, self.new_workers))
-        try:
+        describe_engines(self.library, self.new_workers)
+        with usage_errors():
             return select_subjects(self.library, self.option("--harness-subject"))
-        except (InvalidInput, InvalidRequest) as error:
-            raise pytest.UsageError(str(error)) from error
 
     def settings(self, names: list[str], subjects: list[str]) -> Settings:
         from harness.crosscheck.settings import Settings
@@ -93,13 +87,12 @@ class _Choice:
         seed, again = self.option("--harness-seed"), self._replay_options
         return Settings(library=self.library, names=names, subjects=subjects, states=self.states, seed=seed, replay_options=again)
 
-    def new_workers(self) -> Workers:
-        from harness.workers import Scheduler, Workers
-
+    def new_workers(self) -> workers.Workers:
         count = self.option("--harness-workers") or (1 if self.is_distributed else None)
         address = self.option("--harness-scheduler")
-        scheduler = Scheduler(address, *(self.option(f"--harness-tls-{file}") for file in TLS_FILES)) if address else None
-        return Workers(count, scheduler, self.option("--harness-time-limit"))
+        files = (self.option(f"--harness-tls-{file}") for file in ("ca-file", "cert", "key"))
+        scheduler = workers.Scheduler(address, *files) if address else None
+        return workers.Workers(count, scheduler, self.option("--harness-time-limit"))
 
 
 class _Regression:
@@ -111,7 +104,7 @@ class _Regression:
     def __init__(self, choice: _Choice) -> None:
         self.choice = choice
         self._exit = contextlib.ExitStack()
-        self._started: dict[str, Workers] = {}
+        self._started: dict[str, workers.Workers] = {}
         # By the systems that run together, all of them under one name where nothing is distributed; and by quantity.
         self._checks: dict[tuple[str, str], tuple[CrossCheck, Iterator[Part]]] = {}
         self._known: dict[tuple[str, str, str], Record] = {}
@@ -136,15 +129,13 @@ class _Regression:
         seed = choice.option("--harness-seed")
         return f"harness: library {choice.library.name}, {choice.states} states per system, seed {seed}{named}"
 
-    def record(self, item: CrossCheckItem) -> Record:
-        """The record of one item, running the cross-check until it comes."""
-        while item.key not in self._known:
-            self._advance(item)
-        return self._known[item.key]
-
-    def _advance(self, item: CrossCheckItem) -> None:
+    def record(self, item: CrossCheckItem, subject: str = "") -> Record:
+        """The record of one item, or that of another subject beside it, running the cross-check until it comes."""
+        key = item.system, subject or item.subject, item.quantity
         _, coming = self._check_of(item)
-        self._take(next(coming))
+        while key not in self._known:
+            self._take(next(coming))
+        return self._known[key]
 
     def _take(self, part: Part) -> None:
         [record] = part.value.records
@@ -168,10 +159,7 @@ class _Regression:
     def _all_of(self, item: CrossCheckItem) -> list[Record]:
         """The records of all subjects on an item's system, running the cross-check until they come."""
         check, _ = self._check_of(item)
-        alike = item.system, item.quantity
-        while len([None for system, _, quantity in self._known if (system, quantity) == alike]) < len(check.subjects_of(item.system)):
-            self._advance(item)
-        return [record for record in self._known.values() if (record.system, record.quantity) == alike]
+        return [self.record(item, str(subject)) for subject in check.subjects_of(item.system)]
 
     def explanation(self, item: CrossCheckItem) -> str:
         """All that a person needs to go on from an item whose record is known and not as expected, with the cause as far as it is known."""
@@ -203,7 +191,6 @@ class _Regression:
     def _check_of(self, item: CrossCheckItem) -> tuple[CrossCheck, Iterator[Part]]:
         """The cross-check that an item belongs to, and its records to come."""
         from harness.crosscheck.run import CrossCheck
-        from harness.study import run_study
 
         distributed = self.choice.is_distributed
         group = item.system if distributed else "", item.quantity
@@ -217,7 +204,7 @@ class _Regression:
             self._checks[group] = check, run_study(check, self._workers("check"))
         return self._checks[group]
 
-    def _workers(self, work: str) -> Workers:
+    def _workers(self, work: str) -> workers.Workers:
         """The workers of "check" or "diagnosis", started on first use: a diagnosis comes while records of the check are outstanding."""
         if work not in self._started:
             self._started[work] = self._exit.enter_context(self.choice.new_workers())
@@ -238,7 +225,7 @@ class SystemFile(pytest.File):
         library = choice.library
         names = names_in(self.path)
         for name in [*names, *(variant for variant in library.variant_names() if library.system_of(variant) in names)]:
-            for subject in map(str, asked_of(library, name, choice.subjects())):
+            for subject in map(str, asked_of(library, name, choice.subjects)):
                 for quantity in choice.quantities:
                     # The members of a family and variants share a file, so their tests carry the name too.
                     title = subject if name == self.path.stem else f"{name}:{subject}"
@@ -254,14 +241,7 @@ class CrossCheckItem(pytest.Item):
     def __init__(self, *, regression: _Regression, system: str, subject: str, quantity: str, **options: Any) -> None:
         super().__init__(**options)
         self.regression = regression
-        self.system = system
-        self.subject = subject
-        self.quantity = quantity
-
-    @property
-    def key(self) -> tuple[str, str, str]:
-        """As its record has it."""
-        return self.system, self.subject, self.quantity
+        self.system, self.subject, self.quantity = system, subject, quantity
 
     def runtest(self) -> None:
         record = self.regression.record(self)

@@ -7,13 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-if TYPE_CHECKING:
-    from harness.comparison.collection import ExpectedOutcomes
-    from harness.results.comparison import FilesComparison
+from harness import workers
+from harness.comparison.collection import ExpectedOutcomes, find_files, format_of, load_expectations
+from harness.comparison.robot_library import robot_subjects
+from harness.comparison.study import ComparisonSettings, RobotComparison
+from harness.pytest_plugin.regression import collect_also, usage_errors
+from harness.report.comparison import subject_lines
+from harness.results.comparison import FilesComparison
+from harness.study import complete
 
 # States per file where --harness-states says nothing.
 _STATES = 32
@@ -25,18 +30,11 @@ def register(config: pytest.Config) -> None:
     Raises:
         pytest.UsageError: it holds none, or its expectations cannot be used.
     """
-    from harness.comparison.collection import find_files, load_expectations
-    from harness.errors import InvalidInput
-
     folder = config.invocation_params.dir / config.getoption("--harness-robots")
-    try:
+    with usage_errors():
         robots = _Robots(config, find_files([str(folder)]), load_expectations(folder))
-    except InvalidInput as error:
-        raise pytest.UsageError(str(error)) from error
     config.pluginmanager.register(robots, "harness-robots")
-    if config.args_source is not pytest.Config.ArgsSource.ARGS:
-        config.args[:] = []
-    config.args.append(str(folder))
+    collect_also(config, folder)
 
 
 class _Robots:
@@ -52,14 +50,10 @@ class _Robots:
 
     def comparison(self, path: Path) -> FilesComparison:
         """What is found on a file."""
-        from harness.comparison.study import ComparisonSettings, RobotComparison
-        from harness.study import complete
-        from harness.workers import Workers
-
         option = self.config.getoption
         if path not in self._found:
             study = RobotComparison(ComparisonSettings([path], option("--harness-states") or _STATES, option("--harness-seed")))
-            with Workers(option("--harness-workers") or 1, time_limit=option("--harness-time-limit")) as pool:
+            with workers.Workers(option("--harness-workers") or 1, time_limit=option("--harness-time-limit")) as pool:
                 self._found[path] = complete(study, pool)
         return self._found[path]
 
@@ -72,9 +66,6 @@ class RobotFile(pytest.File):
         self.robots = robots
 
     def collect(self) -> Iterator[RobotItem]:
-        from harness.comparison.collection import format_of
-        from harness.comparison.robot_library import robot_subjects
-
         model_format = format_of(self.path)
         for subject in robot_subjects():
             if subject.format == model_format:
@@ -89,8 +80,6 @@ class RobotItem(pytest.Item):
         self.robots = robots
 
     def runtest(self) -> None:
-        from harness.report.comparison import subject_lines
-
         found = self.robots.comparison(self.path)
         (file,) = found.files
         if file.problem:
