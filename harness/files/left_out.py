@@ -65,10 +65,10 @@ _PATHS_READ = frozenset(
 Found = Iterator[tuple[str, bool, etree._Element]]
 
 
-def left_out_of_mjcf(source: Source, root: etree._Element, tree: Tree) -> tuple[LeftOut, ...]:
+def left_out_of_mjcf(source: Source, tree: Tree) -> tuple[LeftOut, ...]:
     """What is left out, what bears on the motion first."""
     found: dict[tuple[str, bool], list[etree._Element]] = {}
-    for what, bears, element in (*_of_sections(root), *_of_bodies(root), *_of_tendons(source, root), *_of_joints(source, root, tree)):
+    for what, bears, element in (*_of_sections(source.root), *_of_bodies(source.root), *_of_tendons(source), *_of_joints(source, tree)):
         found.setdefault((what, bears), []).append(element)
     parts = [LeftOut(what, source.lines(elements), bears) for (what, bears), elements in found.items()]
     return tuple(sorted(parts, key=lambda part: not part.bears_on_motion))
@@ -107,18 +107,18 @@ def _of_bodies(root: etree._Element) -> Found:
                     yield "bodies moved from outside", False, element
 
 
-def _of_tendons(source: Source, root: etree._Element) -> Found:
-    attributes = Attributes(source, root)
-    for tendon in root.iterfind("tendon/*"):
+def _of_tendons(source: Source) -> Found:
+    attributes = Attributes(source)
+    for tendon in source.root.iterfind("tendon/*"):
         if attributes.is_limited(tendon):
             yield "tendon limits", True, tendon
         if _is_felt(resolved_text(tendon, "frictionloss")):
             yield _FRICTION, True, tendon
 
 
-def _of_joints(source: Source, root: etree._Element, tree: Tree) -> Found:
+def _of_joints(source: Source, tree: Tree) -> Found:
     """Friction and limits, which the tree knows."""
-    elements = {source.place(joint): joint for world in root.iterchildren("worldbody") for joint in world.iter(*JOINTS)}
+    elements = {source.place(joint): joint for world in source.root.iterchildren("worldbody") for joint in world.iter(*JOINTS)}
     for joint in tree.joints:
         assert joint.place is not None
         element = elements[joint.place]
@@ -130,18 +130,18 @@ def _of_joints(source: Source, root: etree._Element, tree: Tree) -> Found:
             yield "limits of actuators' forces", False, element
 
 
-def left_out_of_urdf(source: Source, root: etree._Element) -> tuple[LeftOut, ...]:
+def left_out_of_urdf(source: Source) -> tuple[LeftOut, ...]:
     """What is left out of a tree that has been read, what bears on the motion first."""
     found: dict[str, set[int]] = {}
-    for what, element in _findings(source, root):
+    for what, element in _findings(source):
         found.setdefault(what, set()).update(source.lines([element]))
     for one in source.passed_over:
         found.setdefault(one.what, set()).add(one.line)
     return tuple(LeftOut(what, tuple(sorted(found[what])), bears) for what, bears in _BEARS_ON_MOTION.items() if what in found)
 
 
-def _findings(source: Source, root: etree._Element) -> Iterator[tuple[str, etree._Element]]:
-    for element in root.iterchildren("*"):
+def _findings(source: Source) -> Iterator[tuple[str, etree._Element]]:
+    for element in source.root.iterchildren("*"):
         tag = literal_tag(element)
         yield from _of_path("robot", [element])
         if tag in ("link", *JOINT_TAGS):

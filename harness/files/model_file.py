@@ -59,7 +59,7 @@ from harness.files.facts import (
 )
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.checks import check_elements
-from harness.files.lint.mechanisms import check_parts, check_reading
+from harness.files.lint.mechanisms import check_joints, check_reading
 from harness.files.reading import Meaning, read
 from harness.files.tree import Joint, Spring
 
@@ -153,7 +153,7 @@ def _root_tag(format: str) -> str:
 def _validated(path: Path, text: str, format: str) -> ModelFile:
     document = _document(path, text, format)
     check_elements(document, format)
-    check_parts(document, format)
+    check_joints(document, format)
     reading = _meaning(path, text, format)
     check_reading(document, reading)
     tree = reading.tree

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from lxml import etree
-
 from harness.files.document.source import Source
 from harness.files.document.xml import Document, describe, read_any
 from harness.files.equalities import Equality
@@ -68,14 +66,13 @@ def format_of(path: Path) -> str:
     Raises:
         InvalidModel: the file cannot be read, or has another root.
     """
-    source = Source()
-    return _format(source, source.add(read_any(path, EXPECTED)))
+    return _format(Source(read_any(path, EXPECTED)))
 
 
-def _format(source: Source, root: etree._Element) -> str:
-    if root.tag not in FORMATS:
-        source.refuse(root, f"the root element is {describe(root)}; expected {EXPECTED}")
-    return FORMATS[root.tag]
+def _format(source: Source) -> str:
+    if source.root.tag not in FORMATS:
+        source.refuse(source.root, f"the root element is {describe(source.root)}; expected {EXPECTED}")
+    return FORMATS[source.root.tag]
 
 
 def read(
@@ -90,16 +87,15 @@ def read(
         InvalidModel: something in it has no meaning: a number that is none, a joint without axis, links that are no tree, an element
             that makes bodies by the rules of one engine alone.
     """
-    source = Source()
-    root = source.add(document)
-    if _format(source, root) == "urdf":
-        tree, equalities = urdf.read_tree(source, root, gravity, floating_base)
-        left_out, spring_dampers = left_out_of_urdf(source, root), SpringDampers()
+    source = Source(document)
+    if (format := _format(source)) == "urdf":
+        tree, equalities = urdf.read_tree(source, gravity, floating_base)
+        left_out, spring_dampers = left_out_of_urdf(source), SpringDampers()
     elif floating_base:
-        source.refuse(root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
+        source.refuse(source.root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
-        expand(source, root, document.path)
+        expand(source)
         meshes = None if compile_meshes is None else Meshes(document.path, compile_meshes)
-        tree, equalities, spring_dampers = mjcf.read_tree(source, root, meshes)
-        left_out = left_out_of_mjcf(source, root, tree)
-    return Meaning(_format(source, root), tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)
+        tree, equalities, spring_dampers = mjcf.read_tree(source, meshes)
+        left_out = left_out_of_mjcf(source, tree)
+    return Meaning(format, tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)

@@ -23,18 +23,21 @@ Elements = Mapping[str, etree._Element]
 
 
 class Source:
-    """The elements of one or several files; element to its place.
+    """The elements of a file, and of those that it includes; element to its place.
 
     Attributes:
+        document: the file. root: its root element.
         passed_over: what is no part of the tree, and no model of a mechanism may say, in the order in which it was found.
         unread: forces and inertias that no tree holds.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, document: Document) -> None:
+        self.document = document
         self._places: dict[etree._Element, Place] = {}
         self._included_by: dict[Path, Place] = {}
         self.passed_over: list[PassedOver] = []
         self.unread: list[Unread] = []
+        self.root = self.add(document)
 
     def add(self, document: Document, included_by: etree._Element | None = None) -> etree._Element:
         """The root of a document, whose elements then have places; tags in a default namespace are as without."""
@@ -72,27 +75,12 @@ class Source:
             found.add(place.line)
         return tuple(sorted(found))
 
-    # Elements by tag and by name.
-
     def one(self, element: etree._Element, tag: str) -> etree._Element | None:
         """The part of that tag; raises InvalidModel where there are two, of which readers take the one or the other."""
         found = list(children(element, tag))
         if len(found) > 1:
             self.refuse(found[1], f"second <{tag}> in {describe(element)}; expected one, keep the right one")
         return found[0] if found else None
-
-    def by_name(self, elements: Iterable[etree._Element]) -> dict[str, etree._Element]:
-        """Elements by name; raises InvalidModel where one has none, or another's."""
-        found: dict[str, etree._Element] = {}
-        for element in elements:
-            name = element.get("name")
-            if not name:
-                self.refuse(element, f"<{literal_tag(element)}> has no name; add one, for it is matched by name")
-            if name in found:
-                line = self._places[found[name]].line
-                self.refuse(element, f"{describe(element)} repeats the name of line {line}; give each its own")
-            found[name] = element
-        return found
 
     def resolve(self, element: etree._Element, attribute: str, known: Elements) -> str:
         """The name in ``attribute``; raises InvalidModel where ``known`` does not hold it."""

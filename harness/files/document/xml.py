@@ -8,7 +8,7 @@ better messages, only knows where it ends.
 from __future__ import annotations
 
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -48,19 +48,26 @@ class Document:
         """Raises InvalidModel at the line of ``element``."""
         raise InvalidModel(self.path, self.lines[element], problem)
 
-
-def read_document(path: Path, root_tag: str) -> Document:
-    """Read and parse ``path``, whose root element must be ``root_tag``.
-
-    Raises:
-        InvalidModel: not a readable file of well-formed XML in UTF-8 with that root, or beyond the
-            limits above.
-    """
-    return parse_document(path, read_text(path), root_tag)
+    def by_name(self, elements: Iterable[etree._Element]) -> dict[str, etree._Element]:
+        """Elements by name; raises InvalidModel where one has none, or another's."""
+        found: dict[str, etree._Element] = {}
+        for element in elements:
+            name = element.get("name")
+            if not name:
+                self.refuse(element, f"<{literal_tag(element)}> has no name; add one, for it is matched by name")
+            if name in found:
+                line = self.lines[found[name]]
+                self.refuse(element, f"{describe(element)} repeats the name of line {line}; give each its own")
+            found[name] = element
+        return found
 
 
 def parse_document(path: Path, text: str, root_tag: str) -> Document:
-    """``read_document`` of a file at ``path`` that would hold ``text``; raises the same."""
+    """The document of a file at ``path`` that holds ``text``, whose root element must be ``root_tag``.
+
+    Raises:
+        InvalidModel: not well-formed XML with that root, or beyond the limits above.
+    """
     document = parse_any(path, text, f"a <{root_tag}> model")
     root = document.root
     if root.tag != root_tag:
@@ -74,49 +81,39 @@ def read_any(path: Path, expected: str) -> Document:
     Prefixes need not be declared: engines read tags as they are written.
 
     Raises:
-        InvalidModel: as ``read_document``.
+        InvalidModel: not a readable file of well-formed XML in UTF-8, or beyond the limits above.
     """
-    return parse_any(path, read_text(path), expected, declare_prefixes=True)
+    return parse_any(path, read_text(path), expected, any_prefix=True)
 
 
-def parse_any(path: Path, text: str, expected: str, declare_prefixes: bool = False) -> Document:
+def parse_any(path: Path, text: str, expected: str, any_prefix: bool = False) -> Document:
     """The document of a file at ``path`` that would hold ``text``; raises as ``read_any``."""
     if not text.strip("\ufeff \t\r\n"):
         raise InvalidModel(path, None, f"is empty; expected {expected}")
     lines, comments, complaint = _scan(path, text)
     parser = etree.XMLParser(
-        encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
+        encoding="utf-8",
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        remove_comments=True,
+        remove_pis=True,
+        recover=any_prefix and complaint is None,
     )
     try:
-        root = etree.fromstring(_with_prefixes(text) if declare_prefixes and complaint is None else text.encode(), parser)
+        root = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:
-        problem = " ".join(error.msg.split())
-        raise InvalidModel(path, error.lineno or None, f"is not well-formed XML: {problem}; correct it, or restore the file") from None
+        raise _malformed(path, error.lineno, error.msg) from None
     if complaint is not None:
         raise complaint
+    for error in parser.error_log.filter_from_errors():
+        if error.type != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
+            raise _malformed(path, error.line, f"{error.message}, line {error.line}, column {error.column}")
     return Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)), tuple(comments))
 
 
-def _with_prefixes(text: str) -> bytes:
-    """A well-formed text in UTF-8, with a declaration in its root element for each prefix that has none there."""
-    content = text.encode()
-    prefixes: set[str] = set()
-    starts: list[tuple[int, str]] = []
-    declared: list[str] = []
-    parser = expat.ParserCreate("utf-8")
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        if not starts:
-            starts.append((parser.CurrentByteIndex, name))
-            declared.extend(attribute.partition(":")[2] for attribute in attributes if attribute.startswith("xmlns:"))
-        prefixes.update(word.partition(":")[0] for word in (name, *attributes) if ":" in word)
-
-    parser.StartElementHandler = start
-    parser.Parse(content, True)
-    ((place, name),) = starts
-    end = place + 1 + len(name.encode())
-    missing = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in sorted(prefixes - {"xmlns", "xml", *declared}))
-    return content[:end] + missing.encode() + content[end:]
+def _malformed(path: Path, line: int, problem: str) -> InvalidModel:
+    return InvalidModel(path, line or None, f"is not well-formed XML: {' '.join(problem.split())}; correct it, or restore the file")
 
 
 def _written_by_family(path: Path, writer: Path, size: int) -> str:
@@ -216,13 +213,3 @@ def shorten(text: str) -> str:
     """``text`` on one line, cut where a message would become unreadable."""
     line = " ".join(text.split())
     return line if len(line) <= _SHOWN else line[:_SHOWN] + "..."
-
-
-def add_named(document: Document, element: etree._Element, known: dict[str, etree._Element]) -> None:
-    """Enter ``element`` into ``known`` under its name; raises InvalidModel where it has none, or another's."""
-    name = element.get("name")
-    if not name:
-        document.refuse(element, f"<{element.tag}> has no name; add one, for it is matched by name")
-    if name in known:
-        document.refuse(element, f"{describe(element)} repeats the name of line {document.lines[known[name]]}; give each its own")
-    known[name] = element

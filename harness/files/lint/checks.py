@@ -11,15 +11,14 @@ from __future__ import annotations
 import difflib
 import functools
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.values import Numbers, Rule
+from harness.files.document.values import Rule
 from harness.files.document.xml import Document, describe, literal_tag, shorten
 from harness.files.lint import formats, refusals
 from harness.library import nearest
@@ -178,29 +177,25 @@ def check_attribute(document: Document, element: etree._Element, name: str, rule
         document.refuse(element, f"{shown} {complaint}")
 
 
-def numbers(document: Document, element: etree._Element, name: str, rule: Numbers) -> tuple[float, ...]:
-    """The numbers of an attribute that must be there, or of the text for ""; raises InvalidModel where they are not."""
-    check_attribute(document, element, name, _required(rule))
-    return rule.read(element.get(name) if name else element.text or "")
+# A diagnosis reads a file a thousand times with one number changed.
+@functools.lru_cache(maxsize=4096)
+def _principal_moments(moments: tuple[float, ...]) -> tuple[float, float, float]:
+    """Eigenvalues of an inertia matrix, ascending."""
+    xx, yy, zz, xy, xz, yz = moments
+    low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
+    return low, middle, high
 
 
-@functools.cache
-def _required(rule: Numbers) -> Numbers:
-    return replace(rule, required=True)
-
-
-def check_inertia(document: Document, element: etree._Element, ixx: float, iyy: float, izz: float, *products: float) -> None:
-    """Refuse moments of inertia no mass distribution has: the principal ones must be A, B, C >= 0, A + B >= C.
-
-    ``products`` are the off-diagonal elements Ixy, Ixz, Iyz [kg m^2] of the inertia matrix, 0 if left out.
+def check_inertia(document: Document, element: etree._Element, moments: Sequence[float]) -> None:
+    """Refuse moments xx, yy, zz, xy, xz, yz [kg m^2] no mass distribution has: the principal ones must be A, B, C >= 0, A + B >= C.
 
     Raises:
         InvalidModel: at the line of ``element``.
     """
-    largest = max(map(abs, (ixx, iyy, izz, *products)))
+    largest = max(map(abs, moments))
     if largest == 0:
         return
-    low, middle, high = _principal_moments(*(moment / largest for moment in (ixx, iyy, izz, *(products or (0.0, 0.0, 0.0)))))
+    low, middle, high = _principal_moments(tuple(moment / largest for moment in moments))
     if low < -INERTIA_SLACK:
         expected = "none below zero"
     elif low + middle < high - INERTIA_SLACK:
@@ -209,11 +204,3 @@ def check_inertia(document: Document, element: etree._Element, ixx: float, iyy: 
         return
     shown = ", ".join(f"{moment * largest:.6g}" for moment in (low, middle, high))
     document.refuse(element, f"{describe(element)} has principal moments of inertia {shown}; expected {expected}")
-
-
-# A diagnosis reads a file a thousand times with one number changed.
-@functools.lru_cache(maxsize=4096)
-def _principal_moments(ixx: float, iyy: float, izz: float, ixy: float, ixz: float, iyz: float) -> tuple[float, float, float]:
-    """Eigenvalues of an inertia matrix, ascending."""
-    low, middle, high = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]).tolist()
-    return low, middle, high

@@ -5,105 +5,117 @@ A file that passes has been read: here stands what is well-defined, but taken di
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.values import Numbers, positive
-from harness.files.document.xml import Document, add_named, describe, literal_tag, shorten
+from harness.files.document.source import children
+from harness.files.document.values import positive
+from harness.files.document.xml import Document, describe, shorten
 from harness.files.equalities import Linkage, Meeting, TendonLinkage
-from harness.files.lint.checks import check_inertia, numbers
+from harness.files.lint.checks import check_inertia
 from harness.files.lint.formats import SOLVER_OPTIONS
-from harness.files.mjcf.attributes import ORIENTATIONS, is_on, resolved
+from harness.files.mjcf.attributes import JOINTS, ORIENTATIONS, is_on, resolved
 from harness.files.reading import Meaning
 from harness.files.tree import WORLD
 from harness.files.urdf.kinds import BALL_CONSTRAINT, DRAKE_JOINT, FIXED, JOINT_TAGS, needs_axis
 
 _UNIVERSE = "universe"
+_NO_JOINT = {
+    "mjcf": "has no joint in any body; expected one for each coordinate of the system",
+    "urdf": "has no moving joint; expected one for each coordinate of the system",
+}
+_LACKS_INERTIAL = {"mjcf": "pos, mass and diaginertia", "urdf": "mass and inertia"}
 
 
-def check_parts(document: Document, model_format: str) -> None:
-    """Hold a file that fits the tables, and is yet to be read, against what engines need.
+def check_joints(document: Document, model_format: str) -> None:
+    """Hold the joints of a file that fits the tables, and is yet to be read, against what engines need.
 
     Raises:
         InvalidModel: at the line of the first element that does not fit.
     """
-    {"mjcf": _check_mjcf_parts, "urdf": _check_urdf_parts}[model_format](document)
+    root = document.root
+    if model_format == "mjcf":
+        joints = [joint for world in root.iterfind("worldbody") for joint in world.iter(*JOINTS)]
+        for joint in joints:
+            holder = next(one for one in joint.iterancestors() if one.tag != "frame")
+            if holder.tag != "body":
+                document.refuse(joint, f"{describe(joint)} stands in <{holder.tag}>; a joint belongs in the <body> that it moves")
+    else:
+        joints = list(children(root, *JOINT_TAGS))
+        if not root.get("name"):
+            document.refuse(root, "<robot> has no name, without which URDF readers give up; add one")
+    for name, joint in document.by_name(joints).items():
+        if name == _UNIVERSE:
+            document.refuse(joint, f"joint {_UNIVERSE!r}, as Pinocchio calls the world: its reader aborts on that; give it another name")
+    for number, joint in enumerate(children(root, DRAKE_JOINT)):
+        if number:
+            document.refuse(joint, f"second <{DRAKE_JOINT}>; one ball joint can hang the root link on the world, and no other is read")
+        parent = joint.find("parent")
+        found = None if parent is None else parent.get("link")
+        if found != WORLD:
+            where = joint if parent is None else parent
+            hung = f"{describe(joint)} has parent link {found!r}, expected {WORLD!r}"
+            document.refuse(where, f"{hung}: it hangs the root link on the world")
+        for link in root.iterfind(f"link[@name='{WORLD}']"):
+            hung = f"{describe(joint)} hangs the root link on the world, which a <{DRAKE_JOINT}> knows by itself"
+            document.refuse(link, f"{describe(link)} is a second root: {hung}; remove the link")
 
 
 def check_reading(document: Document, reading: Meaning) -> None:
-    """Hold what has been read against what engines need; raises as ``check_parts``."""
+    """Hold what has been read against what engines need; raises as ``check_joints``."""
+    if not reading.moving:
+        document.refuse(document.root, _NO_JOINT[reading.format])
+    _check_bodies(document, reading)
     {"mjcf": _check_equalities, "urdf": _check_urdf}[reading.format](document, reading)
     for one in reading.passed_over:
         raise InvalidModel(one.place.path, one.place.line, one.problem)
 
 
-def _check_joints(document: Document, joints: Iterable[etree._Element]) -> None:
-    known: dict[str, etree._Element] = {}
-    for joint in joints:
-        add_named(document, joint, known)
-        if joint.get("name") == _UNIVERSE:
-            document.refuse(joint, f"joint {_UNIVERSE!r}, as Pinocchio calls the world: its reader aborts on that; give it another name")
+def _check_bodies(document: Document, reading: Meaning) -> None:
+    elements, bodies = list(document.lines), reading.tree.bodies
+    inner, moving = {body.parent for body in bodies}, set()
+    for body in bodies:
+        assert body.place is not None
+        element = elements[body.place.element]
+        if body.joints or body.parent in moving:
+            moving.add(body.name)
+        if body.inertia is None:
+            if body.name in moving:
+                problem = f"moves but has no <inertial>; add one with {_LACKS_INERTIAL[reading.format]}"
+                document.refuse(element, f"{describe(element)} {problem}")
+            continue
+        mass, moments = body.inertia.places["mass"], body.inertia.places["moments"]
+        inertial = elements[moments.element]
+        if reading.format == "mjcf" and not {"diaginertia", "fullinertia"} & set(inertial.attrib):
+            problem = "has neither diaginertia nor fullinertia; expected one of them"
+            document.refuse(inertial, f"<inertial> of {describe(element)} {problem}")
+        check_inertia(document, inertial, [float(moment) for moment in body.inertia.moments])
+        complaint = positive((float(body.inertia.mass),))
+        if complaint and body.name in moving and body.name not in inner:
+            holder = elements[mass.element]
+            name = "mass" if reading.format == "mjcf" else "value"
+            document.refuse(holder, f'{describe(holder)} {name}="{shorten(holder.get(name))}" {complaint}')
 
 
 # MJCF.
 
 
-def _check_mjcf_parts(document: Document) -> None:
-    worlds = document.root.findall("worldbody")
-    joints = [joint for world in worlds for joint in world.iter("joint", "freejoint")]
-    moving: set[etree._Element] = set()
-    for joint in joints:
-        body = _owner(joint)
-        if body.tag != "body":
-            document.refuse(joint, f"{describe(joint)} stands in <{body.tag}>; a joint belongs in the <body> that it moves")
-        moving.add(body)
-    _check_joints(document, joints)
-    for body in (body for world in worlds for body in world.iter("body")):
-        if _owner(body) in moving:
-            moving.add(body)
-        _check_inertial(document, body, body in moving)
-    if not joints:
-        document.refuse(document.root, "has no joint in any body; expected one for each coordinate of the system")
-
-
-def _owner(element: etree._Element) -> etree._Element:
-    """The element that holds ``element``, looking through MJCF frames, which only shift coordinates."""
-    parent = element.getparent()
-    while parent.tag == "frame":
-        parent = parent.getparent()
-    return parent
-
-
-def _check_inertial(document: Document, body: etree._Element, moves: bool) -> None:
-    inertial = body.find("inertial")
-    if inertial is None:
-        if moves:
-            document.refuse(body, f"{describe(body)} moves but has no <inertial>; add one with pos, mass and diaginertia")
-        return
-    given = [name for name in ("diaginertia", "fullinertia") if name in inertial.attrib]
-    if len(given) != 1:
-        found = "both diaginertia and fullinertia" if given else "neither diaginertia nor fullinertia"
-        document.refuse(inertial, f"<inertial> of {describe(body)} has {found}; expected one of them")
-    check_inertia(document, inertial, *numbers(document, inertial, given[0], Numbers(3, 6)))
-    if moves and next(body.iterdescendants("body"), None) is None:
-        numbers(document, inertial, "mass", Numbers(check=positive))
-
-
 def _check_equalities(document: Document, reading: Meaning) -> None:
-    elements: dict[str, etree._Element] = {}
+    found: list[etree._Element] = []
     for section in document.root.iterfind("equality"):
         if section.find("*") is None:
             document.refuse(section, "<equality> holds no constraint; remove it")
-        for element in section.iterchildren("*"):
-            add_named(document, element, elements)
-            _refuse_switched_off(document, element)
+        found += section.iterchildren("*")
+    elements = document.by_name(found)
+    for element in found:
+        _refuse_switched_off(document, element)
     if not elements:
         _refuse_options(document)
     sites = {site.get("name"): site for site in document.root.iterfind("worldbody//site")}
     tendons = {tendon.get("name"): tendon for tendon in document.root.iterfind("tendon/*")}
-    for equality, element in zip(reading.equalities, elements.values(), strict=True):
+    for equality, element in zip(reading.equalities, found, strict=True):
         said = equality.says
         if said is None:
             document.refuse(element, f"{describe(element)} {equality.why_not}")
@@ -168,54 +180,13 @@ def _refuse_options(document: Document) -> None:
 # URDF.
 
 
-def _check_urdf_parts(document: Document) -> None:
-    root = document.root
-    if not root.get("name"):
-        document.refuse(root, "<robot> has no name, without which URDF readers give up; add one")
-    for inertia in root.iterfind("link/inertial/inertia"):
-        order = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-        check_inertia(document, inertia, *(numbers(document, inertia, name, Numbers())[0] for name in order))
-    _check_joints(document, _with_tag(document, *JOINT_TAGS))
-    for number, joint in enumerate(_with_tag(document, DRAKE_JOINT)):
-        if number:
-            document.refuse(joint, f"second <{DRAKE_JOINT}>; one ball joint can hang the root link on the world, and no other is read")
-        parent = joint.find("parent")
-        found = None if parent is None else parent.get("link")
-        if found != WORLD:
-            where = joint if parent is None else parent
-            hung = f"{describe(joint)} has parent link {found!r}, expected {WORLD!r}"
-            document.refuse(where, f"{hung}: it hangs the root link on the world")
-        for link in root.iterfind(f"link[@name='{WORLD}']"):
-            hung = f"{describe(joint)} hangs the root link on the world, which a <{DRAKE_JOINT}> knows by itself"
-            document.refuse(link, f"{describe(link)} is a second root: {hung}; remove the link")
-
-
-def _with_tag(document: Document, *tags: str) -> list[etree._Element]:
-    return [element for element in document.root.iterchildren("*") if literal_tag(element) in tags]
-
-
 def _check_urdf(document: Document, reading: Meaning) -> None:
-    root = document.root
-    if not reading.moving:
-        document.refuse(root, "has no moving joint; expected one for each coordinate of the system")
-    links = {link.get("name"): link for link in root.iterfind("link")}
-    inner, moving = {body.parent for body in reading.tree.bodies}, set()
-    for body in reading.tree.bodies:
-        if body.joints or body.parent in moving:
-            moving.add(body.name)
-            link = links[body.name]
-            if body.inertia is None:
-                document.refuse(link, f"{describe(link)} moves but has no <inertial>; add one with mass and inertia")
-            if body.name not in inner:
-                numbers(document, link.find("inertial/mass"), "value", Numbers(check=positive))
-    for joint in root.iterfind("joint"):
+    for joint in document.root.iterfind("joint"):
         _check_dynamics(document, joint)
     followers = {joint.name: joint.follows for joint in reading.tree.joints if joint.follows}
     _refuse_in_followers(document, followers)
-    known: dict[str, etree._Element] = {}
-    for element in _with_tag(document, BALL_CONSTRAINT):
-        add_named(document, element, known)
-        if element.get("name") in followers:
+    for name, element in document.by_name(children(document.root, BALL_CONSTRAINT)).items():
+        if name in followers:
             document.refuse(element, f"{describe(element)} has the name of a joint that mimics another; give each constraint its own")
 
 
@@ -225,7 +196,7 @@ def _check_dynamics(document: Document, joint: etree._Element) -> None:
         return
     if not {"damping", "friction"} & set(dynamics.attrib):
         document.refuse(dynamics, f"<dynamics> of {describe(joint)} has no damping; add it, or remove the element")
-    if joint.get("type") == FIXED and any(numbers(document, dynamics, "damping", Numbers()) if "damping" in dynamics.attrib else ()):
+    if joint.get("type") == FIXED and float(dynamics.get("damping", 0)):
         document.refuse(dynamics, needs_axis(joint, "a damper"))
 
 

@@ -137,13 +137,13 @@ def _names(default: etree._Element) -> tuple[str, ...]:
 class Attributes:
     """Reads by what the ``compiler`` elements say, of which the last word counts."""
 
-    def __init__(self, source: Source, root: etree._Element) -> None:
-        self._source, self._root = source, root
+    def __init__(self, source: Source) -> None:
+        self._source, self._root = source, source.root
         self.in_degrees = self.compiler("angle", "degree", ("degree", "radian")) == "degree"
         self._auto_limits = self.compiler("autolimits", "true", ("true", "false")) == "true"
         self._sequence = self.compiler("eulerseq", "xyz")
         if len(self._sequence) != _LETTERS or set(self._sequence.lower()) - set("xyz"):
-            compiler = [*root.iterchildren("compiler")][-1]
+            compiler = [*source.root.iterchildren("compiler")][-1]
             source.refuse(compiler, f'<compiler eulerseq="{self._sequence}">: expected three of the letters x, y, z, X, Y and Z')
         self._rotations: Mapping[str, Callable[[tuple[Given, ...]], Rotation]] = {
             "quat": lambda numbers: (Quaternion(numbers),),

@@ -52,16 +52,14 @@ class _NotRead(Exception):
 class Between:
     """Reads a file whose ``bodies`` have been read; ``name`` gives the name of a body's element."""
 
-    def __init__(
-        self, source: Source, root: etree._Element, attributes: Attributes, name: Callable[[etree._Element], str], bodies: Sequence[Body]
-    ) -> None:
-        self._source, self._root, self._attributes, self._name = source, root, attributes, name
+    def __init__(self, source: Source, attributes: Attributes, name: Callable[[etree._Element], str], bodies: Sequence[Body]) -> None:
+        self._source, self._root, self._attributes, self._name = source, source.root, attributes, name
         sites, joints, holders = (
-            [element for world in root.iterchildren("worldbody") for element in world.iter(*tags)]
+            [element for world in source.root.iterchildren("worldbody") for element in world.iter(*tags)]
             for tags in (("site",), JOINTS, ("body",))
         )
         self._sites, self._joints, self._bodies = map(_by_name, (sites, joints, holders))
-        self._tendons = _by_name(root.iterfind("tendon/*"))
+        self._tendons = _by_name(source.root.iterfind("tendon/*"))
         self._singles = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
         floating = [any(joint.kind is JointKind.FREE for joint in body.joints) for body in bodies]
         placed = zip(bodies, holders, floating, strict=True)

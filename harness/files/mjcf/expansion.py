@@ -10,7 +10,6 @@ Source: MuJoCo documentation, XML reference, ``include`` and ``replicate``.
 from __future__ import annotations
 
 import copy
-from pathlib import Path
 
 from lxml import etree
 
@@ -25,24 +24,25 @@ MOST_FILES = 100
 _MAKERS = ("attach", "composite", "flexcomp")
 
 
-def expand(source: Source, root: etree._Element, path: Path) -> None:
-    """Put included files and replicas into the elements of ``root``, in place.
+def expand(source: Source) -> None:
+    """Put included files and replicas into the elements of a file, in place.
 
     Raises:
         InvalidModel: a file that cannot be read or is included again, more elements than a model needs, or an element that makes
             bodies by the rules of MuJoCo's program.
     """
-    _include(source, root, path)
-    for element in root.iter(*_MAKERS):
+    _include(source)
+    for element in source.root.iter(*_MAKERS):
         source.refuse(element, f"{describe(element)} makes bodies by the rules of MuJoCo's program, which is not read; write them out")
     # The innermost first, as MuJoCo numbers names.
-    for element in reversed(list(root.iter("replicate"))):
-        _replicate(source, root, element)
+    for element in reversed(list(source.root.iter("replicate"))):
+        _replicate(source, element)
 
 
-def _include(source: Source, root: etree._Element, path: Path) -> None:
+def _include(source: Source) -> None:
+    path = source.document.path
     seen = {path.resolve()}
-    while (element := next(root.iter("include"), None)) is not None:
+    while (element := next(source.root.iter("include"), None)) is not None:
         name = element.get("file")
         if not name:
             source.refuse(element, "<include> has no file; add its name")
@@ -59,7 +59,7 @@ def _include(source: Source, root: etree._Element, path: Path) -> None:
                 source.refuse(element, f'<include file="{shorten(name)}">: {file} {error.problem}')
             raise
         _put_in_place(element, list(included.iterchildren("*")))
-        _bound(source, root, root)
+        _bound(source, source.root)
 
 
 def _put_in_place(element: etree._Element, parts: list[etree._Element]) -> None:
@@ -70,19 +70,19 @@ def _put_in_place(element: etree._Element, parts: list[etree._Element]) -> None:
         parent.insert(at + number, part)
 
 
-def _bound(source: Source, root: etree._Element, element: etree._Element, further: int = 0) -> None:
-    count = further + sum(1 for _ in root.iter("*"))
+def _bound(source: Source, element: etree._Element, further: int = 0) -> None:
+    count = further + sum(1 for _ in source.root.iter("*"))
     if count > MAXIMUM_ELEMENTS:
         source.refuse(
             element, f"{describe(element)} makes {count} elements; expected at most {MAXIMUM_ELEMENTS}, for no robot needs that many"
         )
 
 
-def _replicate(source: Source, root: etree._Element, element: etree._Element) -> None:
+def _replicate(source: Source, element: etree._Element) -> None:
     (count,) = source.read(element, "count", element.get("count", ""), Numbers(check=not_negative))
     if count.denominator != 1 or count > MAXIMUM_ELEMENTS:
         source.refuse(element, f'<replicate count="{shorten(str(element.get("count")))}">: expected a whole number of replicas')
-    _bound(source, root, element, (int(count) - 1) * sum(1 for _ in element.iter("*")))
+    _bound(source, element, (int(count) - 1) * sum(1 for _ in element.iter("*")))
     separator, width = element.get("sep", ""), len(str(int(count) - 1))
     frames = []
     for number in range(int(count)):

@@ -91,15 +91,15 @@ def _number_of(geom: etree._Element) -> Number:
 class Inertias:
     """Reads them by what the ``compiler`` elements say."""
 
-    def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:
+    def __init__(self, source: Source, attributes: Attributes, meshes: Meshes | None) -> None:
         self._source, self._attributes, self._meshes = source, attributes, meshes
         self._from_geoms = attributes.compiler("inertiafromgeom", "auto", ("auto", "true", "false"))
-        least_mass, least_moment = (self._number(root, name) for name in ("boundmass", "boundinertia"))
+        least_mass, least_moment = (self._number(name) for name in ("boundmass", "boundinertia"))
         balances = attributes.compiler("balanceinertia", "false", ("true", "false")) == "true"
         self.bounds = Bounds(least_mass, least_moment, balances) if least_mass > 0 or least_moment > 0 or balances else None
-        self._total = self._number(root, "settotalmass")
+        self._total = self._number("settotalmass")
         self._groups = 0, 5
-        for compiler in root.iterchildren("compiler"):
+        for compiler in source.root.iterchildren("compiler"):
             if "inertiagrouprange" in compiler.attrib:
                 low, high = source.read(compiler, "inertiagrouprange", str(compiler.get("inertiagrouprange")), Numbers(2))
                 self._groups = int(low), int(high)
@@ -122,9 +122,9 @@ class Inertias:
             geoms = [geom for geom in geoms if not self._is_mesh(geom)]
         return replace(body, solids=tuple(solid for geom in geoms for solid in self._solid(geom)))
 
-    def _number(self, root: etree._Element, attribute: str) -> Fraction:
+    def _number(self, attribute: str) -> Fraction:
         found = Fraction(0)
-        for compiler in root.iterchildren("compiler"):
+        for compiler in self._source.root.iterchildren("compiler"):
             if attribute in compiler.attrib:
                 found = self._source.number(compiler, attribute, 0.0)
         return found
@@ -135,7 +135,9 @@ class Inertias:
         if "fullinertia" not in element.attrib:
             return Inertia(pose, mass, (*source.numbers(element, "diaginertia", (0, 0, 0)), *ORIGIN), place)
         if "diaginertia" in element.attrib:
-            source.refuse(element, f"{describe(element)} has both diaginertia and fullinertia; expected one of them")
+            source.refuse(
+                element, f"<inertial> of {describe(element.getparent())} has both diaginertia and fullinertia; expected one of them"
+            )
         if pose[-1].rotation:
             source.refuse(element, f"{describe(element)} has fullinertia and an orientation; expected one of them")
         return Inertia(pose, mass, source.numbers(element, "fullinertia", None, count=6), place)

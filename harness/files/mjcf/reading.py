@@ -27,7 +27,7 @@ from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers,
 GRAVITY = (0.0, 0.0, -9.81)
 
 
-def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
+def read_tree(source: Source, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
     """The tree of an MJCF, the equalities that are no part of it, and joints whose stiffness and damping follow from their inertia.
 
     Its included files and replicas are in place; see ``harness.files.mjcf.expansion``.
@@ -37,28 +37,29 @@ def read_tree(source: Source, root: etree._Element, meshes: Meshes | None = None
     Raises:
         InvalidModel: what has no meaning, or one that is that of MuJoCo's program alone.
     """
-    attributes = Attributes(source, root)
-    _refuse_other_frames(source, root, attributes)
-    reader = _MjcfReader(source, root, attributes, meshes)
-    bodies = tuple(reader.body(body) for world in root.iterchildren("worldbody") for body in world.iter("body"))
-    between, inertias = Between(source, root, attributes, reader.name, bodies), reader.inertias
+    attributes = Attributes(source)
+    _refuse_other_frames(source, attributes)
+    reader = _MjcfReader(source, attributes, meshes)
+    bodies = tuple(reader.body(body) for world in source.root.iterchildren("worldbody") for body in world.iter("body"))
+    between, inertias = Between(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
-    tree = Tree(bodies, _gravity(source, root), springs, couplings, inertias.total_mass, source.place(root), inertias.bounds)
+    tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, source.place(source.root), inertias.bounds)
     return tree, between.equalities(), SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
 
 
-def _refuse_other_frames(source: Source, root: etree._Element, attributes: Attributes) -> None:
+def _refuse_other_frames(source: Source, attributes: Attributes) -> None:
     """Refuse what makes positions mean something else."""
     for attribute, word in (("coordinate", "global"), ("alignfree", "true")):
         if attributes.compiler(attribute, "") == word:
-            compiler = next(one for one in root.iterchildren("compiler") if one.get(attribute) == word)
+            compiler = next(one for one in source.root.iterchildren("compiler") if one.get(attribute) == word)
             source.refuse(compiler, f'<compiler {attribute}="{word}"> changes the frames of bodies, which is not read; write them out')
-    for joint in root.iter("freejoint"):
+    for joint in source.root.iter("freejoint"):
         if joint.get("align") == "true":
             source.refuse(joint, f'{describe(joint)} with align="true" turns the frame of its body, which is not read; write it out')
 
 
-def _gravity(source: Source, root: etree._Element) -> Vector:
+def _gravity(source: Source) -> Vector:
+    root = source.root
     options = [*root.iterchildren("option")]
     if not is_on(root, "gravity"):
         return ORIGIN
@@ -69,9 +70,9 @@ def _gravity(source: Source, root: etree._Element) -> Vector:
 class _MjcfReader:
     """Bodies of one file."""
 
-    def __init__(self, source: Source, root: etree._Element, attributes: Attributes, meshes: Meshes | None) -> None:
+    def __init__(self, source: Source, attributes: Attributes, meshes: Meshes | None) -> None:
         self._source, self.attributes = source, attributes
-        self.inertias = Inertias(source, root, attributes, meshes)
+        self.inertias = Inertias(source, attributes, meshes)
         # Time constant and damping ratio by joint.
         self.spring_dampers: dict[str, tuple[Given, Given]] = {}
         self._names: dict[etree._Element, str] = {}

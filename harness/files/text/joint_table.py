@@ -13,7 +13,7 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, literal_tag, read_document
+from harness.files.document.xml import Document, literal_tag, parse_document, read_text
 from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
@@ -64,7 +64,7 @@ def moving_joints(path: Path, model_format: str) -> frozenset[str]:
     Raises:
         InvalidModel: the file cannot be read, or is not XML of that format.
     """
-    document = read_document(path, ROOT_TAGS[model_format])
+    document = parse_document(path, read_text(path), ROOT_TAGS[model_format])
     return frozenset(element.get("name", "") for element in _joints(document, model_format) if _moves_by_itself(element))
 
 

@@ -41,12 +41,10 @@ class Beside:
         InvalidModel: at the line of what is malformed, or speaks of no joint or link of the file.
     """
 
-    def __init__(
-        self, source: Source, root: etree._Element, links: Elements, joints: Elements, kinds: Mapping[str, JointKind | None]
-    ) -> None:
-        self._source, self._root, self._links, self._joints, self._kinds = source, root, links, joints, kinds
+    def __init__(self, source: Source, links: Elements, joints: Elements, kinds: Mapping[str, JointKind | None]) -> None:
+        self._source, self._root, self._links, self._joints, self._kinds = source, source.root, links, joints, kinds
         self._single = {name for name, kind in kinds.items() if kind is not None and kind.is_single}
-        self.springs = tuple(self._point_spring(element) for element in children(root, POINT_SPRING))
+        self.springs = tuple(self._point_spring(element) for element in children(source.root, POINT_SPRING))
         self.of_joints: dict[str, dict[str, Any]] = dict(self._joint_springs())
         for name, inertia in self._armatures():
             self.of_joints.setdefault(name, {})["armature"] = inertia

@@ -31,7 +31,7 @@ _UNITS = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
-def read_tree(source: Source, root: etree._Element, gravity: float, floating_base: bool = False) -> tuple[Tree, tuple[Equality, ...]]:
+def read_tree(source: Source, gravity: float, floating_base: bool = False) -> tuple[Tree, tuple[Equality, ...]]:
     """The tree of a URDF, whose format holds no gravity [m/s^2, along -z], and what the file ties beside its joints.
 
     ``floating_base`` puts a free joint between the world and the root link.
@@ -39,19 +39,19 @@ def read_tree(source: Source, root: etree._Element, gravity: float, floating_bas
     Raises:
         InvalidModel: what has no meaning, such as a joint without axis, a number that is none, or links that are no tree.
     """
-    return _UrdfReader(source, root).read(gravity, floating_base)
+    return _UrdfReader(source).read(gravity, floating_base)
 
 
 class _UrdfReader:
     """Links and joints of one file by name."""
 
-    def __init__(self, source: Source, root: etree._Element) -> None:
-        self._source, self._root = source, root
-        self._links = source.by_name(root.iterchildren("link"))
+    def __init__(self, source: Source) -> None:
+        self._source, root = source, source.root
+        self._links = source.document.by_name(root.iterchildren("link"))
         if not self._links:
             source.refuse(root, "has no link; expected the bodies of a robot")
         joints = list(children(root, *JOINT_TAGS))
-        self._joints = source.by_name(joints)
+        self._joints = source.document.by_name(joints)
         self._kinds = {str(joint.get("name")): kind_of(source, joint) for joint in joints}
         self._above: dict[str, etree._Element] = {}
         self._below: dict[str, list[str]] = {}
@@ -59,9 +59,9 @@ class _UrdfReader:
             self._connect(joint)
 
     def read(self, gravity: float, floating_base: bool) -> tuple[Tree, tuple[Equality, ...]]:
-        source, place = self._source, self._source.place(self._root)
+        source, place = self._source, self._source.place(self._source.root)
         order = self._order()
-        beside = Beside(source, self._root, self._links, self._joints, self._kinds)
+        beside = Beside(source, self._links, self._joints, self._kinds)
         bodies = tuple(self._body(name, beside, floating_base and name == order[0]) for name in order)
         down = Fraction(0), Fraction(0), Given(-gravity, place, "gravity")
         return Tree(bodies, down, beside.springs, place=place), beside.equalities()
