@@ -40,7 +40,7 @@ def numeric_changes(model: ModelFile) -> list[Change]:
 
 
 def _of_number(model: ModelFile, elements: Sequence[Element], element: Element, attribute: Attribute, number: Number) -> Iterator[Change]:
-    place = _place(model, number)
+    place = place_of(model, number)
     names = INERTIAS.get((model.format, element.tag), ())
     inertia = [other for own in element.attributes if own.name in names for other in own.numbers] if attribute.name in names else []
     group = inertia or list(attribute.numbers)
@@ -50,7 +50,7 @@ def _of_number(model: ModelFile, elements: Sequence[Element], element: Element, 
         rest = math.hypot(*(other.value for other in others))
         length = math.hypot(number.value, rest)
         if rest > 0:
-            beside = (_place(model, other) for other in others if other.value)
+            beside = (place_of(model, other) for other in others if other.value)
             yield Change(NUMBER, "", (place, *beside), _turned(model.text, group, number, rest, length), number.value, length)
             return
     yield Change(NUMBER, "", (place,), lambda value: with_values(model.text, {number: value}), number.value, scale)
@@ -59,14 +59,15 @@ def _of_number(model: ModelFile, elements: Sequence[Element], element: Element, 
         yield Change(
             NUMBER,
             "with the other moments of inertia in proportion",
-            (place, *(_place(model, other) for other in moments if other is not number)),
+            (place, *(place_of(model, other) for other in moments if other is not number)),
             lambda value: with_values(model.text, {other: other.value * (value / number.value) for other in moments}),
             number.value,
             scale,
         )
 
 
-def _place(model: ModelFile, number: Number) -> TextPlace:
+def place_of(model: ModelFile, number: Number) -> TextPlace:
+    """The place of a change of one number."""
     return TextPlace(number.line, number.element, number.attribute, number.index, model.text[number.start : number.end])
 
 

@@ -31,16 +31,20 @@ def _coefficient_mistake(
 ) -> Mistake:
     """Missing, doubled or left in; and the ``stage`` of MJCF that applies them switched off."""
 
-    def stages(parts: Anatomy, state: str) -> list[Slot]:
-        return [slot for known, slot in parts.stages.items() if known == stage and slot.words == (state,)]
+    def switched(parts: Anatomy, state: str, other: str) -> Iterator[FixedChange]:
+        for known, slot in parts.stages.items():
+            if known == stage and slot.words == (state,):
+                yield FixedChange(f"{stage} stage switched off", [(slot, [other])])
+
+    def altered(one: Coefficient, more: str, factor: str, none: str) -> Iterator[FixedChange]:
+        if not is_zero(one.slot.words):
+            yield FixedChange(more, [(one.slot, times(one.slot.words, factor))])
+            yield FixedChange(none, [(one.slot, None if one.removable else ["0"])])
 
     def changes(parts: Anatomy) -> Iterator[FixedChange]:
-        for slot in stages(parts, "disable"):
-            yield FixedChange(f"{stage} stage switched off", [(slot, ["enable"])])
+        yield from switched(parts, "disable", "enable")
         for one in coefficients(parts):
-            if not is_zero(one.slot.words):
-                yield FixedChange("counted twice", [(one.slot, times(one.slot.words, "0.5"))])
-                yield FixedChange("left in", [(one.slot, None if one.removable else ["0"])])
+            yield from altered(one, "counted twice", "0.5", "left in")
 
     def free(parts: Anatomy) -> Iterator[FreeChange]:
         for one in coefficients(parts):
@@ -49,13 +53,10 @@ def _coefficient_mistake(
 
     def plants(parts: Anatomy) -> Iterator[FixedChange]:
         if not all(is_zero(one.slot.words) for one in coefficients(parts)):
-            for slot in stages(parts, "enable"):
-                yield FixedChange(f"{stage} stage switched off", [(slot, ["disable"])])
+            yield from switched(parts, "enable", "disable")
         for one in coefficients(parts):
-            if not is_zero(one.slot.words):
-                yield FixedChange("doubled", [(one.slot, times(one.slot.words, "2"))])
-                yield FixedChange("left out", [(one.slot, None if one.removable else ["0"])])
-            elif one.slot.absent:
+            yield from altered(one, "doubled", "2", "left out")
+            if one.slot.absent:
                 yield FixedChange("left in", [(one.slot, [repr(float(f"{_LEFT_IN * one.size:.1g}"))])])
 
     return Mistake(name, title, source, changes, free, plants)

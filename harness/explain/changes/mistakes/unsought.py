@@ -14,12 +14,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake
+from harness.explain.changes.numbers import INERTIAS, place_of
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import Number, TextPlace, find_elements, find_numbers, with_values
 from harness.files.text.slots import Anatomy
 
-# Moments of inertia, masses and centres of mass in both formats.
-_MOMENTS = {"inertial": ("diaginertia", "fullinertia"), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
 _MASSES = {("inertial", "mass"), ("mass", "value")}
 _CENTRES = {"pos", "xyz"}
 # What MuJoCo accepts at least, where the motion feels no inertia.
@@ -28,12 +27,11 @@ _NEGLIGIBLE = 1e-12
 
 def _planted(model: ModelFile, kind: str, statement: str, factors: Mapping[Number, Callable[[float], float]]) -> Change:
     """The mistake that multiplies each number by its factor of the size."""
-    places = [TextPlace(one.line, one.element, one.attribute, one.index, model.text[one.start : one.end]) for one in factors]
 
     def at(size: float) -> str:
         return with_values(model.text, {number: number.value * factor(size) for number, factor in factors.items()})
 
-    return Change(kind, statement, tuple(places), at, 0.0)
+    return Change(kind, statement, tuple(place_of(model, one) for one in factors), at, 0.0)
 
 
 def _enlarged(size: float) -> float:
@@ -49,25 +47,22 @@ def _reduced(size: float) -> float:
     return 1.0 / (1.0 + size) if size > -1.0 else 0.0
 
 
+def _felt(model: ModelFile) -> list[Number]:
+    return [one for one in find_numbers(model.text, model.format) if abs(one.value) > _NEGLIGIBLE]
+
+
 def _two_numbers(parts: Anatomy) -> Iterator[Change]:
     """Each number with the one that is half of the file away, so that every number has its turn and no pair comes twice."""
-    model = parts.model
-    numbers = [
-        one for one in find_numbers(model.text, model.format) if abs(one.value) > _NEGLIGIBLE and "axis" not in (one.element, one.attribute)
-    ]
+    numbers = [one for one in _felt(parts.model) if "axis" not in (one.element, one.attribute)]
     half = len(numbers) // 2
     for one, other in zip(numbers[:half], numbers[half:], strict=False):
         statement = f"and {other.element} {other.attribute} in line {other.line} half as much"
-        yield _planted(model, "two_numbers", statement, {one: _enlarged, other: _enlarged_by_half})
+        yield _planted(parts.model, "two_numbers", statement, {one: _enlarged, other: _enlarged_by_half})
 
 
 def _density(parts: Anatomy) -> Iterator[Change]:
     model = parts.model
-    moments = [
-        one
-        for one in find_numbers(model.text, model.format)
-        if one.attribute in _MOMENTS.get(one.element, ()) and abs(one.value) > _NEGLIGIBLE
-    ]
+    moments = [one for one in _felt(model) if one.attribute in INERTIAS.get((model.format, one.element), ())]
     if len({(one.line, one.element) for one in moments}) > 1:
         yield _planted(model, "density", "all moments of inertia by one factor", dict.fromkeys(moments, _enlarged))
 
@@ -76,7 +71,7 @@ def _balanced(parts: Anatomy) -> Iterator[Change]:
     model = parts.model
     numbers = find_numbers(model.text, model.format)
     for inertial in (element for element in find_elements(model.text, model.format) if element.tag == "inertial"):
-        own = [one for one in numbers if inertial.start < one.start < inertial.end]
+        own = [one for one in numbers if inertial.holds(one)]
         masses = [one for one in own if (one.element, one.attribute) in _MASSES and one.value > _NEGLIGIBLE]
         centre = [one for one in own if one.attribute in _CENTRES and one.value]
         if masses and centre:
