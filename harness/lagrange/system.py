@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
 import sympy as sp
+from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.lagrange.constraint import Constraint
@@ -82,11 +84,9 @@ class System:
             object.__setattr__(self, name, sp.sympify(getattr(self, name)))
         forces = {q: sp.sympify(force) for q, force in self.generalised_forces.items()}
         object.__setattr__(self, "generalised_forces", forces)
-        self._check_coordinates()
-        self._check_parameters()
-        self._check_expressions()
-        self._check_ranges()
-        self._check_constraints()
+        subjects = self._of_coordinates(), self._of_parameters(), self._of_expressions(), self._of_ranges(), self._of_constraints()
+        for contradiction in itertools.chain(*subjects):
+            raise ValueError(contradiction)
 
     @cached_property
     def rates(self) -> tuple[sp.Expr, ...]:
@@ -132,105 +132,94 @@ class System:
             },
         )
 
-    def _check_coordinates(self) -> None:
-        if not self.coordinates:
-            raise ValueError("coordinates is empty; expected at least one {coordinate: joint name}")
+    # What a declaration may contradict itself in, subject by subject; the first contradiction that is found is raised.
+
+    def _of_coordinates(self) -> Iterator[str]:
+        order = list(self.coordinates)
+        if not order:
+            yield "coordinates is empty; expected at least one {coordinate: joint name}"
         for q, joint in self.coordinates.items():
-            if not (isinstance(q, sp.core.function.AppliedUndef) and q.args == (TIME,)):
-                raise ValueError(f"coordinate {q} is not a dynamicsymbols() function of time")
+            if not (isinstance(q, AppliedUndef) and q.args == (TIME,)):
+                yield f"coordinate {q} is not a dynamicsymbols() function of time"
             if not (isinstance(joint, str) and joint):
-                raise ValueError(f"coordinate {q} has joint {joint!r}; expected a joint name")
-        self._check_attitudes()
+                yield f"coordinate {q} has joint {joint!r}; expected a joint name"
+        for attitude in self.attitudes:
+            own, joint = attitude.coordinates, attitude.joint
+            strange = [q for q in own if self.coordinates.get(q) != joint]
+            yield from (f"{q} is an angle or position of joint {joint!r}; expected coordinates to map it there" for q in strange)
+            if order[order.index(own[0]) :][: len(own)] != list(own):
+                yield f"the coordinates of joint {joint!r} do not stand together, positions first, in their order"
         carried = {q for attitude in self.attitudes for q in attitude.coordinates}
         joints = [joint for q, joint in self.coordinates.items() if q not in carried] + [attitude.joint for attitude in self.attitudes]
-        for joint in joints:
-            if joints.count(joint) > 1:
-                raise ValueError(f"joint {joint!r} carries two coordinates; each needs its own")
-        for q in self.generalised_forces:
-            if q not in self.coordinates:
-                raise ValueError(f"generalised force on {q}, which is no coordinate; expected one of {list(self.coordinates)}")
-        order = list(self.coordinates)
+        yield from (f"joint {joint!r} carries two coordinates; each needs its own" for joint in joints if joints.count(joint) > 1)
+        unknown = [q for q in self.generalised_forces if q not in order]
+        yield from (f"generalised force on {q}, which is no coordinate; expected one of {order}" for q in unknown)
         for q, other in self.measured_from.items():
-            if q not in order or other not in order or order.index(other) >= order.index(q):
-                raise ValueError(f"{q} is measured from {other}; expected a coordinate and an earlier one")
+            if q not in order or other not in order[: order.index(q)]:
+                yield f"{q} is measured from {other}; expected a coordinate and an earlier one"
         if self.measured_from and self.attitudes:
-            raise ValueError("measured_from beside ball or free joints; write the energies in the positions of the joints")
+            yield "measured_from beside ball or free joints; write the energies in the positions of the joints"
 
-    def _check_attitudes(self) -> None:
-        order = list(self.coordinates)
-        for attitude in self.attitudes:
-            for q in attitude.coordinates:
-                if self.coordinates.get(q) != attitude.joint:
-                    raise ValueError(f"{q} is an angle or position of joint {attitude.joint!r}; expected coordinates to map it there")
-            first = order.index(attitude.coordinates[0])
-            if tuple(order[first : first + len(attitude.coordinates)]) != attitude.coordinates:
-                raise ValueError(f"the coordinates of joint {attitude.joint!r} do not stand together, positions first, in their order")
-
-    def _check_parameters(self) -> None:
+    def _of_parameters(self) -> Iterator[str]:
         for symbol, entry in self.parameters.items():
             if not (isinstance(entry, tuple) and len(entry) == 2 and isinstance(entry[1], str)):
-                raise ValueError(f"parameter {symbol} is {entry!r}; expected (value, unit)")
+                yield f"parameter {symbol} is {entry!r}; expected (value, unit)"
             if isinstance(entry[0], bool) or not isinstance(entry[0], int | float) or not math.isfinite(entry[0]):
-                raise ValueError(f"parameter {symbol} has value {entry[0]!r}; expected a finite number")
-            _check_assumptions(f"parameter {symbol}", symbol, [sp.Rational(entry[0])])
+                yield f"parameter {symbol} has value {entry[0]!r}; expected a finite number"
+            yield from _of_assumptions(f"parameter {symbol}", symbol, [sp.Rational(entry[0])])
         names = [symbol.name for symbol in self.parameters]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"two parameters are named {name!r}; give each its own name")
+        yield from (f"two parameters are named {name!r}; give each its own name" for name in names if names.count(name) > 1)
         if self.gravity is not None and self.gravity not in self.parameters:
-            raise ValueError(f"gravity is {self.gravity}, which is not among the parameters")
+            yield f"gravity is {self.gravity}, which is not among the parameters"
 
-    def _check_expressions(self) -> None:
+    def _of_expressions(self) -> Iterator[str]:
         expressions = {"kinetic": self.kinetic, "potential": self.potential, "total_mass": self.total_mass}
         expressions |= {f"generalised force on {q}": force for q, force in self.generalised_forces.items()}
         for name, constraint in self.constraints.items():
             expressions |= {f"row {number} of constraint {name!r}": row for number, row in enumerate(constraint.rows)}
-        rates = set(self.rates)
-        allowed = set(self.parameters) | {TIME}
+        known = {*self.parameters, TIME}
         for name, expression in expressions.items():
-            for symbol in sorted(expression.free_symbols - allowed, key=str):
-                raise ValueError(f"{name} contains {symbol}, which has no value; add it to parameters")
-            atoms = expression.atoms(sp.Derivative, sp.core.function.AppliedUndef, sp.Float)
-            for derivative in {atom for atom in atoms if isinstance(atom, sp.Derivative)} - rates:
-                raise ValueError(f"{name} contains {derivative}; only first rates of the coordinates may appear")
-            for function in {atom for atom in atoms if isinstance(atom, sp.core.function.AppliedUndef)} - set(self.coordinates):
-                raise ValueError(f"{name} contains {function}, which is no coordinate")
-            for number in sorted(atom for atom in atoms if isinstance(atom, sp.Float)):
-                raise ValueError(f"{name} contains {number}, which SymPy rounds in every product; write sympy.Rational({str(number)!r})")
+            strange = sorted(expression.free_symbols - known, key=str)
+            yield from (f"{name} contains {symbol}, which has no value; add it to parameters" for symbol in strange)
+            rates, functions = expression.atoms(sp.Derivative) - {*self.rates}, expression.atoms(AppliedUndef) - {*self.coordinates}
+            yield from (f"{name} contains {rate}; only first rates of the coordinates may appear" for rate in rates)
+            yield from (f"{name} contains {function}, which is no coordinate" for function in functions)
+            for number in sorted(expression.atoms(sp.Float)):
+                yield f"{name} contains {number}, which SymPy rounds in every product; write sympy.Rational({str(number)!r})"
         if self.potential.atoms(sp.Derivative):
-            raise ValueError("potential contains a rate; put the term into kinetic or generalised_forces")
-        if self.total_mass.atoms(sp.core.function.AppliedUndef):
-            raise ValueError("total_mass depends on a coordinate; expected an expression of the parameters")
-        used = sp.Tuple(*expressions.values()).free_symbols
-        for symbol in sorted(set(self.parameters) - used, key=str):
-            raise ValueError(f"parameter {symbol} enters neither energy nor force nor mass nor constraint; remove it or use it")
+            yield "potential contains a rate; put the term into kinetic or generalised_forces"
+        if self.total_mass.atoms(AppliedUndef):
+            yield "total_mass depends on a coordinate; expected an expression of the parameters"
+        unused = sorted(set(self.parameters) - sp.Tuple(*expressions.values()).free_symbols, key=str)
+        yield from (f"parameter {one} enters neither energy nor force nor mass nor constraint; remove it or use it" for one in unused)
 
-    def _check_ranges(self) -> None:
+    def _of_ranges(self) -> Iterator[str]:
         known = [*self.coordinates, *self.rates]
         for key, bounds in self.ranges.items():
             if key not in known:
-                raise ValueError(f"range of {key}, which is neither a coordinate nor a rate")
+                yield f"range of {key}, which is neither a coordinate nor a rate"
             if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(math.isfinite(b) for b in bounds) and bounds[0] < bounds[1]):
-                raise ValueError(f"range of {key} is {bounds!r}; expected (lowest, highest), both finite")
-        for q in self.angles:
-            if q not in self.coordinates or q not in self.ranges:
-                raise ValueError(f"angles has {q}; expected coordinates that have a range, as those without are angles")
+                yield f"range of {key} is {bounds!r}; expected (lowest, highest), both finite"
+        ranged = [q for q in self.coordinates if q in self.ranges]
+        yield from (
+            f"angles has {q}; expected coordinates that have a range, as those without are angles" for q in self.angles if q not in ranged
+        )
         for q in self.coordinates:
             # Those without a range take every value.
             lowest, highest = map(sp.Rational, self.ranges.get(q, (-1.0, 1.0)))
             inside = [sp.S.Zero] if lowest < 0 < highest else []
-            _check_assumptions(f"the range of {q}", q, [lowest, (lowest + highest) / 2, *inside, highest])
+            yield from _of_assumptions(f"the range of {q}", q, [lowest, (lowest + highest) / 2, *inside, highest])
         for key, value in self.start.items():
             if key not in known:
-                raise ValueError(f"start of {key}, which is neither a coordinate nor a rate")
+                yield f"start of {key}, which is neither a coordinate nor a rate"
             if not math.isfinite(value):
-                raise ValueError(f"start of {key} is {value!r}; expected a finite number")
+                yield f"start of {key} is {value!r}; expected a finite number"
         if self.start and self.attitudes:
-            raise ValueError("start is given in coordinates, and a ball or free joint has none; leave it out")
+            yield "start is given in coordinates, and a ball or free joint has none; leave it out"
 
-    def _check_constraints(self) -> None:
+    def _of_constraints(self) -> Iterator[str]:
         if self.constraints and self.attitudes:
-            raise ValueError("constraints beside ball or free joints; write these as hinges and slides, one behind the other")
+            yield "constraints beside ball or free joints; write these as hinges and slides, one behind the other"
         determined: set[sp.Expr] = set()
         for name, constraint in self.constraints.items():
             try:
@@ -238,22 +227,20 @@ class System:
             except ValueError as error:
                 raise ValueError(f"constraint {name!r} {error}") from error
             if any(map(_depends_on_time, constraint.rows)):
-                raise ValueError(f"constraint {name!r} depends on time explicitly; expected a function of coordinates and rates")
+                yield f"constraint {name!r} depends on time explicitly; expected a function of coordinates and rates"
             for q in constraint.determines:
                 if q not in self.coordinates:
-                    raise ValueError(
-                        f"constraint {name!r} determines {q}, which is no coordinate; expected one of {list(self.coordinates)}"
-                    )
+                    yield f"constraint {name!r} determines {q}, which is no coordinate; expected one of {list(self.coordinates)}"
                 if q in determined:
-                    raise ValueError(f"constraint {name!r} determines {q}, which is determined already; each coordinate is by one row")
+                    yield f"constraint {name!r} determines {q}, which is determined already; each coordinate is by one row"
                 determined.add(q)
         if len(determined) == len(self.coordinates):
-            raise ValueError("constraints determine all coordinates, so that nothing moves")
+            yield "constraints determine all coordinates, so that nothing moves"
         for q, value in self.assembly.items():
             if q not in self.coordinates or not math.isfinite(value):
-                raise ValueError(f"assembly has {q} at {value!r}; expected coordinates and finite numbers")
+                yield f"assembly has {q} at {value!r}; expected coordinates and finite numbers"
         if self.assembly and not self.constraints:
-            raise ValueError("assembly is given, and there is no constraint; leave it out")
+            yield "assembly is given, and there is no constraint; leave it out"
 
 
 def _depends_on_time(expression: sp.Expr) -> bool:
@@ -263,21 +250,17 @@ def _depends_on_time(expression: sp.Expr) -> bool:
         part = waiting.pop()
         if part == TIME:
             return True
-        if not isinstance(part, sp.core.function.AppliedUndef | sp.Derivative):
+        if not isinstance(part, AppliedUndef | sp.Derivative):
             waiting += [argument for argument in part.args if argument not in seen]
             seen.update(part.args)
     return False
 
 
-def _check_assumptions(name: str, symbol: sp.Expr, values: Sequence[sp.Rational]) -> None:
-    """SymPy simplifies by what a symbol is declared to be: sqrt(c**2) is c where c is positive.
-
-    Raises:
-        ValueError: one of the values is not what ``symbol`` is declared to be.
-    """
+def _of_assumptions(name: str, symbol: sp.Expr, values: Sequence[sp.Rational]) -> Iterator[str]:
+    """Values that are not what ``symbol`` is declared to be, by which SymPy simplifies: sqrt(c**2) is c where c is positive."""
     for assumption in _ASSUMPTIONS:
         declared = getattr(symbol, f"is_{assumption}")
+        what = assumption if declared else f"not {assumption}"
         for value in values:
             if declared is not None and getattr(value, f"is_{assumption}") not in (declared, None):
-                what = assumption if declared else f"not {assumption}"
-                raise ValueError(f"{name} holds {float(value):.17g}, and {symbol} is declared {what}; change the value or the assumption")
+                yield f"{name} holds {float(value):.17g}, and {symbol} is declared {what}; change the value or the assumption"
