@@ -134,7 +134,7 @@ class LoadedSystem:
         """The equations of motion, one per coordinate, as LaTeX."""
         import sympy as sp
 
-        from harness.lagrange.notation import rows
+        from harness.lagrange.equations import rows
 
         lines = [sp.latex(row).replace("=", "&=", 1) for row in rows(self.equations)]
         return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"

@@ -25,7 +25,7 @@ from harness.files.rules import ConstraintLaw
 from harness.files.tree import WORLD
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.constraint_forces import Softness, softened_program
-from harness.programs.mechanisms.constraints import RESIDUAL
+from harness.programs.mechanisms.mechanism import RESIDUAL
 from harness.programs.program import without_unused
 from harness.programs.states import States
 from harness.results.comparison import EqualitiesRecord, EqualityPart

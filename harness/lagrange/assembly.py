@@ -31,7 +31,7 @@ from harness.lagrange.euler_angles import ChangeOfVariables, change_of_variables
 from harness.lagrange.expressions import assemble
 from harness.lagrange.system import TIME, System
 from harness.programs.derivatives import along, depending_on, gradient
-from harness.programs.mechanisms.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
+from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
 from harness.programs.program import StraightLineProgram, upper_triangle, with_operands, without_unused
 from harness.programs.terms import Builder, Term, Vector, cross, dot, vector
 

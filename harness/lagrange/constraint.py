@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from harness.lagrange.differentiation import SymbolicDerivatives
+from harness.lagrange.expressions import SymbolicDerivatives
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ import msgspec
 
 from harness.errors import InvalidSystem
 from harness.library import CannotRun, Library, member_of, raised_in, run_file
-from harness.programs.mechanisms.applied_forces import AppliedForces, forces_of
+from harness.programs.mechanisms.applied_forces import forces_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import DEFAULT_RATES
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
@@ -106,9 +106,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     import sympy as sp
 
     from harness.lagrange.assembly import constraints_of, energy_program_of, lagrange_program, program_of
-    from harness.lagrange.equations import derive, in_symbols
-    from harness.lagrange.notation import printed
-    from harness.lagrange.system import TIME
+    from harness.lagrange.equations import derive, in_symbols, printed
     from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program
 
     atlas, docstring = load_atlas(path)
@@ -133,20 +131,25 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         raise InvalidSystem(file, line, f"cannot be derived: {type(error).__name__}: {error}") from error
     seconds = time.perf_counter() - started
     description, _, reference = docstring.partition("Source:")
+    coordinates = list(system.coordinates)
+    attitudes = [coordinates.index(attitude.angles[0]) for attitude in system.attitudes]
+    position_ranges = [_floats(system.ranges.get(q)) for q in coordinates]
+    rate_ranges = [_floats(system.ranges.get(rate)) or DEFAULT_RATES for rate in system.rates]
+    values = [float(value) for value, _ in system.parameters.values()]
     return Mechanism(
         name=name,
         description=description.strip(),
         source=" ".join(reference.split()),
-        coordinates=tuple(q.func.__name__ for q in system.coordinates),
+        coordinates=tuple(q.func.__name__ for q in coordinates),
         joints=tuple(system.coordinates.values()),
         parameters=tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
         gravity=float(system.parameters[system.gravity][0]) if system.gravity is not None else 0.0,
         total_mass=total_mass,
         rotating=system.rotating,
-        position_ranges=tuple(_floats(system.ranges.get(q)) for q in system.coordinates),
-        rate_ranges=tuple(_floats(system.ranges.get(q.diff(TIME))) or DEFAULT_RATES for q in system.coordinates),
-        **vars(_applied_forces(tree, system)),
-        attitudes=tuple(list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes),
+        position_ranges=tuple(position_ranges),
+        rate_ranges=tuple(rate_ranges),
+        **vars(forces_of(tree, values, position_ranges, rate_ranges, attitudes)),
+        attitudes=tuple(attitudes),
         other_charts=tuple(program for _, _, program in derived[1:]),
         charts_in_body=in_body,
         energy_programs=energies,
@@ -180,16 +183,6 @@ def _derived(system: System) -> tuple[System, EquationsOfMotion | None, Straight
         equations = equations.simplified()
         program = program_of(system, equations)
     return system, equations, program
-
-
-def _applied_forces(program: StraightLineProgram, system: System) -> AppliedForces:
-    """``forces_of`` a system's program, within the ranges of its coordinates."""
-    from harness.lagrange.system import TIME
-
-    positions = [system.ranges.get(q) for q in system.coordinates]
-    rates = [system.ranges.get(q.diff(TIME)) or DEFAULT_RATES for q in system.coordinates]
-    attitudes = [list(system.coordinates).index(attitude.angles[0]) for attitude in system.attitudes]
-    return forces_of(program, [float(value) for value, _ in system.parameters.values()], positions, rates, attitudes)
 
 
 def _start(system: System) -> tuple[tuple[float, float], ...]:

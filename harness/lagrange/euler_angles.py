@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from harness.lagrange.differentiation import SymbolicDerivatives
+from harness.lagrange.expressions import SymbolicDerivatives
 from harness.lagrange.short_forms import shortest
 from harness.programs.program import ENERGY_OUTPUTS
 

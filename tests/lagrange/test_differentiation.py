@@ -7,7 +7,7 @@ import random
 import pytest
 import sympy as sp
 
-from harness.lagrange.differentiation import SymbolicDerivatives
+from harness.lagrange.expressions import SymbolicDerivatives
 
 x, y, z = VARIABLES = sp.symbols("x y z", real=True)
 a, t = sp.symbols("a t", positive=True)

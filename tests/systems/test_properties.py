@@ -26,8 +26,7 @@ from harness.lagrange.system import TIME, System
 from harness.library import Library
 from harness.programs.kernels import Float64Kernel
 from harness.programs.mechanisms.constraint_forces import MULTIPLIERS
-from harness.programs.mechanisms.constraints import JACOBIAN
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import JACOBIAN, Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, upper_triangle
 from harness.programs.states import States

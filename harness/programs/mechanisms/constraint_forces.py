@@ -31,7 +31,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.programs.mechanisms.constraints import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
+from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
 from harness.programs.program import OUTPUTS, StraightLineProgram, position_count, without_unused
 from harness.programs.terms import Builder, Matrix, Term, Vector, dot, length, matrix, symmetric, vector
 

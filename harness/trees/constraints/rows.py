@@ -15,7 +15,7 @@ from fractions import Fraction
 
 from harness.files.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
 from harness.files.tree import WORLD, Pose, Tree
-from harness.programs.mechanisms.constraints import BIAS, JACOBIAN, RATE, RESIDUAL
+from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL
 from harness.programs.terms import Matrix, Term, Vector, cross, dot, sqrt, vector
 from harness.trees.bodies.rigid import Spatial, power, spatial
 from harness.trees.bodies.spatial import Frame, angle, placed
@@ -90,7 +90,7 @@ def _biases(world: World, rows: Sequence[Row]) -> list[Term]:
 
 
 def equations_of_rows(world: World, rows: Sequence[Row]) -> dict[str, list[Term]]:
-    """The outputs of ``harness.programs.mechanisms.constraints`` for rows."""
+    """The outputs of ``harness.programs.mechanisms.mechanism`` for rows."""
     jacobian = [jacobian_of(world, row) for row in rows]
     return {
         RESIDUAL: [row.residual for row in rows],

@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.files.equalities import Equality, Rows
 from harness.files.tree import Given, Tree
 from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program
-from harness.programs.mechanisms.constraints import JACOBIAN, Constraints
+from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
 from harness.trees.bodies.spatial import parameter_name

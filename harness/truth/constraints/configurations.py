@@ -19,8 +19,7 @@ import numpy as np
 from harness.arrays import Array, Indices, Rows
 from harness.programs.loops.encoding import EncodedProgram, encode_program
 from harness.programs.loops.interpreter import by_state, in_lanes, loop
-from harness.programs.mechanisms.constraints import JACOBIAN, RESIDUAL
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import JACOBIAN, RESIDUAL, Mechanism
 from harness.programs.numbers import LANES
 from harness.programs.states import States
 

@@ -26,8 +26,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
-from harness.programs.mechanisms.constraints import JACOBIAN, RATE, RESIDUAL
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import JACOBIAN, RATE, RESIDUAL, Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import without_unused
 from harness.programs.states import States

@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.programs.evaluation import values
-from harness.programs.mechanisms.constraints import JACOBIAN, Constraints
+from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.program import OUTPUTS, right_hand_side, without_unused
 
 

@@ -21,8 +21,7 @@ from harness.engines import ConstraintLaw, Model, accelerations, factorises_mass
 from harness.errors import InvalidModel
 from harness.files.model_file import ModelFile
 from harness.programs.mechanisms.constraint_forces import Softness, softened_program
-from harness.programs.mechanisms.constraints import Constraints
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS as NAME
