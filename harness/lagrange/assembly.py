@@ -33,7 +33,7 @@ from harness.lagrange.system import TIME, System
 from harness.programs.derivatives import along, depending_on, gradient
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
 from harness.programs.program import StraightLineProgram, upper_triangle, with_operands, without_unused
-from harness.programs.terms import Builder, Term, Vector, cross, dot, vector
+from harness.programs.terms import Builder, Term, Vector, cross, dot, symmetric, vector
 
 
 def program_of(system: System, equations: EquationsOfMotion, linear_velocity_in_body: bool = False) -> StraightLineProgram:
@@ -174,40 +174,37 @@ def in_joint_positions(program: StraightLineProgram, measured_from: Parents) -> 
     n = len(measured_from)
     instructions: list[tuple[Any, ...]] = [("input", place) for place in range(len(program.inputs))]
 
-    def add(first: int, second: int) -> int:
-        instructions.append(("add", first, second))
+    def add(*instruction: Any) -> int:
+        instructions.append(instruction)
         return len(instructions) - 1
 
-    coordinate = list(range(len(program.inputs)))
+    coordinates = list(range(len(program.inputs)))
     for block in (0, n):
         for place, parent in enumerate(measured_from):
             if parent is not None:
-                coordinate[block + place] = add(block + place, coordinate[block + parent])
+                coordinates[block + place] = add("add", block + place, coordinates[block + parent])
     results: list[int] = []
     for instruction in program.instructions:
-        if instruction[0] == "input":
-            results.append(coordinate[instruction[1]])
-        else:
-            instructions.append(with_operands(instruction, results))
-            results.append(len(instructions) - 1)
+        is_input = instruction[0] == "input"
+        results.append(coordinates[instruction[1]] if is_input else add(*with_operands(instruction, results)))
     outputs = {name: [results[index] for index in indices] for name, indices in program.outputs.items()}
+
+    def gather(*lines: Any) -> None:
+        """Add what stands at whatever is measured from a joint to what stands at the joint, in each line."""
+        for place, parent in reversed(list(enumerate(measured_from))):
+            for line in lines if parent is not None else ():
+                line[parent] = add("add", line[parent], line[place])
+
     for name in filter(outputs.get, _OF_FORCE):
-        for place, parent in _from_the_tips(measured_from):
-            outputs[name][parent] = add(outputs[name][parent], outputs[name][place])
+        gather(outputs[name])
     if "mass" in outputs:
-        upper = [(i, j) for i in range(n) for j in range(i, n)]
-        mass = {pair: index for index, (i, j) in zip(outputs["mass"], upper, strict=True) for pair in ((i, j), (j, i))}
-        for place, parent in _from_the_tips(measured_from):
-            mass |= {(row, parent): add(mass[row, parent], mass[row, place]) for row in range(n)}
-        for place, parent in _from_the_tips(measured_from):
-            mass |= {(parent, column): add(mass[parent, column], mass[place, column]) for column in range(n)}
-        outputs["mass"] = [mass[pair] for pair in upper]
+        mass = symmetric(outputs["mass"], n)
+        # Views of the rows, and then of the columns.
+        gather(*mass)
+        gather(*mass.T)
+        outputs["mass"] = [mass[pair] for pair in upper_triangle(n)]
     joint = StraightLineProgram(program.inputs, tuple(instructions), {name: tuple(indices) for name, indices in outputs.items()})
     return without_unused(joint)
-
-
-def _from_the_tips(measured_from: Parents) -> list[tuple[int, int]]:
-    return [(place, parent) for place, parent in reversed(list(enumerate(measured_from))) if parent is not None]
 
 
 def constraints_of(system: System, tree: StraightLineProgram) -> Constraints:

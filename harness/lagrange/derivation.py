@@ -148,7 +148,7 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         rotating=system.rotating,
         position_ranges=tuple(position_ranges),
         rate_ranges=tuple(rate_ranges),
-        **vars(forces_of(tree, values, position_ranges, rate_ranges, attitudes)),
+        **forces_of(tree, values, position_ranges, rate_ranges, attitudes),
         attitudes=tuple(attitudes),
         other_charts=tuple(program for _, _, program in derived[1:]),
         charts_in_body=in_body,

@@ -61,11 +61,9 @@ class Assembler:
         return self.builder.number(Fraction(value.p, value.q))
 
     def _emit(self, expression: sp.Expr) -> Term:
-        if expression.is_Rational:
-            return self._rational(expression)
-        if expression.is_Float:
+        if expression.is_Rational or expression.is_Float:
             # A float in a system file means exactly the float64 it is.
-            return self._rational(sp.Rational(float(expression)))
+            return self._rational(expression if expression.is_Rational else sp.Rational(float(expression)))
         if expression is sp.pi:
             return self.builder.add("pi")
         if expression is sp.E:
@@ -76,13 +74,9 @@ class Assembler:
             return self._product(expression)
         if expression.is_Pow:
             return self._power(*expression.args)
-        if isinstance(expression, sp.exp):
-            return self.builder.add("exp", self.emit(expression.args[0]))
         name = type(expression).__name__
-        if name in UNARY and expression.is_Function:
-            return self.builder.add(name, self.emit(expression.args[0]))
-        if name == "atan2":
-            return self.builder.add("atan2", *(self.emit(argument) for argument in expression.args))
+        if name in UNARY | {"atan2"} and expression.is_Function:
+            return self.builder.add(name, *map(self.emit, expression.args))
         raise ValueError(
             f"no kernel can evaluate {expression} ({name}); write it with + - * / powers, sqrt, trigonometric or exponential functions"
         )
@@ -111,24 +105,21 @@ class Assembler:
         if not coefficient.is_Rational:
             upper.append(coefficient)
             coefficient = type(expression)()
-        numerator, denominator = abs(coefficient.p), coefficient.q
-        value = self._chain(upper) if upper else None
-        if numerator != 1 or value is None:
-            literal = self.builder.number(numerator)
-            value = literal if value is None else self.builder.add("mul", literal, value)
-        divisor = self._chain(lower) if lower else None
-        if denominator != 1:
-            literal = self.builder.number(denominator)
-            divisor = literal if divisor is None else self.builder.add("mul", literal, divisor)
+        value = self._multiplied(abs(coefficient.p), upper) or self.builder.number(1)
+        divisor = self._multiplied(coefficient.q, lower)
         if divisor is not None:
             value = self.builder.add("div", value, divisor)
         return self.builder.add("neg", value) if coefficient.is_negative else value
 
-    def _chain(self, factors: Sequence[sp.Expr]) -> Term:
-        value = self.emit(factors[0])
-        for factor in factors[1:]:
-            value = self.builder.add("mul", value, self.emit(factor))
-        return value
+    def _multiplied(self, number: int, factors: Iterable[sp.Expr]) -> Term | None:
+        """A whole number times the product of factors; None for 1 alone."""
+        value: Term | None = None
+        for factor in factors:
+            value = self.emit(factor) if value is None else self.builder.add("mul", value, self.emit(factor))
+        if number == 1:
+            return value
+        literal = self.builder.number(number)
+        return literal if value is None else self.builder.add("mul", literal, value)
 
     def _power(self, base: sp.Expr, exponent: sp.Expr) -> Term:
         if exponent.is_Rational and exponent.is_negative:

@@ -18,7 +18,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.programs.derivatives import PARTIAL_DERIVATIVES
-from harness.programs.program import StraightLineProgram, earlier_results, upper_triangle
+from harness.programs.program import StraightLineProgram, earlier_results
+from harness.programs.terms import symmetric
 
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "neg": operator.neg,
@@ -27,6 +28,9 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "mul": operator.mul,
     "div": operator.truediv,
     "pow": operator.pow,
+    # What partial derivatives take besides.
+    "inverse": lambda value: 1.0 / value,
+    "ratio": operator.truediv,
 }
 # Functions whose names are others than those of their instructions.
 _NUMPY = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
@@ -47,16 +51,14 @@ class Arithmetic:
     function: Callable[..., Any]
 
     def apply(self, name: str, *values: Any) -> Any:
-        """A function of values as ``PARTIAL_DERIVATIVES`` asks for it."""
-        if name == "inverse":
-            return 1.0 / values[0]
-        return values[0] / values[1] if name == "ratio" else self.function(name, *values)
+        """An operation on values, or a function as ``PARTIAL_DERIVATIVES`` asks for it."""
+        operation = _OPERATORS.get(name)
+        return self.function(name, *values) if operation is None else operation(*values)
 
     def values(self, program: StraightLineProgram, inputs: Sequence[Any] | Array) -> list[Any]:
         """The value of every instruction."""
         found: list[Any] = []
-        for instruction in program.instructions:
-            operation, *operands = instruction
+        for operation, *operands in program.instructions:
             if operation == "input":
                 value = inputs[operands[0]]
             elif operation == "rational":
@@ -65,10 +67,8 @@ class Arithmetic:
                 value = self.pi()
             elif operation == "integer_power":
                 value = self.power(found[operands[0]], operands[1])
-            elif operation in _OPERATORS:
-                value = _OPERATORS[operation](*(found[place] for place in operands))
             else:
-                value = self.function(operation, *(found[place] for place in operands))
+                value = self.apply(operation, *(found[place] for place in operands))
             found.append(value)
         return found
 
@@ -200,8 +200,7 @@ def mass_matrix(upper: Sequence[Any], nv: int) -> Any:
     """M as ``arb_mat`` of its upper triangle by rows."""
     import flint
 
-    entries = dict(zip(upper_triangle(nv), upper, strict=True))
-    return flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
+    return flint.arb_mat(symmetric(upper, nv).tolist())
 
 
 def solved(mass: Any, force: Sequence[Any]) -> list[Any]:

@@ -56,21 +56,22 @@ class Float64Kernel:
         """qdd, (nv, n), by L D L' factorisation without pivoting."""
         if self.nv <= MOST_UNROLLED:
             return evaluated(self._accelerations, inputs)
-        entries = list(evaluated(self._terms, inputs))
-        first = position_count(self.program) + self.nv
-        sizes = [len(entries) - 3 * self.nv, *[self.nv] * 3]
-        outputs = {name: [entries.pop(0) for _ in range(size)] for name, size in zip(OUTPUTS, sizes, strict=True)}
-        return np.stack(solve_symmetric(outputs["mass"], right_hand_side(outputs, list(inputs[first : first + self.nv]))))
+        return np.stack(self._solved(list(inputs), self._entries(inputs)))
 
     def terms(self, inputs: Array) -> dict[str, Array]:
         """``mass`` (n, nv, nv), ``velocity``, ``gravity``, ``passive`` (n, nv each)."""
+        mass, *vectors = self._entries(inputs).values()
+        return dict(zip(OUTPUTS, [full_matrices(mass), *(vector.T for vector in vectors)], strict=True))
+
+    def _entries(self, inputs: Array) -> dict[str, Array]:
+        """``OUTPUTS``, (entries, n) each."""
         flat = evaluated(self._terms, inputs)
-        pairs = upper_triangle(self.nv)
-        mass = np.empty((inputs.shape[1], self.nv, self.nv))
-        for row, (i, j) in enumerate(pairs):
-            mass[:, i, j] = mass[:, j, i] = flat[row]
-        vectors = flat[len(pairs) :].reshape(3, self.nv, -1).transpose(0, 2, 1)
-        return {"mass": mass, **dict(zip(OUTPUTS[1:], vectors, strict=True))}
+        return dict(zip(OUTPUTS, np.split(flat, len(flat) - self.nv * np.arange(3, 0, -1)), strict=True))
+
+    def _solved(self, inputs: Sequence[Any], outputs: Mapping[str, Any]) -> list[Any]:
+        """qdd, for values or expressions of the inputs and of the program's outputs."""
+        first = position_count(self.program) + self.nv
+        return solve_symmetric(outputs["mass"], right_hand_side(outputs, inputs[first : first + self.nv]))
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], dict[str, list[Any]]]:
@@ -92,10 +93,16 @@ class Float64Kernel:
 
     @cached_property
     def _accelerations(self) -> Any:
-        inputs, outputs = self._symbols
-        first = position_count(self.program) + self.nv
-        forces = right_hand_side(outputs, inputs[first : first + self.nv])
-        return load_heyoka().cfunc(solve_symmetric(outputs["mass"], forces), vars=inputs)
+        return load_heyoka().cfunc(self._solved(*self._symbols), vars=self._symbols[0])
+
+
+def full_matrices(upper: Array) -> Array:
+    """(n, nv, nv) symmetric matrices, given by their upper triangles by rows, (entries, n)."""
+    size = int((2 * len(upper)) ** 0.5)
+    found = np.empty((upper.shape[1], size, size))
+    for entry, (i, j) in zip(upper, upper_triangle(size), strict=True):
+        found[:, i, j] = found[:, j, i] = entry
+    return found
 
 
 def compiled(inputs: list[Any], outputs: Mapping[str, Sequence[Any]], names: Iterable[str], is_compact: bool = False) -> Any:
@@ -216,12 +223,18 @@ class BallKernel:
         return evaluate
 
 
-_ARB_BINARY = {
+# Python's text of each operation, of the names of its operands and of its literals.
+_TEXTS = {name: f"{{}}.{name}()" for name in UNARY} | {
+    "input": "arb(z{})",
+    "rational": "arb(fmpq({}, {}))",
+    "pi": "arb.pi()",
+    "neg": "-{}",
     "add": "{} + {}",
     "sub": "{} - {}",
     "mul": "{} * {}",
     "div": "{} / {}",
     "pow": "{} ** {}",
+    "integer_power": "{} ** {}",
     "atan2": "arb.atan2({}, {})",
 }
 
@@ -232,33 +245,20 @@ def _ball_source(program: StraightLineProgram, parameters: int) -> str:
     constant: list[bool] = []
     outer: list[str] = []
     inner: list[str] = []
-    sines = {operands[0] for operation, *operands in program.instructions if operation == "sin"}
-    cosines = {operands[0] for operation, *operands in program.instructions if operation == "cos"}
+    sines, cosines = ({operands[0] for operation, *operands in program.instructions if operation == name} for name in ("sin", "cos"))
     for position, instruction in enumerate(program.instructions):
         operation, *operands = instruction
-        is_input = operation == "input"
-        constant.append(operands[0] >= free if is_input else all(constant[operand] for operand in earlier_results(instruction)))
+        earlier = earlier_results(instruction)
+        constant.append(operands[0] >= free if operation == "input" else all(constant[operand] for operand in earlier))
         target = outer if constant[-1] else inner
-        if is_input:
-            text = f"arb(z{operands[0]})"
-        elif operation == "rational":
-            text = f"arb(fmpq({operands[0]}, {operands[1]}))"
-        elif operation == "pi":
-            text = "arb.pi()"
-        elif operation == "integer_power":
-            text = f"x{operands[0]} ** {operands[1]}"
-        elif operation in ("sin", "cos") and operands[0] in sines & cosines:
+        if operation in ("sin", "cos") and operands[0] in sines & cosines:
             # One call gives both; the later of the two instructions finds it done.
             both = f"s{operands[0]}, c{operands[0]} = x{operands[0]}.sin_cos()"
             if both not in target:
                 target.append(both)
             text = f"{operation[0]}{operands[0]}"
-        elif operation == "neg":
-            text = f"-x{operands[0]}"
-        elif operation in UNARY:
-            text = f"x{operands[0]}.{operation}()"
         else:
-            text = _ARB_BINARY[operation].format(*(f"x{operand}" for operand in operands))
+            text = _TEXTS[operation].format(*(f"x{operand}" for operand in earlier), *operands[len(earlier) :])
         target.append(f"x{position} = {text}")
     results = ", ".join(f"x{index}" for indices in program.outputs.values() for index in indices)
     return "\n".join(

@@ -213,16 +213,11 @@ class Term:
 _OPERATORS: dict[str, Callable[..., Term]] = {"neg": Term.__neg__, "add": Term.__add__, "sub": Term.__sub__, "mul": Term.__mul__}
 
 
-def sqrt(value: Term) -> Term:
-    return value.builder.add("sqrt", value)
+def _function(operation: str) -> Callable[[Term], Term]:
+    return lambda value: value.builder.add(operation, value)
 
 
-def sin(value: Term) -> Term:
-    return value.builder.add("sin", value)
-
-
-def cos(value: Term) -> Term:
-    return value.builder.add("cos", value)
+sqrt, sin, cos = _function("sqrt"), _function("sin"), _function("cos")
 
 
 def vector(terms: Iterable[Term]) -> Vector:
@@ -235,8 +230,8 @@ def matrix(rows: Iterable[Iterable[Term]]) -> Matrix:
     return np.array([list(row) for row in rows], dtype=object)
 
 
-def symmetric(upper: Sequence[Term], count: int) -> Matrix:
-    """(count, count) of its upper triangle by rows."""
+def symmetric(upper: Sequence[Any], count: int) -> Matrix:
+    """(count, count) of its upper triangle by rows, of terms or any other values."""
     found = np.empty((count, count), dtype=object)
     for (i, j), entry in zip(upper_triangle(count), upper, strict=True):
         found[i, j] = found[j, i] = entry

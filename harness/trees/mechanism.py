@@ -83,7 +83,7 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
         rotating=tuple(rotating),
         position_ranges=tuple(ranges),
         rate_ranges=tuple(rates),
-        **vars(forces_of(recursion.program, values, ranges, rates, attitudes)),
+        **forces_of(recursion.program, values, ranges, rates, attitudes),
         attitudes=tuple(attitudes),
         charts_in_body=in_body,
         program=recursion.program,

@@ -17,14 +17,14 @@ import numpy as np
 
 from harness.arrays import Array, Indices
 from harness.programs.numbers import UNIT_ROUNDOFF, Number, exactly, pi
-from harness.programs.program import OUTPUTS, StraightLineProgram, position_count, upper_triangle
+from harness.programs.program import OUTPUTS, Instruction, StraightLineProgram, position_count
+from harness.programs.terms import Builder, Term, symmetric
 
 SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE = range(7)
-_CODES = {"add": SUM, "sub": DIFFERENCE, "mul": PRODUCT, "div": QUOTIENT, "sqrt": ROOT}
+_CODES = dict(zip(("add", "sub", "mul", "div", "sqrt", "sine_and_cosine", "cosine"), range(7), strict=True))
 _BINARY = (SUM, DIFFERENCE, PRODUCT, QUOTIENT)
 # Roundings of a partial derivative and of its product with an adjoint, which are fewer.
 _ROUNDINGS_OF_AN_EDGE = 8
-_ZERO, _ONE = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -72,127 +72,105 @@ class Encoded(EncodedProgram):
 
 def encode(program: StraightLineProgram) -> Encoded | None:
     """The program for the loops of ``harness.programs.loops.interpreter``; None where it holds a function that they have no code for."""
-    encoder = _Encoder(len(program.inputs))
-    outputs = encoder.outputs_of(program)
-    if outputs is None:
+    written = _written(program)
+    if written is None:
         return None
-    nv, applied = len(outputs["velocity"]), position_count(program) + len(outputs["velocity"])
-    forces = [encoder.add(SUM, *pair) for pair in zip(range(applied, applied + nv), outputs["passive"], strict=True)]
-    others = [encoder.add(SUM, *pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
-    force = [encoder.add(DIFFERENCE, *pair) for pair in zip(forces, others, strict=True)]
-    mass = np.empty((nv, nv), dtype=np.int64)
-    for (i, j), result in zip(upper_triangle(nv), outputs["mass"], strict=True):
-        mass[i, j] = mass[j, i] = result
-    instructions = encoder.placed()
-    mass, force_places = encoder.places(mass), encoder.places(np.array(force))
-    start = encoder.inputs + len(encoder.constants)
-    rows = _rows(instructions, start, {*mass.flat, *force_places})
+    builder, outputs = written
+    nv, first = len(outputs["velocity"]), position_count(program) + len(outputs["velocity"])
+    forces = [builder.add("add", *pair) for pair in zip(builder.inputs[first : first + nv], outputs["passive"], strict=True)]
+    others = [builder.add("add", *pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
+    force = [builder.add("sub", *pair) for pair in zip(forces, others, strict=True)]
+    encoded, places = _placed(builder, {**outputs, "mass": list(symmetric(outputs["mass"], nv).flat), "force": force})
+    mass, start = places["mass"].reshape(nv, nv), encoded.inputs + len(encoded.constants)
+    instructions = encoded.instructions[:, :3].astype(np.int64)
+    rows = _rows(instructions, start, {*mass.flat, *places["force"]})
     operands = instructions[:, 1:].copy()
     [sines] = np.nonzero(instructions[:, 0] == SINE_AND_COSINE)
     operands[sines, 1] = start + sines + 1
     return Encoded(
-        inputs=encoder.inputs,
-        constants=encoder.numbers(),
+        inputs=encoded.inputs,
+        constants=encoded.constants,
         instructions=np.column_stack([instructions, rows[start:], rows[operands]]).astype(np.int32),
         mass=mass,
-        terms=encoder.places(np.array([outputs[name] for name in OUTPUTS[1:]])),
-        force=force_places,
+        terms=np.array([places[name] for name in OUTPUTS[1:]]),
+        force=places["force"],
         rows=rows,
-        roundings=_most_roundings(encoder),
+        roundings=_most_roundings(instructions, start, encoded.inputs),
     )
 
 
 def encode_program(program: StraightLineProgram) -> tuple[EncodedProgram, dict[str, Indices]] | None:
     """The program without a sweep, and the places of its outputs by their names; None as of ``encode``."""
-    encoder = _Encoder(len(program.inputs))
-    outputs = encoder.outputs_of(program)
-    if outputs is None:
-        return None
-    instructions = np.pad(encoder.placed(), ((0, 0), (0, 3))).astype(np.int32)
-    places = {name: encoder.places(np.array(results, dtype=np.int64)) for name, results in outputs.items()}
-    return EncodedProgram(encoder.inputs, encoder.numbers(), instructions), places
+    written = _written(program)
+    return None if written is None else _placed(*written)
 
 
-class _Encoder:
-    """Instructions in the order in which they were added, each once.
+Outputs = dict[str, list[Term]]
 
-    A result is a number: that of an input, behind those that of an instruction, and below zero that of a constant, since how many
-    constants there are is known at the end.
-    """
 
-    def __init__(self, inputs: int) -> None:
-        self.inputs = inputs
-        self.instructions: list[tuple[int, int, int]] = []
-        self.constants: dict[Number, int] = {}
-        self._known: dict[tuple[int, int, int], int] = {}
+def _written(program: StraightLineProgram) -> tuple[Builder, Outputs] | None:
+    """The program in the operations of the loops, and the results of its outputs; None where a function has no code."""
+    builder, found = Builder(program.inputs), list[Term]()
+    for instruction in program.instructions:
+        result = _result_of(builder, instruction, found)
+        if result is None:
+            return None
+        found.append(result)
+    return builder, {name: [found[index] for index in indices] for name, indices in program.outputs.items()}
 
-    def add(self, code: int, first: int, second: int = 0) -> int:
-        instruction = (code, first, second)
-        if instruction not in self._known:
-            self._known[instruction] = self.inputs + len(self.instructions)
-            self.instructions.append(instruction)
-        return self._known[instruction]
 
-    def constant(self, value: Number) -> int:
-        return -1 - self.constants.setdefault(value, len(self.constants))
+def _result_of(builder: Builder, instruction: Instruction, found: Sequence[Term]) -> Term | None:
+    """The result of a program's instruction, given those of the earlier ones; None for a function without code."""
+    add = builder.add
+    match instruction:
+        case ("input", int(index)):
+            return builder.inputs[index]
+        case ("rational" | "pi", *_):
+            return builder.write(instruction)
+        case ("neg", int(operand)):
+            return add("sub", builder.number(0), found[operand])
+        case ("integer_power", int(base), int(exponent)):
+            return _power(builder, found[base], exponent)
+        case ("sin" | "cos" | "tan" as name, int(angle)):
+            sine = add("sine_and_cosine", found[angle])
+            cosine = add("cosine", sine)
+            return {"sin": sine, "cos": cosine}.get(name) or add("div", sine, cosine)
+        case (str(name), *operands) if name in _CODES:
+            return add(name, *(found[operand] for operand in operands if isinstance(operand, int)))
+        case _:
+            return None
 
-    def places(self, results: Indices) -> Indices:
-        """Where results stand, when all constants are known."""
-        behind = np.where(results < self.inputs, results, results + len(self.constants))
-        return np.asarray(np.where(results < 0, self.inputs - 1 - results, behind))
 
-    def placed(self) -> Indices:
-        """The instructions, (m, 3), with the places of their operands."""
-        instructions = np.array(self.instructions, dtype=np.int64).reshape(-1, 3)
-        instructions[:, 1:] = self.places(instructions[:, 1:])
-        return instructions
+def _power(builder: Builder, base: Term, exponent: int) -> Term:
+    result = None
+    for digit in bin(abs(exponent))[2:]:
+        result = result if result is None else builder.add("mul", result, result)
+        if digit == "1":
+            result = base if result is None else builder.add("mul", result, base)
+    if result is None or exponent < 0:
+        one = builder.number(1)
+        return one if result is None else builder.add("div", one, result)
+    return result
 
-    def numbers(self) -> Array:
-        """The constants, (k, 3)."""
-        return np.array(list(self.constants), dtype=np.float64).reshape(-1, 3)
 
-    def outputs_of(self, program: StraightLineProgram) -> dict[str, list[int]] | None:
-        """The results of a program's outputs, after its instructions; None where one of these is a function without code."""
-        found: list[int] = []
-        for instruction in program.instructions:
-            result = self.result_of(instruction, found)
-            if result is None:
-                return None
-            found.append(result)
-        return {name: [found[index] for index in indices] for name, indices in program.outputs.items()}
-
-    def result_of(self, instruction: tuple[object, ...], found: Sequence[int]) -> int | None:
-        """The result of a program's instruction, given those of the earlier ones; None for a function without code."""
-        match instruction:
-            case ("input", int(index)):
-                return index
-            case ("rational", str(numerator), str(denominator)):
-                return self.constant(exactly(Fraction(int(numerator), int(denominator))))
-            case ("pi",):
-                return self.constant(pi())
-            case ("neg", int(operand)):
-                return self.add(DIFFERENCE, self.constant(_ZERO), found[operand])
-            case ("integer_power", int(base), int(exponent)):
-                return self._power(found[base], exponent)
-            case ("sin" | "cos" | "tan" as name, int(angle)):
-                sine = self.add(SINE_AND_COSINE, found[angle])
-                cosine = self.add(COSINE, sine)
-                return self.add(QUOTIENT, sine, cosine) if name == "tan" else sine if name == "sin" else cosine
-            case (str(name), *operands) if name in _CODES:
-                return self.add(_CODES[name], *(found[operand] for operand in operands if isinstance(operand, int)))
-            case _:
-                return None
-
-    def _power(self, base: int, exponent: int) -> int:
-        result = None
-        for digit in bin(abs(exponent))[2:]:
-            result = result if result is None else self.add(PRODUCT, result, result)
-            if digit == "1":
-                result = base if result is None else self.add(PRODUCT, result, base)
-        if result is None or exponent < 0:
-            one = self.constant(_ONE)
-            return one if result is None else self.add(QUOTIENT, one, result)
-        return result
+def _placed(builder: Builder, outputs: Outputs) -> tuple[EncodedProgram, dict[str, Indices]]:
+    """What was written, without a sweep: first the inputs, then the constants, then the instructions, each kind in its order."""
+    kinds = [0 if operation == "input" else 1 if operation in ("rational", "pi") else 2 for operation, *_ in builder.instructions]
+    places = np.empty(len(kinds), dtype=np.int64)
+    places[np.argsort(kinds, kind="stable")] = np.arange(len(kinds))
+    constants, instructions = list[Number](), list[tuple[int, ...]]()
+    for kind, (operation, *operands) in zip(kinds, builder.instructions, strict=True):
+        if kind == 1:
+            constants.append(pi() if operation == "pi" else exactly(Fraction(*map(int, operands))))
+        elif kind == 2:
+            first, *others = (int(places[operand]) for operand in operands)
+            instructions.append((_CODES[operation], first, *(others or [0]), 0, 0, 0))
+    encoded = EncodedProgram(
+        inputs=kinds.count(0),
+        constants=np.array(constants, dtype=np.float64).reshape(-1, 3),
+        instructions=np.array(instructions, dtype=np.int32).reshape(-1, 6),
+    )
+    return encoded, {name: places[np.array([term.place for term in terms], dtype=np.int64)] for name, terms in outputs.items()}
 
 
 def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indices:
@@ -210,8 +188,8 @@ def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indice
             rows[place] = free.pop() if free else end
             end += rows[place] == end
 
-    for index in reversed(range(len(instructions))):
-        (code, *operands), place = instructions[index].tolist(), start + index
+    for index, (code, *operands) in reversed(list(enumerate(instructions.tolist()))):
+        place = start + index
         take(place)
         if code == COSINE:
             continue
@@ -221,13 +199,13 @@ def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indice
     return rows
 
 
-def _most_roundings(encoder: _Encoder) -> int:
+def _most_roundings(instructions: Indices, start: int, inputs: int) -> int:
     """Roundings on any way from a result back to an input: of each step, and of each sum of the steps that meet."""
     uses: Counter[int] = Counter()
     before: Counter[int] = Counter()
-    for index in reversed(range(len(encoder.instructions))):
-        (code, *operands), result = encoder.instructions[index], encoder.inputs + index
+    for index, (code, *operands) in reversed(list(enumerate(instructions.tolist()))):
+        result = start + index
         for operand in operands if code in _BINARY else operands[:1]:
             uses[operand] += 1
             before[operand] = max(before[operand], before[result] + uses[result] + _ROUNDINGS_OF_AN_EDGE)
-    return max((before[place] + uses[place] for place in range(encoder.inputs)), default=0)
+    return max((before[place] + uses[place] for place in range(inputs)), default=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 from harness.programs.kernels import BallKernel
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
@@ -18,23 +18,16 @@ LOADED_STATES = 4
 GOLDEN_RATIO = (math.sqrt(5.0) - 1) / 2
 
 
-@dataclass(frozen=True)
-class AppliedForces:
-    """Per coordinate [N or N m], as of ``Mechanism``."""
-
-    force_ranges: tuple[tuple[float, float], ...]
-    static_loads: tuple[float, ...]
-    moving_loads: tuple[float, ...]
-
-
 def forces_of(
     program: StraightLineProgram,
     parameters: Sequence[float],
     position_ranges: Sequence[tuple[float, float] | None],
     rate_ranges: Sequence[tuple[float, float]],
     attitudes: Sequence[int],
-) -> AppliedForces:
-    """The forces that would give each coordinate alone a brisk acceleration in the middle of its range, and those that hold it.
+) -> dict[str, Any]:
+    """``force_ranges``, ``static_loads`` and ``moving_loads`` of a ``Mechanism``, per coordinate [N or N m].
+
+    They are the forces that would give each coordinate alone a brisk acceleration in the middle of its range, and those that hold it.
 
     At the first joint of a chain the former are some hundred times what gravity asks for. ``attitudes`` are the places of the first
     angles of ball and free joints.
@@ -61,7 +54,8 @@ def forces_of(
         v = [low + place * (high - low) for place, (low, high) in zip(places[n:], rates, strict=True)]
         static = _largest(static, right_hand_side(outputs(places[:n], [0.0] * n)))
         moving = _largest(moving, right_hand_side(outputs(places[:n], v)))
-    return AppliedForces(tuple((-force, force) for force in forces), tuple(static), tuple(moving))
+    ranges = tuple((-force, force) for force in forces)
+    return {"force_ranges": ranges, "static_loads": tuple(static), "moving_loads": tuple(moving)}
 
 
 def _between(bounds: tuple[float, float] | None, otherwise: tuple[float, float]) -> tuple[float, float]:

@@ -30,11 +30,12 @@ from harness.programs.kernels import (
     compiled,
     evaluated,
     float64_kernel,
+    full_matrices,
     symbols_of,
 )
 from harness.programs.machine_code import load_heyoka
 from harness.programs.mechanisms.dynamics_derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
-from harness.programs.program import ENERGY_OUTPUTS, StraightLineProgram, position_count, upper_triangle, without_unused
+from harness.programs.program import ENERGY_OUTPUTS, StraightLineProgram, position_count, without_unused
 from harness.programs.states import States
 from harness.storage import Kept
 
@@ -250,10 +251,7 @@ class LagrangianKernel:
         nv = self.mechanism.nv
         flat = self._evaluate(self._terms, q, v, time)
         of_positions, momenta, forces = flat[: 3 * nv].reshape(3, nv, -1).transpose(0, 2, 1)
-        mass = np.empty((len(q), nv, nv))
-        for row, (i, j) in zip(flat[3 * nv :], upper_triangle(nv), strict=True):
-            mass[:, i, j] = mass[:, j, i] = row
-        return LagrangianTerms(of_positions, momenta, forces, mass)
+        return LagrangianTerms(of_positions, momenta, forces, full_matrices(flat[3 * nv :]))
 
     def _evaluate(self, function: Any, q: Array, v: Array, time: Array) -> Array:
         return np.asarray(function(self.mechanism.inputs(States(q, v, np.zeros_like(v), time))))

@@ -245,14 +245,16 @@ class Mechanism:
     def _checked(self) -> Mechanism:
         nv = self.nv
         per_coordinate = ("joints", "rotating", "position_ranges", "rate_ranges", "force_ranges")
-        if any(len(getattr(self, name)) != nv for name in per_coordinate):
-            raise ValueError("joints or ranges do not fit the coordinates")
-        if not all(0 <= place <= nv - 3 for place in self.attitudes):
-            raise ValueError("an attitude does not fit the coordinates")
-        if len(self.start) not in (0, nv):
-            raise ValueError("the start does not fit the coordinates")
-        if {len(self.static_loads), len(self.moving_loads)} - {0, nv}:
-            raise ValueError("the loads do not fit the coordinates")
+        faults = {
+            "joints or ranges do not fit the coordinates": any(len(getattr(self, name)) != nv for name in per_coordinate),
+            "an attitude does not fit the coordinates": not all(0 <= place <= nv - 3 for place in self.attitudes),
+            "the start does not fit the coordinates": len(self.start) not in (0, nv),
+            "the loads do not fit the coordinates": not {len(self.static_loads), len(self.moving_loads)} <= {0, nv},
+            "there is not one energy program for each chart": len(self.energy_programs) != 1 + len(self.other_charts),
+        }
+        for fault, is_there in faults.items():
+            if is_there:
+                raise ValueError(fault)
         if self.constraints is not None:
             self.constraints.checked(nv)
         for program in (self.program, *self.other_charts, *self.charts_in_body):
@@ -262,8 +264,6 @@ class Mechanism:
                 raise ValueError("the program's outputs do not fit the coordinates")
             if len(program.inputs) != self.nq + 2 * nv + 1 + len(self.parameters):
                 raise ValueError("the program's inputs do not fit coordinates and parameters")
-        if len(self.energy_programs) != 1 + len(self.other_charts):
-            raise ValueError("there is not one energy program for each chart")
         for program, energies in zip(self.charts(linear_velocity_in_body=False), self.energy_programs, strict=True):
             energies.checked()
             expected = dict.fromkeys((*ENERGY_OUTPUTS, *(["regularity"] if "regularity" in program.outputs else [])), 1) | {"forces": nv}
