@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
+from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import GREY, Points, Style, drawable, inside, log_figure, log_range, styles
 from harness.results.benchmark import AccelerationCost, DerivativeCost, MotionCost
-from harness.results.pareto import cost_of, way_of
+from harness.results.pareto import acceleration_front, cost_of, motion_front, way_of
 from harness.results.table import error_text, seconds_text
 from harness.verdict import AGREEMENT
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
@@ -25,13 +24,11 @@ from harness.results.benchmark import (
     QuantityCost,
     Stationarity,
 )
-from harness.results.pareto import error_of, front, way_of, with_cheapest
+from harness.results.pareto import error_of, way_of, with_cheapest
 from harness.results.records import Run
 from harness.results.table import Cell, Column, Table, TableOf, error_text, grouped, seconds_text
 from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
-_Answered = TypeVar("_Answered", AccelerationCost, QuantityCost)
-_Cost = TypeVar("_Cost", AccelerationCost, QuantityCost, MotionCost)
 _Measured = TypeVar("_Measured", AccelerationCost, DerivativeCost, MotionCost, Drift, Stationarity)
 
 
@@ -88,25 +85,6 @@ def _by_system(measured: Iterable[_Measured], key: Callable[[_Measured], Any]) -
     """What was measured on each system, in the order of ``key``; nothing on any other."""
     systems = grouped((one.system, one) for one in measured)
     return defaultdict(list, {system: sorted(own, key=key) for system, own in systems.items()})
-
-
-def acceleration_front(costs: Sequence[_Answered]) -> list[_Answered]:
-    """Measurements that no other beats in both cost and worst backward error, cheapest first."""
-    return _front(costs, "seconds_per_state", "backward_error", math.inf)
-
-
-def motion_front(costs: Sequence[MotionCost], by: str) -> list[MotionCost]:
-    """Measurements that no other beats in both ``by``, which is "seconds" or "evaluations", and error of the end state.
-
-    One that misses by as much as the whole motion is on no front.
-    """
-    return _front(costs, by, "state_error", 1.0)
-
-
-def _front(costs: Sequence[_Cost], spent: str, error: str, below: float) -> list[_Cost]:
-    points = [(getattr(cost, spent), getattr(cost, error)) for cost in costs]
-    known = [place for place, point in enumerate(points) if None not in point and point[1] < below]
-    return [costs[known[place]] for place in front([points[place] for place in known])]
 
 
 _Entry = TypeVar("_Entry")

@@ -18,11 +18,10 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.report import benchmarks, charts, hard_cases
-from harness.report.benchmarks import acceleration_front, motion_front
 from harness.report.figures import embed
 from harness.report.site_tables import error_of
 from harness.report.summary import changes_table, state_lines, states_of
-from harness.results.pareto import way_of
+from harness.results.pareto import acceleration_front, motion_front, way_of
 from harness.results.records import Record, changed_versions
 from harness.results.site import SiteCount
 from harness.results.table import Table, counted, error_text, seconds_text

@@ -6,7 +6,7 @@ Everything that differs between two runs with the same results stands in the las
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from harness.report import benchmarks, hard_cases
@@ -20,6 +20,7 @@ from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause, SuperfluousPart
+    from harness.results.hard_states import RankedCase
 
 VOLATILE = "## This run (differs from run to run)"
 
@@ -38,54 +39,60 @@ def render_markdown(summary: Summary | None, benchmark: BenchmarkSummary | None,
     return "\n\n".join(filter(None, sections)) + "\n"
 
 
-def _stable(summary: Summary) -> Iterator[str]:
-    yield "# Rigid-body engines against certified truth"
-    yield "## Result"
-    yield summary.sentence
-    yield _bullets(f"**{_pair(r)}: {r.verdict}**, expected {r.expected}" for r in summary.unexpected)
-    yield _bullets(f"**superfluous**, {_pair(finding)}: {markdown_line(str(finding))}" for finding in summary.superfluous)
-    yield _bullets(f"**not held alike**, {markdown_line(str(finding))}" for finding in summary.differs)
-    yield from summary.remarks
-    yield "## Verdicts and worst backward errors"
-    yield f"A backward error is an error in units of data roundoff; up to {AGREEMENT:g} agrees."
-    yield _matrix(summary).markdown()
-    yield "## Expected to differ"
-    yield _bullets(_listed(record) for record in summary.listed) or "None."
-    yield "## Worst backward error per engine"
+def _stable(summary: Summary) -> list[str]:
     # An engine is a subject without its model format.
     by_engine = grouped((record.subject.partition("/")[0], record) for record in summary.records)
-    found = [(name, worst(records)) for name, records in sorted(by_engine.items())]
+    worst_of = [(engine, worst(records)) for engine, records in sorted(by_engine.items())]
     engines = [
-        [name, r.backward_error, r.verdict, r.system, r.subject] if r else [name, None, "nothing compared", "", ""] for name, r in found
+        [name, r.backward_error, r.verdict, r.system, r.subject] if r else [name, None, "nothing compared", "", ""] for name, r in worst_of
     ]
     error = Column("backward error", "error")
-    yield Table(["engine", error, "verdict", "system", "subject"], engines).markdown()
-    for subject, cases in summary.worst_cases.items():
-        yield f"### Worst cases of {markdown_cell(subject)}"
-        yield Table(["system", "verdict", error], [[c.system, c.verdict, c.backward_error] for c in cases]).markdown()
-    yield "## Versions"
-    yield _about("package", "version", dict(sorted(summary.run.versions.items())))
-    yield "## Systems"
-    for system in summary.systems:
-        yield f"### {markdown_cell(system)}"
-        if card := summary.cards.get(system):
-            yield markdown_line(card.description)
-            yield markdown_line(f"Source: {card.source}") if card.source else ""
-        records = summary.of_system(system)
-        errors = "worst backward error", "median backward error"
-        yield records.table().only("subject", "verdict", "expected", "states", "states by verdict", *errors).markdown()
-        yield _quantities_on(summary, system).markdown()
-        for record in [*records, *(one for one in summary.further if one.system == system and one.is_noteworthy)]:
-            if record.message:
-                yield f"{markdown_line(record.asked)}, {record.verdict}:\n\n{_fenced(record.message)}"
-            if not record.is_further and (cause := summary.causes.get((system, record.subject))):
-                yield from _diagnosis(cause)
+    return [
+        "# Rigid-body engines against certified truth",
+        "## Result",
+        summary.sentence,
+        _bullets(f"**{_pair(r)}: {r.verdict}**, expected {r.expected}" for r in summary.unexpected),
+        _bullets(f"**superfluous**, {_pair(finding)}: {markdown_line(str(finding))}" for finding in summary.superfluous),
+        _bullets(f"**not held alike**, {markdown_line(str(finding))}" for finding in summary.differs),
+        *summary.remarks,
+        "## Verdicts and worst backward errors",
+        f"A backward error is an error in units of data roundoff; up to {AGREEMENT:g} agrees.",
+        _matrix(summary).markdown(),
+        "## Expected to differ",
+        _bullets(_listed(record) for record in summary.listed) or "None.",
+        "## Worst backward error per engine",
+        Table(["engine", error, "verdict", "system", "subject"], engines).markdown(),
+        *(part for subject, cases in summary.worst_cases.items() for part in _worst_cases(subject, cases, error)),
+        "## Versions",
+        _about("package", "version", dict(sorted(summary.run.versions.items()))),
+        "## Systems",
+        *(part for system in summary.systems for part in _system(summary, system)),
+    ]
 
 
-def _quantities_on(summary: Summary, system: str) -> Table:
-    """The verdicts of ``system`` in other quantities than accelerations, with the worst backward errors; no row without any."""
-    records = Records(record for record in summary.further if record.system == system)
-    return records.table().only("subject", "quantity", "verdict", "worst backward error") if records else Table(["quantity"], [])
+def _worst_cases(subject: str, cases: Sequence[RankedCase], error: Column) -> list[str]:
+    table = Table(["system", "verdict", error], [[case.system, case.verdict, case.backward_error] for case in cases])
+    return [f"### Worst cases of {markdown_cell(subject)}", table.markdown()]
+
+
+def _system(summary: Summary, system: str) -> list[str]:
+    """A system, its verdicts, those in other quantities than accelerations, and what is said of them."""
+    card, records = summary.cards.get(system), summary.of_system(system)
+    further = Records(record for record in summary.further if record.system == system)
+    errors = "worst backward error", "median backward error"
+    return [
+        f"### {markdown_cell(system)}",
+        markdown_line(card.description) if card else "",
+        markdown_line(f"Source: {card.source}") if card and card.source else "",
+        records.table().only("subject", "verdict", "expected", "states", "states by verdict", *errors).markdown(),
+        further.table().only("subject", "quantity", "verdict", "worst backward error").markdown() if further else "",
+        *(part for record in records for part in (_message(record), *_diagnosis(summary.causes.get((system, record.subject))))),
+        *(_message(record) for record in further if record.is_noteworthy),
+    ]
+
+
+def _message(record: Record) -> str:
+    return f"{markdown_line(record.asked)}, {record.verdict}:\n\n{_fenced(record.message)}" if record.message else ""
 
 
 def _matrix(summary: Summary) -> Table:
@@ -105,80 +112,90 @@ def _verdict_cell(records: Sequence[Record]) -> Cell:
     return Cell(mark + "; ".join(record.verdict for record in records), notes)
 
 
-def _diagnosis(cause: Cause) -> Iterator[str]:
-    yield f"Diagnosis of {markdown_cell(cause.subject)}: {markdown_cell(cause.inference)}"
-    if cause.is_shared:
-        yield f"As {markdown_cell(cause.diagnosed)}, which reads the same file."
-    else:
-        yield _fenced("\n".join(cause.lines))
+def _diagnosis(cause: Cause | None) -> list[str]:
+    if cause is None:
+        return []
+    shared = f"As {markdown_cell(cause.diagnosed)}, which reads the same file."
+    told = shared if cause.is_shared else _fenced("\n".join(cause.lines))
+    return [f"Diagnosis of {markdown_cell(cause.subject)}: {markdown_cell(cause.inference)}", told]
 
 
-def _volatile(summary: Summary) -> Iterator[str]:
+def _volatile(summary: Summary) -> list[str]:
     run = summary.run
     about = {"started": run.started, "library": run.library, "profile": run.profile, "seed": str(run.seed)}
-    yield _about(
-        "what", "value", about | {"states per system": str(run.states), "command": run.command} | dict(sorted(run.machine.items()))
-    )
-    if summary.earlier:
-        yield "### Changed since the last run"
-        changes = [*summary.changed_verdicts(), *summary.changed_versions()]
-        yield changes_table("what", changes).markdown() or "Neither a verdict nor a version."
-        yield "### Changed in the trend"
-        yield trend_changes_table(summary.changes_of_this_run()).markdown() or "No number."
-    yield "### Cost and relative error"
-    yield summary.records.table().only("system", "subject", "time per state", "fastest", "relative error there").markdown()
-    yield "### Time to derive and to compile"
+    about |= {"states per system": str(run.states), "command": run.command} | dict(sorted(run.machine.items()))
     costs = [[card.name, card.derivation_seconds, card.compilation_seconds] for _, card in sorted(summary.cards.items())]
-    yield Table(["system", Column("derivation", "seconds"), Column("compilation", "seconds")], costs).markdown()
-    yield "### Worst states"
-    for record in summary.records:
-        for what, *lines in states_of(record):
-            yield f"{what} {_pair(record)}:\n\n{_fenced(chr(10).join(filter(None, lines)))}"
+    states = [(record, what, lines) for record in summary.records for what, *lines in states_of(record)]
+    return [
+        _about("what", "value", about),
+        *(_changes(summary) if summary.earlier else ()),
+        "### Cost and relative error",
+        summary.records.table().only("system", "subject", "time per state", "fastest", "relative error there").markdown(),
+        "### Time to derive and to compile",
+        Table(["system", Column("derivation", "seconds"), Column("compilation", "seconds")], costs).markdown(),
+        "### Worst states",
+        *(f"{what} {_pair(record)}:\n\n{_fenced(chr(10).join(filter(None, lines)))}" for record, what, lines in states),
+    ]
 
 
-def _stable_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
-    yield "## Speed against error"
-    yield _troubles(benchmark)
-    yield benchmarks.findings(benchmark.benchmark.findings).without("finding").markdown()
-    yield benchmarks.figures(benchmark.benchmark.figures).without("computed", "true motion").markdown()
-    # Measured orders vary from run to run.
-    yield benchmarks.orders(benchmark, lambda order: Cell(order.verdict)).markdown()
+def _changes(summary: Summary) -> list[str]:
+    return [
+        "### Changed since the last run",
+        changes_table("what", [*summary.changed_verdicts(), *summary.changed_versions()]).markdown() or "Neither a verdict nor a version.",
+        "### Changed in the trend",
+        trend_changes_table(summary.changes_of_this_run()).markdown() or "No number.",
+    ]
 
 
-def _volatile_benchmark(benchmark: BenchmarkSummary) -> Iterator[str]:
-    yield "### Benchmark"
+def _stable_benchmark(benchmark: BenchmarkSummary) -> list[str]:
+    return [
+        "## Speed against error",
+        _troubles(benchmark),
+        benchmarks.findings(benchmark.benchmark.findings).without("finding").markdown(),
+        benchmarks.figures(benchmark.benchmark.figures).without("computed", "true motion").markdown(),
+        # Measured orders vary from run to run.
+        benchmarks.orders(benchmark, lambda order: Cell(order.verdict)).markdown(),
+    ]
+
+
+def _volatile_benchmark(benchmark: BenchmarkSummary) -> list[str]:
     run = benchmark.run
-    yield _about("what", "value", {"started": run.started, "profile": run.profile, "seed": str(run.seed), "command": run.command})
-    for kind in benchmarks.KINDS:
-        if ways := benchmarks.cheapest(benchmark, kind).markdown():
-            yield f"#### The cheapest way: {kind}"
-            yield ways
-    yield _bullets(f"{markdown_line(f'{one.method} on {one.system}: {one.statement}')}" for one in benchmark.benchmark.findings)
+    ways = {kind: benchmarks.cheapest(benchmark, kind).markdown() for kind in benchmarks.KINDS}
     reasons = benchmark.explanations(["as expected", "differs"])
-    yield _bullets(f"{markdown_line(text)} ({markdown_cell('; '.join(places))})" for text, places in reasons.items())
-    yield benchmarks.growth(benchmark.benchmark.growth).without("bodies").markdown()
+    return [
+        "### Benchmark",
+        _about("what", "value", {"started": run.started, "profile": run.profile, "seed": str(run.seed), "command": run.command}),
+        *(part for kind, table in ways.items() if table for part in (f"#### The cheapest way: {kind}", table)),
+        _bullets(markdown_line(f"{one.method} on {one.system}: {one.statement}") for one in benchmark.benchmark.findings),
+        _bullets(f"{markdown_line(text)} ({markdown_cell('; '.join(places))})" for text, places in reasons.items()),
+        benchmarks.growth(benchmark.benchmark.growth).without("bodies").markdown(),
+    ]
 
 
-def _stable_hard(hard: HardSummary) -> Iterator[str]:
-    yield "## Hard cases"
-    yield hard.sentence
-    yield _troubles(hard)
-    yield hard_cases.verdicts(hard).markdown()
-    yield _bullets(
-        markdown_line(f"{family.name}, {', '.join(subjects)}, {reason.verdict}: {reason.reason}; {reason.remedy} ({reason.link})")
-        for family in hard.families
-        for subjects, reason in family.reasons
-    )  # fmt: skip
-    yield hard_cases.partings(hard).only("motion", "integrator", "verdict").markdown()
-    yield hard_cases.stable_steps(hard).only("integrator", "theory", "verdict").markdown()
+def _stable_hard(hard: HardSummary) -> list[str]:
+    reasons = [(family.name, *reason) for family in hard.families for reason in family.reasons]
+    return [
+        "## Hard cases",
+        hard.sentence,
+        _troubles(hard),
+        hard_cases.verdicts(hard).markdown(),
+        _bullets(
+            markdown_line(f"{name}, {', '.join(subjects)}, {why.verdict}: {why.reason}; {why.remedy} ({why.link})")
+            for name, subjects, why in reasons
+        ),
+        hard_cases.partings(hard).only("motion", "integrator", "verdict").markdown(),
+        hard_cases.stable_steps(hard).only("integrator", "theory", "verdict").markdown(),
+    ]
 
 
-def _volatile_hard(hard: HardSummary) -> Iterator[str]:
-    yield "### Hard cases"
-    yield _about("what", "value", {"started": hard.run.started, "command": hard.run.command})
-    yield hard_cases.rows_of(hard).only("family", "subject", "largest backward error", "slope", "theory", "time").markdown()
-    yield hard_cases.partings(hard).only("motion", "integrator", "parted", "rate over the expected one", "soonest").markdown()
-    yield hard_cases.stable_steps(hard).only("integrator", "measured").markdown()
+def _volatile_hard(hard: HardSummary) -> list[str]:
+    return [
+        "### Hard cases",
+        _about("what", "value", {"started": hard.run.started, "command": hard.run.command}),
+        hard_cases.rows_of(hard).only("family", "subject", "largest backward error", "slope", "theory", "time").markdown(),
+        hard_cases.partings(hard).only("motion", "integrator", "parted", "rate over the expected one", "soonest").markdown(),
+        hard_cases.stable_steps(hard).only("integrator", "measured").markdown(),
+    ]
 
 
 def _troubles(part: BenchmarkSummary | HardSummary) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 from lxml import etree
 
 from harness.report.markdown import fenced
-from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case, Night, NightSettings, new_since
+from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case, NewSince, Night, NightSettings, new_since
 from harness.results.records import Run
 from harness.results.table import Column, Table, counted, grouped, markdown_line, printable
 from harness.results.trend import ChangedCell, trend_changes_table
@@ -47,7 +47,7 @@ class NightSummary:
         return sorted((case for case in self.cases if not case.is_good), key=lambda case: (case.key not in new, case.key))
 
     @cached_property
-    def since(self) -> Any:
+    def since(self) -> NewSince | None:
         """Differences from the night before; None where there is none."""
         return None if self.before is None else new_since(self.before, self.cases)
 
@@ -99,65 +99,52 @@ _OUTCOMES = (PASSED, FAILED, BROKEN, LEFT_OUT)
 
 def render_summary(summary: NightSummary) -> str:
     """Cases that are not as expected, then those that are new, the changes in the trend, and the counts."""
-    return "\n\n".join(_summary(summary)) + "\n"
-
-
-def _summary(summary: NightSummary) -> Iterator[str]:
-    run = summary.run
-    yield f"# Night of {run.started}"
-    yield f"**{markdown_line(summary.sentence)}**"
-    for title, sentences in (("To be mended", summary.problems), ("Faults of the harness", summary.night.faults)):
-        if sentences:
-            yield f"## {title}"
-            yield _listed(sentences)
-    if summary.bad:
-        yield "## Not as expected"
-        new = {case.key for case in summary.since.worse} if summary.since else set()
-        for case in summary.bad[:MOST_SHOWN]:
-            yield from _shown(case, case.key in new)
-        if len(summary.bad) > MOST_SHOWN:
-            yield f"{len(summary.bad) - MOST_SHOWN} more are in `nightly.xml`."
-    if summary.changes:
-        yield "## Changed in the trend"
-        yield trend_changes_table(summary.changes).markdown()
-    if summary.since is not None:
-        yield "## Since the last night"
-        since = summary.since
-        if not (since.worse or since.mended or since.came or since.went):
-            yield "Nothing is new."
-        for title, names in (
-            ("New and not as expected", [f"{case.stage}: {case.title}" for case in since.worse]),
-            ("Good again", [f"{case.stage}: {case.title}" for case in since.mended]),
-            ("Came", since.came),
-            ("Went", since.went),
-        ):
-            if names:
-                yield f"{title} ({len(names)}):"
-                yield _listed(names)
-    yield "## Counts"
-    yield counts_table(summary).markdown()
+    run, since, bad = summary.run, summary.since, summary.bad
+    new = {case.key for case in since.worse} if since else set()
     versions = ", ".join(f"{name} {version}" for name, version in sorted(run.versions.items()))
-    yield markdown_line(f"Library {run.library}, {run.states:,} states for each system, seed {run.seed}; {versions}.")
-    if summary.resumed:
-        yield f"The night was interrupted; {counted(summary.resumed, 'unit')} of work were complete when it went on."
-    yield "The whole night again:"
-    yield fenced([run.command], "sh")
+    parts = [
+        f"# Night of {run.started}",
+        f"**{markdown_line(summary.sentence)}**",
+        *_listed("## To be mended", summary.problems),
+        *_listed("## Faults of the harness", summary.night.faults),
+        *(["## Not as expected"] if bad else []),
+        *(part for case in bad[:MOST_SHOWN] for part in _shown(case, case.key in new)),
+        f"{len(bad) - MOST_SHOWN} more are in `nightly.xml`." if len(bad) > MOST_SHOWN else "",
+        *(["## Changed in the trend", trend_changes_table(summary.changes).markdown()] if summary.changes else []),
+        *(_news(since) if since else []),
+        "## Counts",
+        counts_table(summary).markdown(),
+        markdown_line(f"Library {run.library}, {run.states:,} states for each system, seed {run.seed}; {versions}."),
+        f"The night was interrupted; {counted(summary.resumed, 'unit')} of work were complete when it went on." if summary.resumed else "",
+        "The whole night again:",
+        fenced([run.command], "sh"),
+    ]
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def _shown(case: Case, is_new: bool) -> Iterator[str]:
-    new = " (new)" if is_new else ""
-    yield f"### {markdown_line(f'{case.stage}: {case.title}')}{new}"
+def _news(since: NewSince) -> list[str]:
+    """Differences from the last night."""
+    names = {
+        "New and not as expected": [case.title for case in since.worse],
+        "Good again": [case.title for case in since.mended],
+        "Came": since.came,
+        "Went": since.went,
+    }
+    told = [part for title, own in names.items() for part in _listed(f"{title} ({len(own)}):", own)]
+    return ["## Since the last night", *(told or ["Nothing is new."])]
+
+
+def _shown(case: Case, is_new: bool) -> list[str]:
     lines = [printable(line) for line in (case.details or case.message)[:MOST_DETAILS].split("\n")]
-    yield fenced(lines, "text")
-    if case.replay:
-        yield "Again:"
-        yield fenced([printable(case.replay)], "sh")
+    again = ["Again:", fenced([printable(case.replay)], "sh")] if case.replay else []
+    return [f"### {markdown_line(case.title)}{' (new)' if is_new else ''}", fenced(lines, "text"), *again]
 
 
-def _listed(names: Iterable[str]) -> str:
-    every = list(names)
-    lines = [f"- {markdown_line(name)}" for name in every[:MOST_LISTED]]
-    return "\n".join([*lines, *([f"- and {len(every) - MOST_LISTED} more"] if len(every) > MOST_LISTED else [])])
+def _listed(title: str, names: Sequence[str]) -> list[str]:
+    """Names below a title; nothing without any."""
+    lines = [f"- {markdown_line(name)}" for name in names[:MOST_LISTED]]
+    more = [f"- and {len(names) - MOST_LISTED} more"] if len(names) > MOST_LISTED else []
+    return [title, "\n".join([*lines, *more])] if names else []
 
 
 def counts_table(summary: NightSummary) -> Table:

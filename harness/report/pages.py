@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from harness.report import benchmark_charts, charts, comparison, site_tables
-from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
+from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
 from harness.report.html import Drawn, draw
@@ -16,7 +16,7 @@ from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
 from harness.results.comparison import FilesComparison, short_names
 from harness.results.cross_check import CrossCheckResult
-from harness.results.pareto import way_of
+from harness.results.pareto import acceleration_front, motion_front, way_of
 from harness.results.records import Run
 from harness.results.site import SiteRow
 from harness.results.table import Cell, Column, Table, grouped

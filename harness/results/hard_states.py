@@ -251,22 +251,27 @@ class SearchResult:
 
 def as_lines(result: SearchResult) -> list[str]:
     """Plain text for the terminal: each case with its state, digits, term, replay and reproducer, then what was stored."""
-    lines = []
-    for case in result.cases:
-        found = case.found
-        error = "no finite answer" if found.backward_error is None else f"{found.backward_error:.3g} data roundoffs"
-        lines += [
-            f"{found.subject}: {found.verdict}, expected {case.expected}: {error}, {found.digits_lost:.1f} digits lost ({found.term})",
-            f"  {found.statement}",
-            *(f"  {line}" for line in state_and_replay(found.state, case.replay)),
-        ]
-        if not case.as_expected:
-            lines += [f"    {line}" for line in case.reproducer.splitlines()]
-        lines.append("")
-    for subject, reason in result.failures.items():
-        lines.append(f"{subject}: {reason}")
-    for subject, count in result.states.items():
-        without = f", {result.undecided[subject]:,} of them without certified truth" if result.undecided[subject] else ""
-        lines.append(f"{subject}: {count:,} states tried{without}; the worst had {result.worst[subject]:.3g} data roundoffs")
-    lines.append(f"not stored: {result.not_stored}; its place is {result.place}" if result.not_stored else f"stored in {result.place}")
-    return lines
+    unstored = f"not stored: {result.not_stored}; its place is {result.place}"
+    return [
+        *(line for case in result.cases for line in _case_lines(case)),
+        *(f"{subject}: {reason}" for subject, reason in result.failures.items()),
+        *(_tried(result, subject, count) for subject, count in result.states.items()),
+        unstored if result.not_stored else f"stored in {result.place}",
+    ]
+
+
+def _case_lines(case: FoundCase) -> list[str]:
+    found = case.found
+    error = "no finite answer" if found.backward_error is None else f"{found.backward_error:.3g} data roundoffs"
+    return [
+        f"{found.subject}: {found.verdict}, expected {case.expected}: {error}, {found.digits_lost:.1f} digits lost ({found.term})",
+        f"  {found.statement}",
+        *(f"  {line}" for line in state_and_replay(found.state, case.replay)),
+        *([] if case.as_expected else [f"    {line}" for line in case.reproducer.splitlines()]),
+        "",
+    ]
+
+
+def _tried(result: SearchResult, subject: str, count: int) -> str:
+    without = f", {result.undecided[subject]:,} of them without certified truth" if result.undecided[subject] else ""
+    return f"{subject}: {count:,} states tried{without}; the worst had {result.worst[subject]:.3g} data roundoffs"

@@ -159,7 +159,7 @@ class Case:
 
     @property
     def title(self) -> str:
-        return f"{self.group} {self.name}"
+        return f"{self.stage}: {self.group} {self.name}"
 
 
 def case_of(record: Record, stage: str) -> Case:
@@ -203,6 +203,6 @@ def new_since(before: Iterable[Case], now: Sequence[Case]) -> NewSince:
     return NewSince(
         worse=[case for case in now if not case.is_good and (case.key not in known or known[case.key].is_good)],
         mended=[case for case in now if case.is_good and case.key in known and not known[case.key].is_good],
-        came=[f"{case.stage}: {case.title}" for case in now if case.is_good and case.key not in known],
-        went=[f"{case.stage}: {case.title}" for key, case in known.items() if key not in found],
+        came=[case.title for case in now if case.is_good and case.key not in known],
+        went=[case.title for key, case in known.items() if key not in found],
     )

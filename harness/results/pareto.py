@@ -6,26 +6,45 @@ Source: a way is on the front where no other is both cheaper and more exact (V. 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from operator import itemgetter
+from typing import TypeVar
 
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, MotionCost, QuantityCost
 from harness.results.table import counted
 
+_Item = TypeVar("_Item")
+_Answered = TypeVar("_Answered", AccelerationCost, QuantityCost)
 ERRORS = (1e-3, 1e-6, 1e-9)
 
 
-def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the (cost, error) points on the Pareto front, cheapest first; a point that is NaN is on none."""
-    ordered = sorted(range(len(points)), key=lambda index: points[index])
-    chosen: list[int] = []
-    best = math.inf
-    for index in ordered:
-        cost, error = points[index]
+def front(items: Iterable[_Item], point: Callable[[_Item], tuple[float | None, float | None]], below: float = math.inf) -> list[_Item]:
+    """Items on the Pareto front of (cost, error), cheapest first.
+
+    One whose cost or error is not known, or is NaN, or whose error is not less than ``below``, is on none.
+    """
+    known = [(cost, error, item) for item in items for cost, error in [point(item)] if cost is not None and error is not None]
+    chosen: list[_Item] = []
+    best = below
+    for cost, error, item in sorted(known, key=itemgetter(0, 1)):
         if not math.isnan(cost) and error < best:
-            chosen.append(index)
+            chosen.append(item)
             best = error
     return chosen
+
+
+def acceleration_front(costs: Iterable[_Answered]) -> list[_Answered]:
+    """Measurements that no other beats in both cost and worst backward error, cheapest first."""
+    return front(costs, lambda cost: (cost.seconds_per_state, cost.backward_error))
+
+
+def motion_front(costs: Iterable[MotionCost], by: str) -> list[MotionCost]:
+    """Measurements that no other beats in both ``by``, which is "seconds" or "evaluations", and error of the end state.
+
+    One that misses by as much as the whole motion is on no front.
+    """
+    return front(costs, lambda cost: (getattr(cost, by), cost.state_error), 1.0)
 
 
 def way_of(measured: AccelerationCost | MotionCost) -> str:

@@ -172,25 +172,23 @@ class Record:
     @property
     def explanation(self) -> str:
         """Verdict, message, states and replay commands, a line each: what a person needs to go on from an unexpected record."""
-        lines = [f"{self.title}: {self.verdict}, expected {self.expected}"]
-        if self.backward_error is not None:
-            over = f"over {self.states:,} states; up to {AGREEMENT:g} agrees"
-            lines.append(f"worst backward error {self.backward_error:.3g} data roundoffs {over}")
-        if self.componentwise_error is not None:
-            lines.append(f"componentwise {self.componentwise_error:.3g} there: every input and answer moves by that many half ulps")
-        lines += self.beyond
-        if self.expected_reason:
-            lines.append(f"expected because {self.expected_reason} ({self.expected_link})")
-            lines.append("remove or mend the entry in expected_verdicts.toml if that is past")
-        if self.message:
-            lines.append(self.message)
-        lines += state_and_replay(self.worst_state, self.replay)
-        if self.representative is not None:
-            error = self.representative.backward_error
-            size = "no backward error" if error is None else f"backward error {error:.3g} data roundoffs"
-            lines.append(f"the simplest state that shows it: {size}")
-            lines += state_and_replay(self.representative.state, self.representative.replay)
-        return "\n  ".join(map(printable, lines))
+        error, componentwise, simplest = self.backward_error, self.componentwise_error, []
+        if (shown := self.representative) is not None:
+            size = "no backward error" if shown.backward_error is None else f"backward error {shown.backward_error:.3g} data roundoffs"
+            simplest = [f"the simplest state that shows it: {size}", *state_and_replay(shown.state, shown.replay)]
+        over, moves = f"over {self.states:,} states; up to {AGREEMENT:g} agrees", "every input and answer moves by that many half ulps"
+        lines = [
+            f"{self.title}: {self.verdict}, expected {self.expected}",
+            "" if error is None else f"worst backward error {error:.3g} data roundoffs {over}",
+            "" if componentwise is None else f"componentwise {componentwise:.3g} there: {moves}",
+            *self.beyond,
+            f"expected because {self.expected_reason} ({self.expected_link})" if self.expected_reason else "",
+            "remove or mend the entry in expected_verdicts.toml if that is past" if self.expected_reason else "",
+            self.message,
+            *state_and_replay(self.worst_state, self.replay),
+            *simplest,
+        ]
+        return "\n  ".join(map(printable, filter(None, lines)))
 
     @property
     def marked_verdict(self) -> Annotated[Cell, Column("verdict")]:

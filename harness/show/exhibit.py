@@ -249,34 +249,31 @@ def joint_table(exhibit: Exhibit) -> Table:
     return Table(titles, rows, "Joints in the models", "plain").only(*(title for title in titles if title in (*titles[:2], *filled)))
 
 
-def as_text(exhibit: Exhibit) -> Iterator[str]:
-    """The exhibit as lines of plain text."""
-    mechanism = exhibit.mechanism
-    yield f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}"
-    yield "\nEquations of motion (' is d/dt, tau the applied force):"
+def as_text(exhibit: Exhibit) -> list[str]:
+    """The exhibit as plain text, in pieces."""
+    mechanism, formulations, compared = exhibit.mechanism, sizes_of_formulations(exhibit), comparison_of_holdings(exhibit)
     sources = "T and V" if mechanism.constraints is None else "T, V and the constraints"
-    yield from _indented(
-        mechanism.equations_text or f"{mechanism.operations:,} operations, which follow from {sources}:\n\n{mechanism.energies_text}"
-    )
-    if formulations := sizes_of_formulations(exhibit):
-        yield f"\nEquations and unknowns: {formulations}"
-    yield "\nParameters:"
-    yield from _indented(str(parameter_table(mechanism)))
-    yield "\nCoordinates:"
-    yield from _indented(str(coordinate_table(mechanism)))
-    yield "\nModels:"
-    yield from (f"  {model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items())
-    if not exhibit.models:
-        yield "  none" if exhibit.reasons else "  none that can be read"
-    if exhibit.joints:
-        yield "\nJoints, as the files say (what they leave out, in parentheses); mass is that of the body:"
-        yield from _indented(str(joint_table(exhibit)))
-    yield from (f"  {model_format}, {text}" for model_format, text in exhibit.ties)
-    yield "\nAfter loading:"
-    yield from _indented(str(audit_table(exhibit)))
-    if compared := comparison_of_holdings(exhibit):
-        yield "\nHeld of each joint and body, in the world's frame with every joint at zero:"
-        yield from (f"  {line}" for line in compared)
+    energies = f"{mechanism.operations:,} operations, which follow from {sources}:\n\n{mechanism.energies_text}"
+    models = [f"{model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items()]
+    joints = "Joints, as the files say (what they leave out, in parentheses); mass is that of the body"
+    held = "Held of each joint and body, in the world's frame with every joint at zero"
+    return [
+        f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}",
+        *_headed("Equations of motion (' is d/dt, tau the applied force)", mechanism.equations_text or energies),
+        *([f"\nEquations and unknowns: {formulations}"] if formulations else []),
+        *_headed("Parameters", str(parameter_table(mechanism))),
+        *_headed("Coordinates", str(coordinate_table(mechanism))),
+        *_headed("Models", "\n".join(models) or ("none" if exhibit.reasons else "none that can be read")),
+        *(_headed(joints, str(joint_table(exhibit))) if exhibit.joints else []),
+        *(f"  {model_format}, {text}" for model_format, text in exhibit.ties),
+        *_headed("After loading", str(audit_table(exhibit))),
+        *(_headed(held, "\n".join(compared)) if compared else []),
+    ]
+
+
+def _headed(title: str, text: str) -> list[str]:
+    """A title, and the lines of a text below it."""
+    return [f"\n{title}:", *(f"  {line}" for line in text.splitlines())]
 
 
 def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str:
@@ -323,7 +320,3 @@ def coordinate_table(mechanism: Mechanism) -> Table:
         sampled[number] = f"by constraint {constraint}"
     rows = [list(row) for row in zip(mechanism.coordinates, mechanism.joints, sampled, strict=True)]
     return Table(["coordinate", "joint", "sampled"], rows, "Coordinates")
-
-
-def _indented(text: str) -> Iterator[str]:
-    return (f"  {line}" for line in text.splitlines())

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from support import Page, charts_of, missing, pages_of, site_of
 
 from harness.report import build
-from harness.report.benchmarks import BenchmarkSummary, acceleration_front, motion_front
+from harness.report.benchmarks import BenchmarkSummary
 from harness.report.markdown import VOLATILE
 from harness.results.benchmark import (
     AccelerationCost,
@@ -31,7 +31,7 @@ from harness.results.benchmark import (
     Yardstick,
 )
 from harness.results.cross_check import CrossCheckResult
-from harness.results.pareto import cheapest, front
+from harness.results.pareto import acceleration_front, cheapest, front, motion_front
 from harness.results.records import Record, Run
 
 RUN = Run(
@@ -265,21 +265,24 @@ def test_text_is_escaped() -> None:
     assert evil in site_of(built).words
 
 
+def itself(point: tuple[float | None, float]) -> tuple[float | None, float]:
+    return point
+
+
 def test_front_keeps_what_nothing_beats() -> None:
-    points = [(1.0, 5.0), (2.0, 5.0), (2.0, 1.0), (0.5, 9.0), (3.0, 0.0), (4.0, 0.0), (math.nan, 0.0), (0.1, math.inf)]
-    assert front(points) == [3, 0, 2, 4]
-    assert front([(1.0, 1.0), (1.0, 0.5)]) == [1]
-    assert front([]) == []
+    points = [(1.0, 5.0), (2.0, 5.0), (2.0, 1.0), (0.5, 9.0), (3.0, 0.0), (4.0, 0.0), (math.nan, 0.0), (0.1, math.inf), (None, 0.0)]
+    assert front(points, itself) == [(0.5, 9.0), (1.0, 5.0), (2.0, 1.0), (3.0, 0.0)]
+    assert front(points, itself, below=5.0) == [(2.0, 1.0), (3.0, 0.0)]
+    assert front([(1.0, 1.0), (1.0, 0.5)], itself) == [(1.0, 0.5)]
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 10), st.floats(0, 10)), max_size=12))
 def test_front_is_the_set_of_undominated_points(points: list[tuple[float, float]]) -> None:
-    chosen = {points[index] for index in front(points)}
     undominated = {
         (cost, error) for cost, error in points if not any(c <= cost and e <= error and (c, e) != (cost, error) for c, e in points)
     }
-    assert chosen == undominated
+    assert set(front(points, itself)) == undominated
 
 
 def test_cheapest_is_the_fastest_that_is_exact_enough() -> None:
