@@ -54,18 +54,22 @@ class Hunt:
     states: int
     undecided: int
 
+    @classmethod
+    def of(cls, states: States, comparison: Comparison) -> Hunt:
+        """The outcome of a search that tried ``states``."""
+        index, undecided = worst_index(comparison), int((comparison.verdicts == Verdict.UNDECIDED.value).sum())
+        return cls(states[index : index + 1], float(comparison.backward_error[index]), len(states), undecided)
+
 
 def evolve(assignment: Assignment, states: int, population: int, seed: int, note: Note = lambda text: None, decades: int = DECADES) -> Hunt:
     """Maximise the backward error over at most ``states`` states, from a random start; ``decades`` as in ``StateSpace``.
 
     A strategy that has converged starts again elsewhere, with twice the population.
     """
-    judge = judge_of(assignment)
-    space = StateSpace(assignment.mechanism, decades)
+    judge, space = judge_of(assignment), StateSpace(assignment.mechanism, decades)
     random = np.random.default_rng([seed, population])
     population = max(SMALLEST_POPULATION, min(population, states))
-    tried, undecided = 0, 0
-    worst: list[tuple[States, Comparison]] = []
+    tried: list[tuple[States, Comparison]] = []
     left = max(states, population)
     while left >= population:
         strategy = _strategy(space, population, random)
@@ -76,35 +80,21 @@ def evolve(assignment: Assignment, states: int, population: int, seed: int, note
             comparison = judge(batch)
             strategy.tell(points, (-objective(comparison)).tolist())
             left -= population
-            tried += len(batch)
-            undecided += _undecided(comparison)
-            worst.append(_worst(batch, comparison))
+            tried.append((batch, comparison))
         population *= 2
-    state, comparison = _worst(States.concatenate([state for state, _ in worst]), Comparison.concatenate([one for _, one in worst]))
-    return Hunt(state, float(comparison.backward_error[0]), tried, undecided)
+    return Hunt.of(States.concatenate([batch for batch, _ in tried]), Comparison.concatenate([one for _, one in tried]))
 
 
 def explore(assignment: Assignment, states: int, seed: int, note: Note) -> Hunt:
     """The same by hypothesis, whose draws hold the special values; see ``harness.crosscheck.hypothesis_search``."""
     found = hypothesis_search.explore(assignment, states, seed, note)
-    state, comparison = _worst(found.states, found.comparison)
-    return Hunt(state, float(comparison.backward_error[0]), len(found.states), _undecided(found.comparison))
+    return Hunt.of(found.states, found.comparison)
 
 
 def worst_index(comparison: Comparison) -> int:
     """Index of the answer that shows most: the gravest verdict that is the engine's, then the largest backward error."""
     severity = np.array([SEVERITY[verdict] if verdict in _FAILURES else 0 for verdict in comparison.verdicts.tolist()], dtype=np.float64)
     return int(np.lexsort((objective(comparison), severity))[-1])
-
-
-def _undecided(comparison: Comparison) -> int:
-    return int((comparison.verdicts == Verdict.UNDECIDED.value).sum())
-
-
-def _worst(states: States, comparison: Comparison) -> tuple[States, Comparison]:
-    """The one state of ``worst_index``, with its judgement."""
-    index = worst_index(comparison)
-    return states[index : index + 1], comparison[index : index + 1]
 
 
 def _strategy(space: StateSpace, population: int, random: np.random.Generator) -> Any:

@@ -12,14 +12,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from harness.crosscheck import tasks
 from harness.crosscheck.assignment import Assignment, judge_of, refuse_robots
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.hypothesis_search import note_of
@@ -29,8 +28,8 @@ from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard import evolution
-from harness.hard.lost_digits import digits_lost, locate
-from harness.hard.reproducer import reproduce
+from harness.hard.worst_cases import digits_lost, locate, reproduce
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.hard_states import (
@@ -49,7 +48,7 @@ from harness.study import Inquiry, Part, Study, ask
 from harness.truth.quantities import find_quantities, require_quantity
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
-from harness.workers import Crash, Outcome, Task
+from harness.workers import Crash, Outcome
 
 # Measured: with it each of ten seeds passes the best of every one of ten samples of 10,000 random states on the
 # two-link pendulums; a half of it passes that of the sample with its own seed.
@@ -133,21 +132,12 @@ class StateSearch(Study):
 
     def _read(self) -> Inquiry[None]:
         """The system and the models that its subjects read."""
-        library, name = self.settings.library, self.name
-        formats = {subject.format for subject in self._subjects}
-        paths = {one: path for one, path in sorted(library.validated_models(name).items()) if one in formats}
-        derived, *read = yield [
-            Task(None, tasks.derive, (library, name)),
-            *(Task(None, tasks.read, (path, one)) for one, path in paths.items()),
-        ]
-        for outcome in (derived, *read):
-            if outcome.exception is not None:
-                raise outcome.exception
-            if outcome.crash is not None:
-                raise InvalidRequest(f"reading the system and its models failed: {outcome.crash}")
-        models = {one: outcome.value for one, outcome in zip(paths, read, strict=True)}
-        about = name, self.settings.quantity
-        self._assignments = [Assignment(library, one, derived.value, models.get(one.format), *about) for one in self._subjects]
+        outcome = yield from ask(read, self.settings.library, self.name, self._subjects, self.settings.quantity)
+        if outcome.exception is not None:
+            raise outcome.exception
+        if outcome.crash is not None:
+            raise InvalidRequest(f"reading the system and its models failed: {outcome.crash}")
+        self._assignments = outcome.value
         yield Part(MECHANISM, None)
 
     def _hunt(self, assignment: Assignment, number: int) -> Inquiry[None]:
@@ -167,10 +157,12 @@ class StateSearch(Study):
             return
         taken: evolution.Hunt = outcome.value
         self._worst.setdefault(subject, {})[number] = taken.worst
-        for counts, count in ((result.states, taken.states), (result.undecided, taken.undecided)):
-            counts[str(subject)] = counts.get(str(subject), 0) + count
-        error = math.inf if math.isnan(taken.backward_error) and taken.undecided < taken.states else taken.backward_error
-        result.worst[str(subject)] = max(result.worst.get(str(subject), 0.0), 0.0 if math.isnan(error) else error)
+        own, error = str(subject), taken.backward_error
+        result.states[own] = result.states.get(own, 0) + taken.states
+        result.undecided[own] = result.undecided.get(own, 0) + taken.undecided
+        if math.isnan(error):
+            error = math.inf if taken.undecided < taken.states else 0.0
+        result.worst[own] = max(result.worst.get(own, 0.0), error)
 
     def _examine(self, assignment: Assignment) -> Inquiry[None]:
         """What one subject was found to do worst at, shrunk and explained."""
@@ -182,7 +174,10 @@ class StateSearch(Study):
 
     def _replay(self, assignment: Assignment, crash: Crash) -> Inquiry[None]:
         """The state at which the engine died; without one if it does not die again."""
-        outcome = yield from ask(ask_one_by_one, assignment, _noted(crash))
+        # No states where it died before it was asked for any.
+        nothing = States(np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0)), np.empty(0))
+        batch = States.at(**json.loads(crash.note)["states"]) if crash.note else nothing
+        outcome = yield from ask(ask_one_by_one, assignment, batch)
         if outcome.crash is None or not outcome.crash.note:
             self._result.failures[str(assignment.subject)] = f"{crash}; no single state repeats it: try a lower --budget"
             return
@@ -257,6 +252,16 @@ class StateSearch(Study):
                 result.not_stored = str(error)
 
 
+def read(library: Library, name: str, subjects: Sequence[Subject], quantity: str, note: Note) -> list[Assignment]:
+    """What each subject is asked with.
+
+    Raises:
+        InvalidInput: the system or its model cannot be used.
+    """
+    load_mechanism(library, name)
+    return [replace(Assignment.of(library, name, subject), quantity=quantity) for subject in subjects]
+
+
 def examine(assignment: Assignment, states: States, note: Note) -> list[tuple[FoundState, str]]:
     """Each state shrunk and explained, with its reproducer; of states with one verdict and term the worst."""
     judge = judge_of(assignment)
@@ -289,14 +294,6 @@ def _found(assignment: Assignment, **seen: Any) -> FoundState:
     versions = {"harness": __version__, engine.requires[1]: installed_version(engine) or ""}
     today, quantity = datetime.now(UTC).date().isoformat(), assignment.quantity
     return FoundState(subject=str(assignment.subject), quantity=quantity, versions=versions, date=today, **seen)
-
-
-def _noted(crash: Crash) -> States:
-    """The batch that an engine was asked for when it died; no states where it died before."""
-    if crash.note:
-        return States.at(**json.loads(crash.note)["states"])
-    nothing = np.empty((0, 0))
-    return States(nothing, nothing, nothing, np.empty(0))
 
 
 def _program(assignment: Assignment, state: States, note: Note) -> str:

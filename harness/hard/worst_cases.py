@@ -1,24 +1,193 @@
-"""The catalogue's worst cases per subject, each explained and with a program that reproduces it: what a report ranks.
+"""The explanation of states a subject does worst at: the term of the equations that loses the digits, and a program that shows it.
 
-A case is a cross-check's record. Stored states are among those that the cross-check compared.
+For each term it is computed how far qdd moves when its entries are rounded to float64, to first order and in
+the norm and units of the backward error: sum_i |t_i| |M^-1 e_i|_M for a vector t, sum_ij |M_ij qdd_j| |M^-1
+e_i|_M for M. That is what an engine can lose which forms the term and rounds it once.
+
+The term is identified by measuring the subject. Asked again at rest, with forces applied that stand for all that comes
+from velocities, it has the same M, gravity and exact answer: an error that falls was the velocity terms'. With forces
+added that make the answer ``LOAD`` times as large, an error of M grows as much and one of gravity or springs stays.
+
+The program has three lines in an engine's own Python API and prints what it answers beside the certified value. It holds the model, so
+that it can be pasted into the engine's issue tracker, and needs nothing but the engine. The engine's file writes it, by a method
+``reproducer`` of its model; see ``Reproducible``.
+
+A report ranks the catalogue's worst cases per subject. A case is a cross-check's record; stored states are among those that the
+cross-check compared.
+
+Source: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 7.1 and 7.2 (componentwise
+perturbations), 10.1 (scaled condition number and Cholesky).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
-from harness.crosscheck.assignment import Assignment
+import numpy as np
+
+from harness.arrays import Array
+from harness.crosscheck.assignment import Assignment, frame_of, judge_of, load_audited, reference_kernel_of
 from harness.crosscheck.tasks import Note
 from harness.engines import Subject, select_subjects
-from harness.hard.lost_digits import locate
-from harness.hard.reproducer import reproduce
+from harness.files.text.scan import compact
 from harness.library import Library
+from harness.programs.mechanisms.kernel import MechanismKernel
+from harness.programs.program import OUTPUTS, right_hand_side
 from harness.programs.states import States
 from harness.results.hard_states import RankedCase, worst_cases
 from harness.results.records import Record
+from harness.truth.compare import compare, farthest_block
+from harness.truth.reference import Reference
 from harness.verdict import Verdict
 from harness.workers import Task, Workers
+
+MASS_MATRIX, VELOCITY, GRAVITY_TERM, PASSIVE, NONE = "mass matrix", "velocity", "gravity", "passive", "none"
+# Exact to multiply by, and large enough to distinguish a term's error from M's.
+LOAD = 1024.0
+# What an engine may lose beyond one rounding per entry, and still by rounding that term [times nv].
+_ROUNDINGS = 16
+_NAMES = {
+    MASS_MATRIX: "the mass matrix and its factorisation",
+    VELOCITY: "the velocity terms",
+    GRAVITY_TERM: "the gravity terms",
+    PASSIVE: "the spring and damper forces",
+}
+
+
+@dataclass(frozen=True)
+class Loss:
+    """The place where one answer lost its digits.
+
+    Attributes:
+        term: "mass matrix" (forming or factorising it), "velocity", "gravity" or "passive"; of another quantity than accelerations the
+            block that is farthest off; "none" where it is not known.
+        statement: the same in a sentence.
+        at_rest: backward error where forces stand for the velocity terms, in the data roundoff of the state itself; None
+            where that is not known.
+    """
+
+    term: str
+    statement: str
+    at_rest: float | None = None
+
+
+def digits_lost(backward_error: float) -> float:
+    """log10 of a backward error [units of data roundoff], at least 0."""
+    return math.log10(backward_error) if backward_error > 1 else 0.0
+
+
+def locate(assignment: Assignment, state: States) -> Loss:
+    """The loss of the subject at ``state``, which is one."""
+    if not assignment.asked.is_default:
+        return _farthest(assignment, state)
+    kernel = reference_kernel_of(assignment)
+    reference, comparison = kernel.evaluate(state), judge_of(assignment)(state)
+    error, verdict = float(comparison.backward_error[0]), str(comparison.verdicts[0])
+    if not math.isfinite(error):
+        return Loss(NONE, "the answer is not finite" if verdict == Verdict.ERROR else f"{verdict}: no backward error is known")
+    equations = MechanismKernel(assignment.mechanism, frame_of(assignment))
+    terms = equations.terms(state.q, state.v, state.tau)
+    shares = rounding_shares(reference, terms)
+    at_rest, under_load = (_at_rest(assignment, equations, state, terms, reference, load) for load in (1.0, LOAD))
+    if at_rest is None or under_load is None:
+        return Loss(NONE, f"{error:.3g} data roundoffs; at rest there is no finite answer")
+    if at_rest < error / 2:
+        term, evidence = VELOCITY, f"at rest, with forces in their place, it is {at_rest:.3g}"
+    elif under_load < at_rest / 2:
+        term = max((GRAVITY_TERM, PASSIVE), key=shares.__getitem__)
+        evidence = f"it does not grow with the forces: {under_load:.3g} for {LOAD:g} times the answer"
+    else:
+        term, evidence = MASS_MATRIX, f"it grows with the forces and stays {at_rest:.3g} at rest"
+    share, digits = shares[term], digits_lost(error)
+    if verdict == Verdict.AGREES:
+        statement = f"agrees: {error:.3g} data roundoffs, most of it by {_NAMES[term]}, whose rounding alone is worth {share:.3g}"
+    elif error > _ROUNDINGS * assignment.mechanism.nv * max(1.0, share):
+        statement = (
+            f"{_NAMES[term]} wrong: the error is {error:.3g} data roundoffs, rounding is worth {share:.3g}; {evidence}; "
+            "the model or an algorithm is wrong"
+        )
+    elif term == MASS_MATRIX:
+        statement = (
+            f"M is ill-conditioned (kappa_s = {reference.condition[0]:.2g}): forming and factorising it loses {digits:.1f} digits, "
+            f"{error:.3g} data roundoffs; rounding its entries alone is worth {share:.3g}; {evidence}"
+        )
+    else:
+        statement = (
+            f"{_NAMES[term]} cancel and lose {digits:.1f} digits, {error:.3g} data roundoffs; rounding them alone is worth "
+            f"{share:.3g}; {evidence}"
+        )
+    return Loss(term, statement, at_rest)
+
+
+def _farthest(assignment: Assignment, state: States) -> Loss:
+    """Of another quantity: the block that is farthest off."""
+    truth = assignment.truth
+    certified, answers = truth.evaluate(state), assignment.answers(state)
+    error = float(compare(certified, answers).backward_error[0])
+    if not math.isfinite(error):
+        return Loss(NONE, "the answer is not finite" if certified.certified.all() else "the truth is not certified")
+    block = truth.blocks[farthest_block(certified, answers)]
+    return Loss(block, f"{error:.3g} data roundoffs in the {block}")
+
+
+def rounding_shares(reference: Reference, terms: Mapping[str, Array]) -> dict[str, float]:
+    """Term to how far qdd moves when each of its entries is rounded [units of data roundoff], of the one state of ``reference``.
+
+    ``terms`` holds "mass" (1, nv, nv), "velocity", "gravity" and "passive" (1, nv).
+    """
+    factor = reference.norm_factor[0]
+    # |M^-1 e_i|_M is the length of column i of R^-T.
+    reach = np.linalg.norm(np.linalg.inv(factor.T), axis=0)
+    moved = {MASS_MATRIX: float((np.abs(terms["mass"][0]) @ np.abs(reference.high[0])) @ reach)}
+    moved |= {name: float(np.abs(terms[name][0]) @ reach) for name in (VELOCITY, GRAVITY_TERM, PASSIVE)}
+    return {name: move / float(reference.sensitivity[0]) for name, move in moved.items()}
+
+
+def _at_rest(
+    assignment: Assignment, equations: MechanismKernel, state: States, terms: Mapping[str, Array], moving: Reference, load: float
+) -> float | None:
+    """The subject's error at rest under forces that make the answer ``load`` times as large, over ``load``.
+
+    In data roundoffs of the moving state; None where there is no finite answer.
+    """
+    still = States(state.q, np.zeros_like(state.v), state.tau, state.time)
+    held = equations.terms(still.q, still.v, still.tau)
+    stand_in = state.tau - terms["velocity"] + held["velocity"] + terms["passive"] - held["passive"]
+    total = np.array(right_hand_side({name: held[name][0] for name in OUTPUTS}, stand_in[0]))[None]
+    still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)
+    reference = reference_kernel_of(assignment).evaluate(still)
+    error = judge_of(assignment)(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load
+    return float(error) if math.isfinite(error) else None
+
+
+@runtime_checkable
+class Reproducible(Protocol):
+    """The method of an engine's model where its answers can be reproduced without the harness."""
+
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
+        """Python text that prints two lines: the engine's accelerations, then ``certified``, as lists in the engine's order.
+
+        ``source`` is a Python expression for the text of the model. q of shape (nq,), v, tau and certified (nv,) [SI] are in the
+        order of the joints given to ``load``.
+        """
+
+
+def reproduce(assignment: Assignment, state: States) -> str:
+    """The program for one state; "" where the subject's engine offers none, and for what are no accelerations.
+
+    Raises:
+        InvalidModel: as ``harness.crosscheck.assignment.load_audited``.
+    """
+    if not assignment.asked.is_default:
+        return ""
+    model = load_audited(assignment)
+    if not isinstance(model, Reproducible) or assignment.model is None:
+        return ""
+    certified = reference_kernel_of(assignment).evaluate(state).high[0]
+    return model.reproducer(repr(compact(assignment.model.text)), state.q[0], state.v[0], state.tau[0], certified)
 
 
 def ranked(library: Library, records: Sequence[Record], workers: Workers, most: int = 10) -> list[RankedCase]:
@@ -29,31 +198,27 @@ def ranked(library: Library, records: Sequence[Record], workers: Workers, most: 
     """
     cases = worst_cases(records, most)
     subjects = {str(subject): subject for subject in select_subjects(library, sorted({case.subject for case in cases}))}
-    work = [
-        Task((index, function), function, (library, case.system, subjects[case.subject], case.state))
-        for index, case in enumerate(cases)
-        for function in _functions(case)
-    ]
+    work = []
+    for index, case in enumerate(cases):
+        # An engine that gave no number, or no answer at all, would do so again.
+        functions = [_reproducer_there] if case.verdict == Verdict.ERROR else [_reproducer_there, _loss_there]
+        given = library, case.system, subjects[case.subject], case.state
+        work += [Task((index, function), function, given) for function in functions]
     for outcome in workers.run(work):
         index, function = outcome.task.key
         case, text = cases[index], outcome.value or ""
-        if function is write_reproducer:
+        if function is _reproducer_there:
             cases[index] = replace(case, reproducer=text)
         else:
             cases[index] = replace(case, statement=" ".join(filter(None, [case.statement, text])))
     return cases
 
 
-def state_loss(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: Note) -> str:
+def _loss_there(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: Note) -> str:
     """In a sentence, which term of the equations loses the digits there."""
     return locate(Assignment.of(library, system, subject), States.at(**state)).statement
 
 
-def write_reproducer(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: Note) -> str:
+def _reproducer_there(library: Library, system: str, subject: Subject, state: dict[str, list[float]], note: Note) -> str:
     """The program in the engine's own Python API; the engine is not asked at the state."""
     return reproduce(Assignment.of(library, system, subject), States.at(**state))
-
-
-def _functions(case: RankedCase) -> list[Callable[..., str]]:
-    # An engine that gave no number, or no answer at all, would do so again.
-    return [write_reproducer] if case.verdict == Verdict.ERROR else [write_reproducer, state_loss]

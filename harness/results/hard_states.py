@@ -40,7 +40,7 @@ class FoundState:
         backward_error: [units of data roundoff]; None for a crash or an answer that is not finite.
         digits_lost: decimal digits beyond those the data leave open.
         verdict: value of ``Verdict``.
-        term: the term of the equations that loses them; see ``harness.hard.lost_digits``.
+        term: the term of the equations that loses them; see ``harness.hard.worst_cases``.
         statement: that in a sentence.
         versions: distribution to version, of the harness and the engine.
         date: ISO 8601, of the search.

@@ -17,9 +17,8 @@ from support import completed
 
 from harness.engines import EQUATIONS, Subject, load_engine, select_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
-from harness.hard.atlas import AtlasStudy
+from harness.hard.atlas import PATH, AtlasStudy, HardExpectation, Key, judged, load_hard_expectations
 from harness.hard.cases import hard_cases
-from harness.hard.expected import PATH, HardExpectation, Key, judged, load_hard_expectations
 from harness.hard.measurement import measure
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library

@@ -14,9 +14,8 @@ from harness.engines import Subject, accelerations, load_engine
 from harness.explain.pattern import subject_named
 from harness.files.model_file import ModelFile, read_model, with_attributes
 from harness.hard import truths
-from harness.hard.atlas import AtlasStudy
+from harness.hard.atlas import PATH, AtlasStudy, judged, load_hard_expectations
 from harness.hard.cases import HardCase, hard_cases
-from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import measure
 from harness.hard.truths import plain_point, plain_points
 from harness.lagrange.derivation import load_mechanism

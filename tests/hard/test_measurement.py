@@ -11,8 +11,8 @@ from catalogue import BUILT_IN
 
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.pattern import subject_named
+from harness.hard.atlas import PATH, judged, load_hard_expectations
 from harness.hard.cases import hard_cases
-from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import Answered, explained, point_of, row_of
 from harness.hard.truths import TruePoint, true_points
 from harness.results.atlas import HardRow

@@ -9,9 +9,8 @@ from support import HEAVY_ENGINE, InThisProcess, completed, make_library
 from support_results import RUN
 
 from harness.engines import NotOffered, select_subjects
-from harness.hard.atlas import AtlasStudy
+from harness.hard.atlas import PATH, AtlasStudy, judged, load_hard_expectations
 from harness.hard.cases import hard_cases
-from harness.hard.expected import PATH, judged, load_hard_expectations
 from harness.hard.measurement import measure
 from harness.library import Library
 from harness.report.hard_cases import HardSummary

@@ -16,7 +16,7 @@ from harness.crosscheck.assignment import Assignment, load_audited, reference_ke
 from harness.engines import select_subjects
 from harness.files.model_file import parse_model, read_model
 from harness.files.text.scan import compact
-from harness.hard.reproducer import reproduce
+from harness.hard.worst_cases import reproduce
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.truth.sampling import generic_sample

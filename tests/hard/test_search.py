@@ -19,7 +19,7 @@ from harness.crosscheck.variation import KEPT, shrink
 from harness.engines import select_subjects
 from harness.errors import InvalidRequest
 from harness.files.model_file import read_model
-from harness.hard import evolution, lost_digits
+from harness.hard import evolution, worst_cases
 from harness.hard.evolution import StateSpace, evolve
 from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, SearchSettings, StateSearch, hunt, hunts
 from harness.lagrange.derivation import load_mechanism
@@ -287,7 +287,7 @@ def test_the_planted_term_is_named(name: str, term: str, error: float, said: str
     if name == "cart_pendulum":
         q[1] = 0.0
     state = States.at(q, np.full(mechanism.nv, 8.0 if fast else 0.0), np.zeros(mechanism.nv))
-    loss = lost_digits.locate(assignment, state)
+    loss = worst_cases.locate(assignment, state)
     assert loss.term == said, loss
     if said == "velocity":
         assert loss.at_rest is not None
@@ -308,7 +308,7 @@ def test_shares_are_what_rounding_really_does() -> None:
     state = generic_sample(assignment.mechanism, 1, 9)
     reference = reference_kernel_of(assignment).evaluate(state)
     terms = assignment.mechanism.float64().terms(state.q, state.v, state.tau)
-    shares = lost_digits.rounding_shares(reference, terms)
+    shares = worst_cases.rounding_shares(reference, terms)
     random = np.random.default_rng(2)
     mass, roundoff, signs = terms["mass"][0], 2.0**-30, random.choice([-1.0, 1.0], (2000, 3))
     for name in ("velocity", "gravity"):

@@ -37,7 +37,7 @@ class Prepared:
         note: what its cost means on this system where that is not plain; "" where it is.
         truth: what the answers are held against; None for the mechanism's own equations.
         reproducer: from the place of a state and the certified accelerations there to a program that needs the engine alone, as of
-            ``harness.hard.reproducer``; None where there is none.
+            ``harness.hard.worst_cases``; None where there is none.
         residual: (n,) what the method itself says is left of its equations at each state; None where it says nothing.
     """
 

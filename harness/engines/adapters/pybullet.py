@@ -99,7 +99,7 @@ class PybulletModel(StateByState):
         return turn, np.array(state[0]) - turn @ np.array(state[2]), np.vstack([np.array(one) for one in jacobians])
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
-        """See ``harness.hard.reproducer``; what the harness supplies is part of tau, and of M."""
+        """See ``harness.hard.worst_cases``; what the harness supplies is part of tau, and of M."""
         added = self.take(q, v) + self.supplied(q[None], v[None])[0]
         forces, expected, armature = (values @ self.turn for values in (tau + added, certified, self.armature))
         mass = "np.array(p.calculateMassMatrix(b, q))" + (f" + np.diag({armature.tolist()})" if armature.any() else "")

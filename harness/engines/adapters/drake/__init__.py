@@ -169,7 +169,7 @@ class DrakeModel(StateByState):
         return Terms(mass, velocity, gravity, passive, applied)
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
-        """See ``harness.hard.reproducer``."""
+        """See ``harness.hard.worst_cases``."""
         ((*own, turn),) = self._states(q[None], v[None], tau[None])
         positions, velocities, forces = (values.tolist() for values in own)
         text = self._building.text

@@ -137,7 +137,7 @@ class MujocoModel(MujocoQuantities):
         return Terms(np.ascontiguousarray(mass[:, velocities][:, :, velocities]), *vectors)
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
-        """See ``harness.hard.reproducer``."""
+        """See ``harness.hard.worst_cases``."""
         positions, velocities = self.addresses
         own = [np.zeros(size) for size in (self.model.nq, *[self.model.nv] * 3)]
         for values, places, given in zip(own, (positions, *[velocities] * 3), (q, v, tau, certified), strict=True):

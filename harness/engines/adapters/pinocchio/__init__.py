@@ -190,7 +190,7 @@ class PinocchioModel(PinocchioQuantities):
         return f"import numpy as np, pinocchio as pin; m = pin.buildModelFromXML({source}{ball})"
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
-        """See ``harness.hard.reproducer``; what the harness adds for ABA is part of tau."""
+        """See ``harness.hard.worst_cases``; what the harness adds for ABA is part of tau."""
         configuration, velocity, force = self.columns(q[None], v[None], tau[None])
         added = self.force_elements.generalised_forces(configuration, velocity)
         expected = np.zeros(self.model.nv)
