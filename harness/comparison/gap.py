@@ -14,7 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from harness.arrays import Array
 from harness.files.rules import StepRule
 from harness.programs.evaluation import values
 from harness.programs.program import upper_triangle
-from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Share
+from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap, Mover, Share
 from harness.trees.stepping.step_forces import StepForces
 from harness.truth.balls.declared_motion import DeclaredMotion
 
@@ -37,13 +37,13 @@ class Motion:
     """One of the two motions.
 
     Attributes:
-        forces: of the equations; v and q as those of the other. rule: with its step length; steps: how many of them.
+        forces: of the equations; v and q as those of the other. rule: with its step length. mover: as the record has it.
         q, v: where the engine ended, (nq,) and (nv,).
     """
 
     forces: StepForces
     rule: StepRule
-    steps: int
+    mover: Mover
     q: Array
     v: Array
 
@@ -52,19 +52,8 @@ class Motion:
 End = tuple[Sequence[Any], Sequence[Any]]
 
 
-@dataclass(frozen=True)
-class Shares:
-    """Shares of a gap, and its sizes; attributes as of ``harness.results.gap.Gap``."""
-
-    shares: tuple[Share, ...]
-    of_positions: float
-    of_velocities: float
-    moved: float
-    speed: float
-
-
-def shares_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequence[int]) -> Shares:
-    """The shares of the gap between two motions from q (nq,) and v (nv,); ``attitudes`` as of ``steps_program``.
+def gap_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequence[int]) -> Gap:
+    """The gap between two motions from q (nq,) and v (nv,), and its shares; ``attitudes`` as of ``steps_program``.
 
     Raises:
         ValueError: a declared motion is not certain.
@@ -76,11 +65,11 @@ def shares_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequ
     def end(chosen: Sequence[Motion]) -> End:
         """The declared end with equations, integrator and step of these motions."""
         of_forces, of_rule, of_length = chosen
-        rule = StepRule(**{**vars(of_rule.rule), "length": of_length.rule.length})
-        key = of_forces.forces.program.key, of_forces.forces.parameters, rule, of_length.steps
+        rule = replace(of_rule.rule, length=of_length.rule.length)
+        steps = of_length.mover.steps
+        key = of_forces.forces.program.key, of_forces.forces.parameters, rule, steps
         if key not in ends:
-            motion = DeclaredMotion(of_forces.forces, attitudes, rule)
-            ends[key] = motion.end(q.tolist(), v.tolist(), of_length.steps)
+            ends[key] = DeclaredMotion(of_forces.forces, attitudes, rule).end(q.tolist(), v.tolist(), steps)
         return ends[key]
 
     origin = end((first,) * 3)
@@ -90,7 +79,7 @@ def shares_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequ
             return np.array([*_displacement(origin[0], of[0], attitudes), *(a - b for a, b in zip(of[1], origin[1], strict=True))])
 
         at = {chosen: coordinates(end(chosen)) for chosen in itertools.product((first, second), repeat=len(CAUSES))}
-        reached = [coordinates(_exactly(motion)) for motion in (first, second)]
+        reached = [coordinates(([*map(flint.arb, motion.q.tolist())], [*map(flint.arb, motion.v.tolist())])) for motion in (first, second)]
         exchanges = {cause: _exchanges(at, place, second) for place, cause in enumerate(CAUSES)}
         rounding = [_floats(-reached[0]), _floats(reached[1] - at[(second,) * len(CAUSES)])]
         gap = _floats(reached[1] - reached[0])
@@ -102,7 +91,17 @@ def shares_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequ
         found.append(norm.share(cause, mean, gap, [change for _, change in weighted]))
     found += [norm.share(f"{which} engine beside its rule", part, gap) for which, part in zip(("first", "second"), rounding, strict=True)]
     speed = norm.sizes(np.concatenate([np.zeros(len(v)), [float(ball) for ball in origin[1]]]))[1]
-    return Shares(tuple(found), *norm.sizes(gap), moved=norm.sizes(travelled)[0], speed=speed)
+    of_positions, of_velocities = norm.sizes(gap)
+    return Gap(
+        first=first.mover,
+        second=second.mover,
+        start={"q": q.tolist(), "v": v.tolist()},
+        of_positions=of_positions,
+        of_velocities=of_velocities,
+        moved=norm.sizes(travelled)[0],
+        speed=speed,
+        shares=tuple(found),
+    )
 
 
 def _exchanges(at: Mapping[tuple[Motion, ...], Array], place: int, second: Motion) -> list[tuple[float, Array]]:
@@ -115,12 +114,6 @@ def _exchanges(at: Mapping[tuple[Motion, ...], Array], place: int, second: Motio
             weight = math.factorial(count) * math.factorial(len(CAUSES) - count - 1) / math.factorial(len(CAUSES))
             found.append((weight, _floats(after - before)))
     return found
-
-
-def _exactly(motion: Motion) -> End:
-    import flint
-
-    return [flint.arb(x) for x in motion.q.tolist()], [flint.arb(x) for x in motion.v.tolist()]
 
 
 def _floats(balls: Array) -> Array:

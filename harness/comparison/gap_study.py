@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.gap import Motion, shares_of
+from harness.comparison.gap import Motion, gap_of
 from harness.comparison.matching import SameStates, match, renamed_to
 from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
 from harness.comparison.robot_library import FilesLibrary, engines_of_files, robot_at
@@ -28,7 +28,7 @@ from harness.library import nearest
 from harness.motion.trajectories import Start
 from harness.programs.states import States
 from harness.results.gap import Gap, Gaps, Mover
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Part, Study, ask, call
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
 from harness.trees.stepping.step_forces import step_forces
@@ -94,14 +94,12 @@ _Place = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class _Case:
-    """One motion before it is computed: the robot of the file and as its reader has it, the rule, and how many steps."""
+    """One motion before it is computed: the robot of the file and as its reader has it, the rule, and the rest of the record."""
 
     robot: Robot
     read: Robot
-    readings: tuple[str, ...]
-    engine: str
     rule: StepRule
-    steps: int
+    mover: Mover
 
 
 class GapStudy(Study):
@@ -122,17 +120,17 @@ class GapStudy(Study):
 
     def _gap(self) -> Inquiry[None]:
         """Both motions from one start, and what their gap is due to."""
-        prepared = yield from ask(_prepare, self.settings)
+        prepared = yield from ask(call, _prepare, self.settings)
         if self._fails(prepared):
             return
         cases, names, start = prepared.value
-        ends = yield [Task(None, _move, (case, *start, names)) for case in cases]
+        ends = yield [Task(None, call, (_move, case, *start, names)) for case in cases]
         for by, end in zip(self.settings.by, ends, strict=True):
             if not self._fails(end):
                 yield Part(f"motion of {by.engine}", Gaps())
         if any(end.value is None for end in ends):
             return
-        found = yield from ask(_gap, cases, start, names, [end.value for end in ends])
+        found = yield from ask(call, _gap, cases, start, names, [end.value for end in ends])
         if not self._fails(found):
             self._found.gaps.append(found.value)
             yield Part("shares", Gaps(gaps=[found.value]))
@@ -147,7 +145,7 @@ class GapStudy(Study):
 # Tasks for worker processes.
 
 
-def _prepare(settings: GapSettings, note: Callable[[str], None]) -> tuple[tuple[_Case, _Case], tuple[str, ...], tuple[Array, Array]]:
+def _prepare(settings: GapSettings) -> tuple[tuple[_Case, _Case], tuple[str, ...], tuple[Array, Array]]:
     """Both cases, the joints of the first, and where both start."""
     robots = [robot_at(path, settings.floating_base) for path in settings.paths]
     matching = match(robots[0], robots[1], dict(settings.renamed))
@@ -211,7 +209,15 @@ def _case(robot: Robot, by: By, rule: StepRule, steps: int) -> _Case:
     folded = fold(robot, find_readings(by.engine, robot.format))
     if set(folded.robot.joints) != set(robot.joints):
         raise InvalidRequest(f"{by.engine} reads other joints from {robot.path.name} than it has")
-    return _Case(robot, folded.robot, tuple(reading.sentence for reading, _ in folded.applied), by.engine, rule, steps)
+    mover = Mover(
+        path=str(robot.path),
+        engine=by.engine,
+        integrator=rule.name,
+        length=rule.length,
+        steps=steps,
+        readings=tuple(reading.sentence for reading, _ in folded.applied),
+    )
+    return _Case(robot, folded.robot, rule, mover)
 
 
 def _hold_coordinates(first: Robot, second: Robot, q: Array, v: Array) -> None:
@@ -223,7 +229,7 @@ def _hold_coordinates(first: Robot, second: Robot, q: Array, v: Array) -> None:
         raise InvalidRequest("the files measure a ball or free joint in frames that are turned against each other")
 
 
-def _move(case: _Case, q: Array, v: Array, names: Sequence[str], note: Callable[[str], None]) -> tuple[Array, Array]:
+def _move(case: _Case, q: Array, v: Array, names: Sequence[str]) -> tuple[Array, Array]:
     """Where the engine ends, by the joints ``names``."""
     request = request_of(case.robot, aided=False)
     joints = request.joints
@@ -231,34 +237,21 @@ def _move(case: _Case, q: Array, v: Array, names: Sequence[str], note: Callable[
     positions = [place for joint in joints for place in own[joint.name].positions]
     velocities = [place for joint in joints for place in own[joint.name].velocities]
     try:
-        loaded = engines_of_files()[case.engine].read(request)
+        loaded = engines_of_files()[case.mover.engine].read(request)
     except Refused as refusal:
-        raise InvalidRequest(f"{case.engine} refuses {case.robot.path.name}: {refusal}") from refusal
+        raise InvalidRequest(f"{case.mover.engine} refuses {case.robot.path.name}: {refusal}") from refusal
     given = q[positions], v[velocities]
     try:
-        after_q, after_v = loaded.advanced(*given, case.rule, case.steps)
+        after_q, after_v = loaded.advanced(*given, case.rule, case.mover.steps)
     except NotOffered:
-        after_q, after_v = advanced(loaded, joints, *given, case.rule, case.steps)
+        after_q, after_v = advanced(loaded, joints, *given, case.rule, case.mover.steps)
     found_q, found_v = np.empty_like(q), np.empty_like(v)
     found_q[positions], found_v[velocities] = after_q, after_v
     if not (np.isfinite(found_q).all() and np.isfinite(found_v).all()):
-        raise InvalidRequest(f"the motion of {case.engine} by {case.rule.name} breaks down within {case.steps} steps")
+        raise InvalidRequest(f"the motion of {case.mover.engine} by {case.rule.name} breaks down within {case.mover.steps} steps")
     return found_q, found_v
 
 
-def _gap(cases: Sequence[_Case], start: _Place, names: Sequence[str], ends: Sequence[_Place], note: Callable[[str], None]) -> Gap:
-    q, v = start
-    motions = [Motion(step_forces(case.read.tree, names), case.rule, case.steps, *end) for case, end in zip(cases, ends, strict=True)]
-    found = shares_of(motions[0], motions[1], q, v, mechanism_of(replace(cases[0].read, joints=tuple(names))).attitudes)
-    movers = [
-        Mover(
-            path=str(case.robot.path),
-            engine=case.engine,
-            integrator=case.rule.name,
-            length=case.rule.length,
-            steps=case.steps,
-            readings=case.readings,
-        )
-        for case in cases
-    ]
-    return Gap(first=movers[0], second=movers[1], start={"q": q.tolist(), "v": v.tolist()}, **vars(found))
+def _gap(cases: Sequence[_Case], start: _Place, names: Sequence[str], ends: Sequence[_Place]) -> Gap:
+    first, second = (Motion(step_forces(case.read.tree, names), case.rule, case.mover, *end) for case, end in zip(cases, ends, strict=True))
+    return gap_of(first, second, *start, mechanism_of(replace(cases[0].read, joints=tuple(names))).attitudes)
