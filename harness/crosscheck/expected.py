@@ -8,6 +8,9 @@ An entry with the verdict ``unsupported`` has no backward error, and excuses the
 An entry with a ``quantity`` is about that; without one it is about accelerations, and what cannot be asked for those cannot be asked
 for anything. One with ``versions``, a specifier as "<3.7", is about those versions of the subject's engine alone, asked by name as
 ``engine@version``. A list in place of a system or subject stands for a table for each of them.
+
+``[[differs]]`` tables beside them are of what engines do not hold alike after loading (``held``), with ``system``, ``quantity``,
+``joint``, ``ulps``, the largest difference that the reason explains, ``reason`` and ``link``.
 """
 
 from __future__ import annotations
@@ -15,10 +18,10 @@ from __future__ import annotations
 import itertools
 import math
 import tomllib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import msgspec
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
@@ -34,7 +37,7 @@ from harness.verdict import SEVERITY, Verdict
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 
 
-# Tables of a library's file; the second are read by ``harness.crosscheck.static_audit``.
+# Tables of a library's file.
 TABLES = ("expected", "differs")
 # Fields of an entry that are no texts.
 _NUMBERS = ("backward_error", "median_backward_error", "share")
@@ -45,9 +48,28 @@ _BOUNDS: Mapping[str, Sequence[list[str]]] = {
 }
 
 
-class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class TableOfReasons(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One table of a file of expectations.
+
+    Attributes:
+        KEY: the fields that no two tables of a file share. FIELDS: what its fields must be, for the message where they are not.
+    """
+
+    KEY: ClassVar[tuple[str, ...]]
+    FIELDS: ClassVar[str]
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        return tuple(getattr(self, name) for name in self.KEY)
+
+    def __str__(self) -> str:
+        return ", ".join(self.key)
+
+
+class Entry(TableOfReasons, frozen=True, kw_only=True):
     """One ``[[expected]]`` table; those of a file say in further fields what they are about."""
 
+    FIELDS = f"none empty, and {_NUMBERS[0]}"
     subject: Text
     verdict: Text
     reason: Text
@@ -75,45 +97,66 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class Expectation(Entry, frozen=True, kw_only=True):
     """A table about a system; its verdict holds up to ``limit``, so that a fault still shows beside it."""
 
+    KEY = ("system", "subject", "quantity", "versions")
     system: Text
     quantity: Text = ACCELERATIONS
     versions: str = ""
 
-    @property
-    def of_versions(self) -> SpecifierSet:
-        return SpecifierSet(self.versions)
+
+class ExpectedDifference(TableOfReasons, frozen=True, kw_only=True):
+    """One ``[[differs]]`` table: what subjects of a system do not hold alike after loading, up to ``ulps``."""
+
+    KEY = ("system", "quantity", "joint")
+    FIELDS = "and ulps"
+    system: Text
+    quantity: Text
+    joint: str
+    ulps: Annotated[float, msgspec.Meta(gt=0)]
+    reason: Text
+    link: Text
+
+    def __str__(self) -> str:
+        return f"{self.system}, {self.quantity} of {self.joint!r}"
 
 
 # Of a pair without an entry.
 AGREES = Expectation(system="", subject="", verdict=Verdict.AGREES.value, reason="", link="")
+_Table = TypeVar("_Table", bound=TableOfReasons)
 _Entry = TypeVar("_Entry", bound=Entry)
 
 
-def read_tables(path: Path, names: Collection[str]) -> dict[str, list[Any]]:
-    """The tables of a file by their names, of which it may have those given.
-
-    Raises:
-        InvalidInput: the file is malformed.
-    """
+def _read_tables(
+    path: Path, kind: type[_Table], known: Mapping[str, Collection[str]], tables: Sequence[str], name: str
+) -> Iterator[tuple[str, _Table]]:
+    """The tables ``[[name]]`` of a file, which may have ``tables``, each with its place in words; raises as ``read_entries``."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InvalidInput(path, None, f"cannot be read as TOML: {error}") from error
-    tables = {name: data.pop(name, []) for name in names}
-    if data or not all(isinstance(one, list) for one in tables.values()):
-        raise InvalidInput(path, None, f"holds something other than {' and '.join(f'[[{name}]]' for name in names)} tables")
-    return tables
+    written = {one: data.pop(one, []) for one in tables}
+    if data or not all(isinstance(one, list) for one in written.values()):
+        raise InvalidInput(path, None, f"holds something other than {' and '.join(f'[[{one}]]' for one in tables)} tables")
+    keys = set()
+    for number, table in [(number, one) for number, several in enumerate(written[name], start=1) for one in _each(several, kind.KEY)]:
+        where = f"[[{name}]] number {number}"
+        try:
+            entry = msgspec.convert(table, kind)
+        except msgspec.ValidationError as error:
+            texts = ", ".join(one for one in kind.__struct_fields__ if one not in (*_NUMBERS, "ulps"))
+            raise InvalidInput(path, None, f"{where}: {error}; expected the texts {texts}, {kind.FIELDS}") from error
+        for field_name, values in known.items():
+            if (value := getattr(entry, field_name)) not in values:
+                raise InvalidInput(path, None, f"{where} names {field_name} {value!r}, which does not exist; {nearest(value, values)}")
+        if entry.key in keys:
+            raise InvalidInput(path, None, f"{where} repeats {entry}")
+        keys.add(entry.key)
+        yield where, entry
 
 
 def read_entries(
-    path: Path,
-    kind: type[_Entry],
-    known: Mapping[str, Collection[str]],
-    key: Collection[str],
-    compared: Collection[str],
-    tables: Collection[str] = ("expected",),
-) -> dict[tuple[str, ...], _Entry]:
-    """The ``[[expected]]`` tables of a file by the fields ``key``, which no two of them share.
+    path: Path, kind: type[_Entry], known: Mapping[str, Collection[str]], compared: Collection[str], tables: Sequence[str] = ("expected",)
+) -> list[_Entry]:
+    """The ``[[expected]]`` tables of a file.
 
     ``known`` holds the values that a field may have; an entry has a ``backward_error`` where its verdict is one of ``compared``.
     ``tables`` are the names of all tables that the file may have.
@@ -121,18 +164,8 @@ def read_entries(
     Raises:
         InvalidInput: the file is malformed, or an entry names what does not exist.
     """
-    entries: dict[tuple[str, ...], _Entry] = {}
-    written = enumerate(read_tables(path, tables)["expected"], start=1)
-    for number, table in [(number, one) for number, several in written for one in _each(several, key)]:
-        where = f"[[expected]] number {number}"
-        try:
-            entry = msgspec.convert(table, kind)
-        except msgspec.ValidationError as error:
-            texts = ", ".join(name for name in kind.__struct_fields__ if name not in _NUMBERS)
-            raise InvalidInput(path, None, f"{where}: {error}; expected the texts {texts}, none empty, and {_NUMBERS[0]}") from error
-        for name, values in known.items():
-            if (value := getattr(entry, name)) not in values:
-                raise InvalidInput(path, None, f"{where} names {name} {value!r}, which does not exist; {nearest(value, values)}")
+    entries = []
+    for where, entry in _read_tables(path, kind, known, tables, "expected"):
         if (entry.backward_error is None) == (entry.verdict in compared):
             rest = "a backward_error" if entry.backward_error is None else f"no backward_error, for what is {entry.verdict} is not compared"
             raise InvalidInput(path, None, f"{where} must have {rest}")
@@ -141,11 +174,14 @@ def read_entries(
         if bounds not in allowed:
             rest = f"{' and '.join(allowed[0])}, for it is" if allowed[0] else f"no {bounds[-1]}, for it is not"
             raise InvalidInput(path, None, f"{where} must have {rest} about lost digits")
-        identity = tuple(getattr(entry, name) for name in key)
-        if identity in entries:
-            raise InvalidInput(path, None, f"{where} repeats {', '.join(identity)}")
-        entries[identity] = entry
+        entries.append(entry)
     return entries
+
+
+def of_quantity(entries: Iterable[Any], quantity: str) -> list[Any]:
+    """The entries about a quantity; what cannot be asked for accelerations cannot be asked for anything."""
+    everywhere = [one for one in entries if one.verdict == Verdict.UNSUPPORTED and not quantity_words(one.quantity)]
+    return [*everywhere, *(one for one in entries if one.quantity == quantity)]
 
 
 @dataclass(frozen=True)
@@ -161,7 +197,7 @@ class Expectations:
         engine, version = split_name(name)
         key = system, engine + slash + model_format
         for entry in self.of_versions:
-            if version and (entry.system, entry.subject) == key and version in entry.of_versions:
+            if version and (entry.system, entry.subject) == key and version in SpecifierSet(entry.versions):
                 return entry
         return self.entries.get(key, AGREES)
 
@@ -210,20 +246,27 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expect
         "quantity": find_quantities(),
     }
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
-    key = ("system", "subject", "quantity", "versions")
-    entries = read_entries(library.expected_verdicts, Expectation, known, key, compared, TABLES)
-    for entry in entries.values():
-        _check_versions(library.expected_verdicts, entry)
-    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and not quantity_words(entry.quantity)]
-    chosen = [*everywhere, *(entry for entry in entries.values() if entry.quantity == quantity)]
+    entries = read_entries(library.expected_verdicts, Expectation, known, compared, TABLES)
+    for entry in entries:
+        try:
+            SpecifierSet(entry.versions)
+        except InvalidSpecifier as error:
+            problem = f'versions = {entry.versions!r} of {entry.subject} on {entry.system} is no specifier; expected one as "<3.7"'
+            raise InvalidInput(library.expected_verdicts, None, problem) from error
+    chosen = of_quantity(entries, quantity)
     return Expectations(
         {(entry.system, entry.subject): entry for entry in chosen if not entry.versions}, [entry for entry in chosen if entry.versions]
     )
 
 
-def _check_versions(path: Path, entry: Expectation) -> None:
-    try:
-        SpecifierSet(entry.versions)
-    except InvalidSpecifier as error:
-        problem = f'versions = {entry.versions!r} of {entry.subject} on {entry.system} is no specifier; expected one as "<3.7"'
-        raise InvalidInput(path, None, problem) from error
+def load_expected_differences(library: Library, quantities: Collection[str]) -> dict[str, list[ExpectedDifference]]:
+    """The ``[[differs]]`` tables of a library about these quantities, by system.
+
+    Raises:
+        InvalidInput: the file is malformed, or a table names what does not exist, or what another names.
+    """
+    path, found = library.expected_verdicts, dict[str, list[ExpectedDifference]]()
+    known = {"system": library.system_names(), "quantity": quantities}
+    for _, entry in _read_tables(path, ExpectedDifference, known, TABLES, "differs") if path.is_file() else ():
+        found.setdefault(entry.system, []).append(entry)
+    return found

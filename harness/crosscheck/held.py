@@ -1,24 +1,34 @@
 """The static audit: what the subjects of one system hold after loading, compared in the world's frame before any dynamics.
 
-Every joint stands at zero. ``harness.crosscheck.held_quantities`` says what is compared, and in which ulps differences are measured.
-Constraints are not: what they leave open, and the accelerations under them, are compared at each state
-(``harness.truth.quantities.accelerations``).
+Accelerations feel base parameters alone: mass may move between two links and change none of them. Every joint stands at zero.
+``harness.crosscheck.held_quantities`` says what is compared, and in which ulps differences are measured. Constraints are not: what they
+leave open, and the accelerations under them, are compared at each state (``harness.truth.quantities.accelerations``).
+
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 9, for base parameters.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from harness.crosscheck.assignment import Assignment, load_audited
+from harness.crosscheck.expected import ExpectedDifference
 from harness.crosscheck.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, HeldQuantity, Value
+from harness.crosscheck.tasks import Note
 from harness.engines import HeldModel, HeldSpring, Model
+from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ModelFile
 from harness.files.text import lines as quantities
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.results.cross_check import HeldDifference
+from harness.study import sentence
 
 # Largest difference of sound readers [ulps], about 6e-14. MuJoCo keeps a full inertia, and every inertia of a URDF, as
 # principal moments and a quaternion whose norm is off by up to 25 roundings: up to 108 ulps over random tensors. Each turned
@@ -44,7 +54,6 @@ class Difference:
         follows: the joint above whose own difference of place may be the cause of this one; "" where there is none.
     """
 
-    system: str
     quantity: str
     joint: str
     subjects: tuple[tuple[str, ...], ...]
@@ -88,18 +97,18 @@ def held_by(model: Model) -> HeldModel | None:
     return None if held is None else held()
 
 
-def soundness(rows: Sequence[Difference], rounded: Sequence[Difference]) -> list[str]:
-    """Lines for people, of the rows beyond ``SOUND`` and of those above 0."""
-    if rows:
+def soundness(held: Mapping[str, HeldModel], models: Mapping[str, ModelFile]) -> list[str]:
+    """Lines for people on what subjects hold; arguments as of ``differences``."""
+    if rows := differences(held, models):
         return [str(row) for row in rows]
-    if not rounded:
+    worst = max(differences(held, models, above=0.0), key=lambda row: row.ulps, default=None)
+    if worst is None:
         return ["sound: equal to the last bit"]
-    worst = max(rounded, key=lambda row: row.ulps)
     named = f"{worst.quantity}{f' of {worst.joint}' if worst.joint else ''}"
     return [f"sound: alike within {worst.ulps:.3g} ulps ({named}); up to {SOUND:g} is the rounding of readers, and more in deep chains"]
 
 
-def differences(system: str, held: Mapping[str, HeldModel], models: Mapping[str, ModelFile], above: float = SOUND) -> list[Difference]:
+def differences(held: Mapping[str, HeldModel], models: Mapping[str, ModelFile], above: float = SOUND) -> list[Difference]:
     """The quantities that subjects of one system do not hold alike, causes before what may follow from them, then from the root.
 
     ``held`` is by subject; ``models`` are the files by format, for their lines. Rows have more than ``above`` ulps, or than that
@@ -123,7 +132,6 @@ def differences(system: str, held: Mapping[str, HeldModel], models: Mapping[str,
         formats = {subject.partition("/")[2] for subject in held} & set(models)
         rows.append(
             Difference(
-                system=system,
                 quantity=quantity,
                 joint=owner,
                 subjects=groups,
@@ -213,3 +221,71 @@ def _joints_above(parents: Mapping[str, str], joint: str) -> Iterator[str]:
     while (joint := parents.get(joint, "")) and joint not in seen:
         seen.add(joint)
         yield joint
+
+
+# In a cross-check
+
+
+def find_differences(assignments: Sequence[Assignment], note: Note) -> list[tuple[HeldDifference, float | None]]:
+    """What the subjects of one system do not hold alike, with its ulps, and what nothing excuses; the note names who is asked.
+
+    That are subjects which cannot say what they hold, and hinges that a system takes for slides.
+    """
+    mechanism, system = assignments[0].mechanism, assignments[0].system
+    held: dict[str, HeldModel] = {}
+    found: list[tuple[HeldDifference, float | None]] = []
+    for assignment in assignments:
+        subject = str(assignment.subject)
+        note(json.dumps({"subject": subject}))
+        try:
+            holding = held_by(load_audited(assignment))
+            # An engine file may return anything.
+            assert holding is None or isinstance(holding, HeldModel), f"held returned a {type(holding).__name__}; expected a HeldModel"
+        except Exception as error:
+            statement = f"{subject} does not say what it holds after loading: {sentence(error)}"
+            found.append((_finding(mechanism.name, "", "", statement, [subject]), None))
+            continue
+        if holding is not None:
+            held[subject] = holding
+    note("")
+    models = {assignment.model.format: assignment.model for assignment in assignments if assignment.model is not None}
+    found += [(one, None) for one in _taken_for_lengths(mechanism, held)]
+    for one in differences(held, models):
+        others = [subject for group in one.subjects[1:] for subject in group]
+        found.append((replace(_finding(system, one.quantity, one.joint, one.statement, others), places=one.places), one.ulps))
+    return found
+
+
+def _taken_for_lengths(mechanism: Mechanism, held: Mapping[str, HeldModel]) -> Iterator[HeldDifference]:
+    """Hinges whose coordinates have a range, and nothing in the system's file that tells them from lengths.
+
+    What a velocity term of an angle rounds would condemn a sound engine.
+    """
+    for joint, coordinate, rotates in zip(mechanism.joints, mechanism.coordinates, mechanism.rotating, strict=True):
+        turning = [subject for subject, model in held.items() if joint in model.joints and model.joints[joint].kind == JointKind.HINGE]
+        if turning and not rotates:
+            statement = f"joint {joint} is a hinge, and the system's file has {coordinate} for a length: name it in angles=({coordinate},)"
+            yield _finding(mechanism.name, quantities.JOINT, joint, statement, turning)
+
+
+def judge_differences(
+    found: Sequence[tuple[HeldDifference, float | None]], system: str, expected: Sequence[ExpectedDifference], complete: bool
+) -> Iterator[HeldDifference]:
+    """The findings of ``find_differences``, those that are expected with their reason.
+
+    ``complete``: all subjects were held against each other, so that an expectation that nothing meets is a finding too.
+    """
+    left = {(one.quantity, one.joint): one for one in expected}
+    known = {key: left[key] for one, ulps in found if ulps is not None and (key := (one.quantity, one.joint)) in left}
+    for one, ulps in found:
+        entry = known.get((one.quantity, one.joint))
+        excused = entry is not None and ulps is not None and ulps <= entry.ulps
+        yield replace(one, reason=f"{entry.reason} ({entry.link})") if excused and entry else one
+    for key, entry in left.items():
+        if complete and key not in known:
+            owner = f" of {entry.joint}" if entry.joint else ""
+            yield _finding(system, *key, f"{entry.quantity}{owner} is expected to differ, and is held alike; remove its [[differs]]", [])
+
+
+def _finding(system: str, quantity: str, joint: str, statement: str, subjects: list[str]) -> HeldDifference:
+    return HeldDifference(system=system, quantity=quantity, joint=joint, subjects=subjects, statement=statement, places=[])

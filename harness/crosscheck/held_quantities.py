@@ -140,3 +140,5 @@ OF_SPRINGS: Mapping[str, HeldQuantity] = {
 }
 OF_MODELS: Mapping[str, HeldQuantity] = {quantities.GRAVITY: _vector("gravity", 0.0)}
 NOTHING = HeldBody(0.0, np.zeros(3), np.zeros((3, 3)))
+# Names of all of them.
+ALL = (*OF_MODELS, *OF_JOINTS, *OF_BODIES, *OF_SPRINGS)

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.crosscheck import hypothesis_search, tasks
+from harness.crosscheck import held_quantities, hypothesis_search, tasks
 from harness.crosscheck.description import asked_features, describe_system
-from harness.crosscheck.expected import load_expectations
+from harness.crosscheck.expected import load_expectations, load_expected_differences
+from harness.crosscheck.held import find_differences, judge_differences
 from harness.crosscheck.judgement import LARGEST, Pair, Pairs, SystemProgress, answering, record_of
 from harness.crosscheck.loading import (
     assign,
@@ -32,7 +33,6 @@ from harness.crosscheck.loading import (
 )
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
-from harness.crosscheck.static_audit import find_differences, judge_differences, load_expected_differences
 from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library
@@ -78,7 +78,7 @@ class CrossCheck(Study):
         self.names = chosen_names(settings)
         self.subjects = select_subjects(library, settings.subjects)
         self._expectations = {name: load_expectations(library, name) for name in (ACCELERATIONS, *quantities)}
-        self._expected_differences = load_expected_differences(library)
+        self._expected_differences = load_expected_differences(library, held_quantities.ALL)
         self._audits = settings.state is None and (audits or self._moves)
         self._found = CrossCheckResult()
         if not settings.names:

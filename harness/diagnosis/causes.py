@@ -159,7 +159,7 @@ def find_differences(settings: Settings, name: str, workers: Workers) -> list[Di
     work = [Task(str(subject), _hold, (settings.library, name, subject, settings.stand_ins.get(subject.format))) for subject in reading]
     found = {outcome.task.key: outcome.value for outcome in workers.run(work) if outcome.value is not None}
     held = {subject: holding for subject, (_, holding) in sorted(found.items()) if holding is not None}
-    return differences(name, held, {model.format: model for model, _ in found.values() if model is not None})
+    return differences(held, {model.format: model for model, _ in found.values() if model is not None})
 
 
 def _hold(

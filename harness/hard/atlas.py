@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from harness.crosscheck.expected import Entry, Text, read_entries
+from harness.crosscheck.expected import Entry, Text, of_quantity, read_entries
 from harness.crosscheck.tasks import Note
 from harness.engines import NotOffered, Subject, engine_files, select_subjects
 from harness.errors import InvalidRequest
@@ -29,7 +29,7 @@ from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, par
 from harness.library import Library
 from harness.registry import select
 from harness.results.atlas import Atlas, HardReason, HardRow
-from harness.results.records import ACCELERATIONS, quantity_words
+from harness.results.records import ACCELERATIONS
 from harness.study import Inquiry, Part, Study, ask
 from harness.truth.quantities import find_quantities, select_quantities
 from harness.verdict import SEVERITY, Verdict
@@ -141,6 +141,7 @@ _NOT_COMPARED = (Verdict.UNDECIDED, Verdict.UNSUPPORTED, Verdict.ERROR)
 class HardExpectation(Entry, frozen=True, kw_only=True):
     """One entry of the file; it holds up to its backward error, so that a fault still shows beside it."""
 
+    KEY = ("case", "subject", "quantity", "verdict")
     case: Text
     remedy: Text
     quantity: Text = ACCELERATIONS
@@ -156,9 +157,7 @@ def load_hard_expectations(
     """
     verdicts = [verdict for verdict in SEVERITY if verdict != Verdict.AGREES]
     known = {"case": cases, "subject": subjects, "verdict": verdicts, "quantity": find_quantities()}
-    entries = read_entries(path, HardExpectation, known, ("case", "subject", "quantity", "verdict"), _COMPARED)
-    everywhere = [entry for entry in entries.values() if entry.verdict == Verdict.UNSUPPORTED and not quantity_words(entry.quantity)]
-    chosen = [*everywhere, *(entry for entry in entries.values() if entry.quantity == quantity)]
+    chosen = of_quantity(read_entries(path, HardExpectation, known, _COMPARED), quantity)
     return {(entry.case, entry.subject, entry.verdict): entry for entry in chosen}
 
 

@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.held import SOUND, differences, held_by, soundness
+from harness.crosscheck.held import held_by, soundness
 from harness.crosscheck.tasks import derive, read
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
 from harness.engines.interface import audit
@@ -209,8 +209,7 @@ def comparison_of_holdings(exhibit: Exhibit) -> list[str]:
     held = {str(holding.subject): holding.held for holding in exhibit.holdings if holding.held is not None}
     if len(held) < 2:
         return []
-    rows, rounded = (differences(exhibit.mechanism.name, held, exhibit.models, above) for above in (SOUND, 0.0))
-    return soundness(rows, rounded)
+    return soundness(held, exhibit.models)
 
 
 def sizes_of_formulations(exhibit: Exhibit) -> str:

@@ -46,7 +46,7 @@ def _readings(before: Assignment, after: Assignment) -> Iterator[RunChange]:
     models = {one.model.format: one.model for one in (after,) if one.model is not None}
     if len(held) < 2:
         return
-    for difference in differences(after.mechanism.name, held, models):
+    for difference in differences(held, models):
         values = {name: written(value) for names, value in zip(difference.subjects, difference.values, strict=True) for name in names}
         owner = f" of {difference.joint}" if difference.joint else ""
         where = f" ({'; '.join(difference.places)})" if difference.places else ""

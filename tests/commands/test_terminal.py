@@ -108,7 +108,7 @@ KIND = KindOfFault(
 CHANGE = SmallestChange(
     system=EVIL, subject=EVIL, file=EVIL, place=TextPlace(3, EVIL, EVIL, 0, EVIL), statement=EVIL, value=1.0, smallest=1e-9, theory=1e-9
 )
-DIFFERENCE = Difference(EVIL, "mass", EVIL, ((EVIL,), (EVIL,)), (1.0, 2.0), 1e9, {"mjcf": (1,)}, {"mjcf": EVIL})
+DIFFERENCE = Difference("mass", EVIL, ((EVIL,), (EVIL,)), (1.0, 2.0), 1e9, {"mjcf": (1,)}, {"mjcf": EVIL})
 
 
 def _atlas() -> None:

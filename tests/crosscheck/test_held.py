@@ -168,7 +168,7 @@ def audited(texts: Mapping[str, str], above: float = SOUND) -> list[Difference]:
     models = {name: parse_model(Path(f"crane.{name}"), text, name) for name, text in texts.items()}
     held = held_by_all(models, 9.81)
     assert len(held) == len(READERS)
-    return differences("crane", held, models, above)
+    return differences(held, models, above)
 
 
 @pytest.mark.costly
@@ -178,8 +178,8 @@ def test_the_readers_of_the_catalogue_hold_the_same(modelled_name: str) -> None:
     assert models["mjcf"].gravity is not None
     held = held_by_all(models, -models["mjcf"].gravity[2])
     assert {"mujoco/mjcf", "pinocchio/urdf"} <= set(held)
-    assert differences(modelled_name, held, models) == []
-    rounded = differences(modelled_name, held, models, above=4.0)
+    assert differences(held, models) == []
+    rounded = differences(held, models, above=4.0)
     assert {row.quantity for row in rounded} <= {"inertia"}
     assert all(set(held[subject].joints) == set(models["mjcf"].joint_lines) for subject in held)
 
@@ -374,7 +374,7 @@ def test_the_odd_one_out_stands_last() -> None:
     for odd in held:
         wrong = parse_model(Path("wrong"), TEXTS[odd.split("/")[1]].replace('damping="0.3"', 'damping="0.4"'), odd.split("/")[1])
         mixed = {**held, odd: held_by_all({**models, wrong.format: wrong}, 9.81)[odd]}
-        (row,) = differences("crane", mixed, models)
+        (row,) = differences(mixed, models)
         assert (row.quantity, row.joint, row.subjects[1:], row.values) == ("damping", "yaw", ((odd,),), (0.3, 0.4))
 
 
@@ -395,7 +395,7 @@ def test_a_mistake_that_the_audit_does_not_see_moves_nothing(name: str) -> None:
                 changed = held_by_all({**models, model.format: wrong}, mechanism.gravity)
             except (InvalidModel, ValueError):
                 continue
-            if differences(name, changed, {**models, model.format: wrong}):
+            if differences(changed, {**models, model.format: wrong}):
                 seen += 1
                 continue
             answers = [
@@ -411,7 +411,7 @@ def test_the_axes_of_a_ball_joint_are_its_frame() -> None:
     # About its own axis, a symmetric top's centre and inertia stay.
     turned = parse_model(Path("top"), models["mjcf"].text.replace('<body name="top">', '<body name="top" quat="0.8 0 0 0.6">'), "mjcf")
     models["mjcf"] = turned
-    (row,) = differences("heavy_top", held_by_all(models, 9.81), models)
+    (row,) = differences(held_by_all(models, 9.81), models)
     assert (row.quantity, row.joint, row.lines["mjcf"]) == ("frame", "pivot", (turned.text[: turned.text.index("<body")].count("\n") + 1,))
 
 
@@ -550,7 +550,7 @@ def test_links_of_no_mass_hold_none_however_light_what_they_carry() -> None:
     models = {"urdf": parse_model(Path("light.urdf"), text, "urdf")}
     held = held_by_all(models, 9.81)
     assert set(held) == {"mujoco/urdf", "pinocchio/urdf"}
-    assert differences("light", held, models) == []
+    assert differences(held, models) == []
     assert held["mujoco/urdf"].bodies["to_cross"].mass == 0.0 and held["mujoco/urdf"].bodies["to_flange"].mass == 0.02
 
 

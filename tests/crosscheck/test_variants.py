@@ -27,7 +27,7 @@ from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library, matching, orphaned_models
 from harness.programs.states import States
-from harness.report.markdown import matrix, render_markdown
+from harness.report.markdown import render_markdown
 from harness.report.summary import Summary
 from harness.results.records import Record
 
@@ -200,9 +200,9 @@ def test_a_report_counts_no_format_that_a_variant_does_not_stand_in_as_missing(r
     summary = Summary(describe_run(settings.library, 40, 0, "quick", ["harness", "report"], "1"), study.result())
     assert summary.systems == [NAME, VARIANT] and list(summary.cards) == [NAME]
     assert summary.missing == []
-    row = next(row for row in matrix(summary).rows if row[0] == VARIANT)
-    assert [str(getattr(cell, "value", cell)) for cell in row].count("not asked") == 3
     text = render_markdown(summary, None, None)
+    (row,) = (line for line in text.splitlines() if VARIANT in line and "not asked" in line)
+    assert row.count("not asked") == 3
     assert f"### {VARIANT}" in text and "no record: not run" not in text
 
 
