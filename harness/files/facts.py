@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from harness.files.equalities import Equality, Linkage
+from harness.files.findings import Unread
 from harness.files.tree import WORLD, Joint, Pose, Quaternion, Spring, Tree
 
 Point = tuple[float, float, float]
@@ -54,37 +54,6 @@ class PointSpring:
         return (self.body_a, self.point_a), (self.body_b, self.point_b)
 
 
-@dataclass(frozen=True)
-class Armature:
-    """Inertia [kg m^2, or kg] that a geared rotor adds to its joint: gear_ratio^2 rotor_inertia.
-
-    The gear ratio is a number for a revolute joint and in 1/m for a prismatic one.
-    """
-
-    joint: str
-    reflected_inertia: float
-    line: int
-
-
-@dataclass(frozen=True)
-class Mimic:
-    """The position of ``joint`` is multiplier q + offset [m or rad], where q is that of the joint it follows, ``leader``."""
-
-    joint: str
-    leader: str
-    multiplier: float
-    offset: float
-    line: int
-
-
-@dataclass(frozen=True)
-class Unexpressed:
-    """A force, or an inertia, that the file states and that no force element expresses."""
-
-    line: int
-    what: str
-
-
 ForceElement = JointSpring | JointDamper | PointSpring
 
 
@@ -103,32 +72,19 @@ def in_radians(joint: Joint, name: str) -> float:
     return math.radians(value) if joint.in_degrees else value
 
 
-def point_springs(tree: Tree) -> Iterator[PointSpring | Unexpressed]:
+def point_springs(tree: Tree) -> Iterator[PointSpring | Unread]:
     """The springs and dampers of a tree on lengths; those on sums of joint positions, or with ends in a frame of the body, unexpressed."""
     authored = {body.name for body in tree.bodies if not body.is_unnamed}
     for spring in sorted((*tree.springs, *tree.couplings), key=lambda one: one.place.element if one.place else 0):
-        line = spring.place.line if spring.place else 0
+        assert spring.place is not None
         if not isinstance(spring, Spring):
-            yield Unexpressed(line, "<fixed> does not run straight from one site to another")
+            yield Unread(spring.place, "<fixed> does not run straight from one site to another", "lead it through two sites")
         elif any(len(pose) > 1 or (body not in authored and body != WORLD) for body, pose in spring.ends):
-            yield Unexpressed(line, "<site> is not the name of a site right inside a named body")
+            yield Unread(spring.place, "<site> is not the name of a site right inside a named body", "put the site there")
         else:
             (body_a, point_a), (body_b, point_b) = ((body, point_of(pose)) for body, pose in spring.ends)
             numbers = float(spring.free_length), float(spring.stiffness), float(spring.damping)
-            yield PointSpring(body_a, point_a, body_b, point_b, *numbers, line)
-
-
-def armatures(joints: Iterable[Joint]) -> Iterator[Armature]:
-    """The reflected inertias of joints."""
-    return (Armature(joint.name, float(joint.armature), joint.places["armature"].line) for joint in joints if joint.armature)
-
-
-def mimics(equalities: Iterable[Equality]) -> Iterator[Mimic]:
-    """The joints of a URDF that mimic another."""
-    for one in equalities:
-        if one.softness is None and isinstance(one.rows, Linkage):
-            offset, multiplier, *_ = map(float, one.rows.coefficients)
-            yield Mimic(one.rows.joint, str(one.rows.leader), multiplier, offset, one.line)
+            yield PointSpring(body_a, point_a, body_b, point_b, *numbers, spring.place.line)
 
 
 def point_of(pose: Pose) -> Point:

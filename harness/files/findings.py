@@ -65,3 +65,7 @@ class Unread:
     place: Place
     what: str
     advice: str
+
+    @property
+    def line(self) -> int:
+        return self.place.line

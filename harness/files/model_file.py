@@ -45,25 +45,22 @@ from lxml import etree
 from harness.files.document.xml import Document, parse_document, read_text
 from harness.files.equalities import Equality
 from harness.files.facts import (
-    Armature,
     ForceElement,
     JointDamper,
     JointSpring,
-    Mimic,
     PointSpring,
-    Unexpressed,
-    armatures,
     joint_forces,
-    mimics,
     point_springs,
 )
+from harness.files.findings import Unread
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.checks import check_elements
 from harness.files.lint.mechanisms import check_joints, check_reading
 from harness.files.reading import Meaning, read
 from harness.files.tree import Joint, Spring
+from harness.files.urdf.beside import MIMIC
 
-__all__ = ["Armature", "ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
+__all__ = ["ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
 
 ROOT_TAGS = {"mjcf": "mujoco", "urdf": "robot"}
 # Path of elements below the root to the attributes that they get; see ``with_attributes``.
@@ -83,9 +80,8 @@ class ModelFile:
         gravity_line: MJCF: line of the option with ``gravity``, else of an option, else of the root. URDF: None.
         root_line: line of the root element.
         force_elements: springs and dampers that the file declares; the harness adds them where a reader passes over them.
-        armatures: reflected inertias that a URDF declares, in document order, to be added likewise; none for MJCF.
+        armatures: joints to which a URDF declares reflected inertias, in document order, to be added likewise; none for MJCF.
         ball_joint: name of the ball joint that hangs a URDF's root link on the world; None without one.
-        mimics: joints of a URDF that mimic another.
         constraints: what closes loops and couples joints, in document order; a joint that mimics another is among them.
         gravity: MJCF: [m/s^2], (x, y, z), zero where it is switched off. URDF holds none: None.
         unexpressed: MJCF: forces and inertias it states that are not among ``force_elements``.
@@ -98,12 +94,16 @@ class ModelFile:
     gravity_line: int | None
     root_line: int
     force_elements: tuple[ForceElement, ...]
-    armatures: tuple[Armature, ...] = ()
+    armatures: tuple[Joint, ...] = ()
     ball_joint: str | None = None
-    mimics: tuple[Mimic, ...] = ()
     gravity: tuple[float, float, float] | None = None
-    unexpressed: tuple[Unexpressed, ...] = ()
+    unexpressed: tuple[Unread, ...] = ()
     constraints: tuple[Equality, ...] = ()
+
+    @property
+    def mimics(self) -> tuple[Equality, ...]:
+        """The constraints that are joints of a URDF which mimic another, each by its name."""
+        return tuple(one for one in self.constraints if one.kind == MIMIC)
 
 
 def read_model(path: Path, format: str) -> ModelFile:
@@ -171,15 +171,11 @@ def _validated(path: Path, text: str, format: str) -> ModelFile:
         joint_lines={joint.name: joint.place.line for joint in in_order if joint.place and not joint.follows},
         gravity_line=document.lines[options[-1]] if of_mjcf else None,
         root_line=document.lines[document.root],
-        force_elements=tuple(one for one in forces if not isinstance(one, Unexpressed)),
-        armatures=() if of_mjcf else tuple(armatures(in_order)),
+        force_elements=tuple(one for one in forces if not isinstance(one, Unread)),
+        armatures=() if of_mjcf else tuple(joint for joint in in_order if joint.armature),
         ball_joint=None if of_mjcf else next((joint.name for joint in in_order if joint.kind is JointKind.BALL), None),
-        mimics=tuple(mimics(reading.equalities)),
         gravity=(x, y, z) if of_mjcf else None,
-        unexpressed=(
-            *(Unexpressed(one.place.line, one.what) for one in reading.unread),
-            *(one for one in forces if isinstance(one, Unexpressed)),
-        ),
+        unexpressed=(*reading.unread, *(one for one in forces if isinstance(one, Unread))),
         constraints=reading.equalities,
     )
 

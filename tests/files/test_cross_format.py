@@ -22,6 +22,7 @@ from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Subject, Unsupported, is_native, load_engine, select_subjects
 from harness.errors import InvalidModel
+from harness.files.equalities import Linkage
 from harness.files.lint.formats import SUPPORTED
 from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
@@ -528,7 +529,9 @@ def test_a_joint_that_mimics_another_is_supported_by_no_engine(engine: str) -> N
     text = URDF.replace(LIMIT, '<mimic joint="shoulder" multiplier="-2" offset="0.5"/>' + LIMIT)
     file = parsed(text)
     assert tuple(file.joint_lines) == ("shoulder",)
-    assert [(one.joint, one.leader, one.multiplier, one.offset) for one in file.mimics] == [("slider", "shoulder", -2.0, 0.5)]
+    (mimic,) = file.mimics
+    assert isinstance(mimic.says, Linkage)
+    assert (mimic.name, mimic.says.leader, [*map(float, mimic.says.coefficients)]) == ("slider", "shoulder", [0.5, -2.0, 0, 0, 0])
     with pytest.raises(Unsupported, match="mimics"):
         load_engine(LIBRARY, engine).load(file, ("shoulder",), 9.81)
 

@@ -69,7 +69,7 @@ def test_what_is_read_is_read_alike(tmp_path: Path) -> None:
     text = URDF.replace("</robot>", f"{TRANSMISSION}\n{SPRING}\n</robot>")
     model, robot = parse_model(Path("model.urdf"), text, "urdf"), robot_in(text, tmp_path)
     (joint,) = robot.tree.joints
-    assert [one.reflected_inertia for one in model.armatures] == [float(joint.armature)] == [0.5]
+    assert [float(one.armature) for one in model.armatures] == [float(joint.armature)] == [0.5]
     assert [one.stiffness for one in model.force_elements if isinstance(one, JointSpring)] == [float(joint.stiffness)] == [2.0]
     assert {one.what for one in robot.left_out} <= {"effort and velocity limits"}
 

@@ -114,7 +114,10 @@ class DartEngine(Engine):
 
     def refuse(self, file: ModelFile) -> None:
         refused = [(one.line, f"{one.couples} constraint {one.name!r} is none of what its loader reads") for one in file.constraints]
-        refused += [(one.line, f"reflected inertia of joint {one.joint!r}, which its algorithm does not know") for one in file.armatures]
+        refused += [
+            (one.places["armature"].line, f"reflected inertia of joint {one.name!r}, which its algorithm does not know")
+            for one in file.armatures
+        ]
         if file.ball_joint is not None:
             line = file.joint_lines[file.ball_joint]
             refused.append((line, f"ball joint {file.ball_joint!r}, while its loader hangs a root link by a free or a fixed joint alone"))

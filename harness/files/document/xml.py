@@ -106,9 +106,9 @@ def parse_any(path: Path, text: str, expected: str, any_prefix: bool = False) ->
         raise _malformed(path, error.lineno, error.msg) from None
     if complaint is not None:
         raise complaint
-    for error in parser.error_log.filter_from_errors():
-        if error.type != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
-            raise _malformed(path, error.line, f"{error.message}, line {error.line}, column {error.column}")
+    for entry in parser.error_log.filter_from_errors():
+        if entry.type != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE:
+            raise _malformed(path, entry.line, f"{entry.message}, line {entry.line}, column {entry.column}")
     return Document(path, text, root, dict(zip(root.iter("*"), lines, strict=True)), tuple(comments))
 
 

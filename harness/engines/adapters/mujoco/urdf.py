@@ -127,8 +127,8 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
     if file.constraints or fixed_to & set(written_back):
         # Links fused into such a body would be indistinguishable from it, and constraints are scaled by what each link weighs.
         edits.append(_set("s.compiler", {"fusestatic": False}))
-    for armature in file.armatures:
-        edits.append(_set(f"s.joint({armature.joint!r})", {"armature": armature.reflected_inertia}))
+    for joint in file.armatures:
+        edits.append(_set(f"s.joint({joint.name!r})", {"armature": float(joint.armature)}))
     for number, element in enumerate(file.force_elements):
         if isinstance(element, JointSpring):
             spring = {"stiffness": coefficients(element.stiffness), "springref": element.reference}
@@ -136,7 +136,7 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
         elif isinstance(element, PointSpring):
             edits += tendon_of(element, f"spring {number}")
     if len(spec.equalities) < len(file.mimics):
-        named = ", ".join(f"line {one.line}: joint {one.joint!r}" for one in file.mimics)
+        named = ", ".join(f"line {one.line}: joint {one.name!r}" for one in file.mimics)
         raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} passes over <mimic>: {named}")
     # The reader names the coupling of a joint that mimics another by nothing.
     edits += [f"s.equalities[{number}].name = {equality.name1!r}" for number, equality in enumerate(spec.equalities)]

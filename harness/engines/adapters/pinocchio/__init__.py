@@ -35,6 +35,7 @@ from harness.engines.adapters.pinocchio.versions import armature, read_urdf, set
 from harness.engines.reading import captured_standard_error
 from harness.engines.request import Request
 from harness.errors import InvalidModel
+from harness.files.equalities import Linkage
 from harness.files.model_file import ModelFile
 
 
@@ -244,16 +245,17 @@ class PinocchioEngine(Engine):
             except Exception as error:
                 raise ValueError(captured() or str(error)) from error
         model.gravity.linear = np.array([0.0, 0.0, -gravity])
-        velocities = [model.joints[model.getJointId(one.joint)].idx_v for one in file.armatures]
-        set_armature(model, velocities, [one.reflected_inertia for one in file.armatures])
+        velocities = [model.joints[model.getJointId(one.name)].idx_v for one in file.armatures]
+        set_armature(model, velocities, [float(one.armature) for one in file.armatures])
         return PinocchioModel(model, joints, file, mimics=MimicJoints(model, file, root) if file.mimics else None)
 
 
 def _refuse_mimics(file: ModelFile, joints: Sequence[str]) -> None:
     """Raises Unsupported for followers that nobody asks the accelerations of, and for those beside a loop."""
     for one in file.mimics:
-        who = f"line {one.line}: joint {one.joint!r} mimics {one.leader!r}"
-        if one.joint not in joints:
+        assert isinstance(one.says, Linkage)
+        who = f"line {one.line}: joint {one.name!r} mimics {one.says.leader!r}"
+        if one.name not in joints:
             raise Unsupported(f"{who}, and aba refuses such a model")
         if len(file.constraints) > len(file.mimics):
             raise Unsupported(f"{who} in a model with a loop, and constraintDynamics refuses that")
