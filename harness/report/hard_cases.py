@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from operator import attrgetter
 from statistics import median
 
@@ -151,23 +150,53 @@ def matrix(hard: HardSummary, anchors: Mapping[str, str]) -> Table:
         "Gravest verdict along each family, the largest backward error, and, where the error grows, its slope: "
         "p of error = constant · knob^p, beside the one theory gives"
     )
-    rows = [_matrix_row(family, hard, anchors[family.name]) for family in hard.families]
+    rows = [
+        [
+            Cell(family.name, link=f"#{anchors[family.name]}"),
+            *(_matrix_cell(family.rows.get(subject), f"#{anchors[family.name]}") for subject in hard.subjects),
+            Cell("; ".join(family.remedies) or "nothing is needed", tone="remedy", fills=True),
+        ]
+        for family in hard.families
+    ]
     return Table(["family", *hard.subjects, "what you can do"], rows, caption, "matrix")
+
+
+def _matrix_cell(row: HardRow | None, link: str) -> Cell:
+    if row is None:
+        return Cell("not run", tone="empty", fills=True)
+    digits = growth_text(row.digits_growth, row.theory_digits_growth) if row.theory_digits_growth is not None else ""
+    notes = [error_text(row.worst), "as expected" if row.as_expected and row.verdict != "agrees" else ""]
+    notes += [growth_text(row.growth, row.theory_growth), digits and f"relative error: {digits}"]
+    mark, tone = ("", row.verdict) if row.as_expected else ("✗ ", f"{row.verdict} surprise")
+    return Cell(f"{mark}{row.verdict}", list(filter(None, notes)), tone, fills=True, link=link)
 
 
 def partings(hard: HardSummary) -> Table:
     """One row per family of motions and integrator."""
-    rows: list[list[object]] = []
     ordered = sorted(hard.atlas.partings, key=attrgetter("motion", "integrator"))
-    for (motion, integrator), found in grouped(((one.motion, one.integrator), one) for one in ordered).items():
-        times = [one.parted for one in found if one.parted is not None]
-        ratios = [one.rate / one.expected_rate for one in found if one.rate is not None and one.expected_rate]
-        rates = f"median {median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
-        soonest = f"{min(times):.4g} s" if times else "-"
-        largest = max(one.largest for one in found)
-        rows.append([motion, integrator, f"{len(times)} of {len(found)}", rates, soonest, largest, _gravest(found)])
-    texts = "motion", "integrator", "parted", "rate over the expected one", "soonest"
-    return Table([*texts, Column("largest distance", "error"), "verdict"], rows, "When integrators of one scheme part")
+    return Table.of(
+        grouped(((one.motion, one.integrator), one) for one in ordered).values(),
+        {
+            "motion": lambda found: found[0].motion,
+            "integrator": lambda found: found[0].integrator,
+            "parted": lambda found: f"{len(_times(found))} of {len(found)}",
+            "rate over the expected one": _rates,
+            "soonest": lambda found: next((f"{time:.4g} s" for time in _times(found)), "-"),
+            Column("largest distance", "error"): lambda found: max(one.largest for one in found),
+            "verdict": _gravest,
+        },
+        "When integrators of one scheme part",
+    )
+
+
+def _times(partings: Sequence[Parting]) -> list[float]:
+    """The times at which they part, the soonest first."""
+    return sorted(one.parted for one in partings if one.parted is not None)
+
+
+def _rates(partings: Sequence[Parting]) -> str:
+    ratios = [one.rate / one.expected_rate for one in partings if one.rate is not None and one.expected_rate]
+    return f"median {median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
 
 
 def starts(partings: Sequence[Parting]) -> Table:
@@ -187,38 +216,30 @@ def starts(partings: Sequence[Parting]) -> Table:
 
 def stable_steps(hard: HardSummary) -> Table:
     """One row per integrator: the largest stable step times the frequency of an undamped spring."""
-    rows: list[list[object]] = []
     ordered = sorted(hard.atlas.stable_steps, key=attrgetter("integrator"))
-    for integrator, steps in grouped((one.integrator, one) for one in ordered).items():
-        expected, limits = steps[0].expected, [step.measured for step in steps]
-        low, high = min(limits), max(limits)
-        measured = "no limit found" if math.isinf(low) else f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-        frequencies = [step.frequency for step in steps]
-        theory = "no limit" if expected > 1e300 else f"{expected:.4g}"
-        rows.append([integrator, theory, measured, f"{min(frequencies):.3g} to {max(frequencies):.3g} rad/s", _gravest(steps)])
-    numbers = (Column(title, "plain") for title in ("theory", "measured", "frequencies"))
-    return Table(["integrator", *numbers, "verdict"], rows, "Largest stable step times the frequency")
+    return Table.of(
+        grouped((one.integrator, one) for one in ordered).values(),
+        {
+            "integrator": lambda steps: steps[0].integrator,
+            Column("theory", "plain"): lambda steps: "no limit" if steps[0].expected > 1e300 else f"{steps[0].expected:.4g}",
+            Column("measured", "plain"): _limits,
+            Column("frequencies", "plain"): lambda steps: (
+                f"{min(step.frequency for step in steps):.3g} to {max(step.frequency for step in steps):.3g} rad/s"
+            ),
+            "verdict": _gravest,
+        },
+        "Largest stable step times the frequency",
+    )
+
+
+def _limits(steps: Sequence[StableStep]) -> str:
+    low, high = min(step.measured for step in steps), max(step.measured for step in steps)
+    return "no limit found" if math.isinf(low) else f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
 def _gravest(measured: Iterable[Parting | StableStep]) -> Cell:
     verdict = gravest(one.verdict for one in measured)
     return Cell(verdict, tone=verdict)
-
-
-def _matrix_row(family: Family, hard: HardSummary, anchor: str) -> list[Cell]:
-    linked = partial(Cell, fills=True, link=f"#{anchor}")
-    cells = [Cell(family.name, link=f"#{anchor}")]
-    for subject in hard.subjects:
-        row = family.rows.get(subject)
-        if row is None:
-            cells.append(Cell("not run", tone="empty", fills=True))
-            continue
-        digits = growth_text(row.digits_growth, row.theory_digits_growth) if row.theory_digits_growth is not None else ""
-        notes = [error_text(row.worst), "as expected" if row.as_expected and row.verdict != "agrees" else ""]
-        notes += [growth_text(row.growth, row.theory_growth), digits and f"relative error: {digits}"]
-        mark, tone = ("", row.verdict) if row.as_expected else ("✗ ", f"{row.verdict} surprise")
-        cells.append(linked(f"{mark}{row.verdict}", list(filter(None, notes)), tone))
-    return [*cells, Cell("; ".join(family.remedies) or "nothing is needed", tone="remedy", fills=True)]
 
 
 def _time(value: float | None) -> str:

@@ -83,9 +83,8 @@ def asked_of(cell: SiteCell) -> list[str]:
 def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> FeatureLine:
     agrees = sum(cell.agrees for cell in cells)
     unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in cells)
-    errors = [float(cell.backward_error) for cell in cells if cell.backward_error is not None]
     distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None and feature in _TIES]
-    worst, soft = largest(errors), median(distances) if distances else None
+    worst, soft = largest(cell.backward_error for cell in cells), median(distances) if distances else None
     others = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in SEVERITY if verdict != Verdict.AGREES}
     parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > _SOFT else []
     if agrees:
@@ -100,19 +99,16 @@ def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> Featu
     )  # fmt: skip
 
 
-def largest(errors: Iterable[float]) -> float | None:
-    """The largest, NaN counting as infinite; None of none."""
-    return max((math.inf if math.isnan(error) else error for error in errors), default=None)
+def largest(errors: Iterable[Number]) -> float | None:
+    """The largest that there is, NaN counting as infinite; None of none."""
+    known = [float(error) for error in errors if error is not None]
+    return max((math.inf if math.isnan(error) else error for error in known), default=None)
 
 
 # Of a mechanism every subject is asked; of a variant and of a robot's file, those that read it.
 _NOT_RUN, _NOT_ASKED = "not run", "not asked"
 # Rows of a table: a new version of an engine may change every cell. The data have all of them.
 MOST_SHOWN = 200
-_HEADS: list[Column | str] = [
-    "run started (UTC)", "system", "subject or method", "number",
-    Column("before", "error"), Column("now", "error"), Column("runs before", "count"), "found by",
-]  # fmt: skip
 
 
 def value_of(number: Number) -> float | None:
@@ -180,28 +176,35 @@ def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str
 def engines(site: Site) -> Table:
     """A row for each engine and version; its name leads to its page."""
     pages = {column.engine: column.page for column in site.columns}
-    rows = []
-    for count in site.counts:
-        findings = sum(finding.engine == count.engine for finding in site.findings)
-        share = f"{count.agrees} of {count.asked}"
-        rows.append([Cell(count.engine, link=pages[count.engine]), count.version, share, count.unsupported, findings])
-    heads: list[Column | str] = ["engine", "version", Column("agree", "plain"), Column("unsupported", "count"), Column("findings", "count")]
-    return Table(heads, rows, "Engines: how many pairs of row and format agree, of those that got an answer")
+    return Table.of(
+        site.counts,
+        {
+            "engine": lambda count: Cell(count.engine, link=pages[count.engine]),
+            "version": "version",
+            Column("agree", "plain"): lambda count: f"{count.agrees} of {count.asked}",
+            Column("unsupported", "count"): "unsupported",
+            Column("findings", "count"): lambda count: sum(finding.engine == count.engine for finding in site.findings),
+        },
+        "Engines: how many pairs of row and format agree, of those that got an answer",
+    )
 
 
 def subjects(site: Site, engine: str) -> Table:
     """A row for each format and version of an engine."""
-    rows: list[list[object]] = []
-    for column in site.columns:
-        if column.engine == engine:
-            own = [cell for cell in site.cells if cell.column == column.name]
-            errors = [value for cell in own if (value := value_of(cell.backward_error)) is not None and cell.verdict == "agrees"]
-            unsupported = sum(cell.verdict == "unsupported" for cell in own)
-            agrees = sum(cell.agrees for cell in own)
-            worst = max(errors, key=lambda error: math.inf if math.isnan(error) else error, default=None)
-            rows.append([column.name, column.version, agrees, len(own) - unsupported, unsupported, worst])
-    heads = [Column("agree", "count"), Column("answered", "count"), Column("unsupported", "count"), Column("worst that agrees", "error")]
-    return Table(["subject", "version", *heads], rows, f"Verdicts of {engine}")
+    own = grouped((cell.column, cell) for cell in site.cells)
+    columns = [(column, own.get(column.name, [])) for column in site.columns if column.engine == engine]
+    return Table.of(
+        columns,
+        {
+            "subject": lambda one: one[0].name,
+            "version": lambda one: one[0].version,
+            Column("agree", "count"): lambda one: sum(cell.agrees for cell in one[1]),
+            Column("answered", "count"): lambda one: sum(cell.verdict != "unsupported" for cell in one[1]),
+            Column("unsupported", "count"): lambda one: sum(cell.verdict == "unsupported" for cell in one[1]),
+            Column("worst that agrees", "error"): lambda one: largest(cell.backward_error for cell in one[1] if cell.verdict == "agrees"),
+        },
+        f"Verdicts of {engine}",
+    )
 
 
 def features(lines: Sequence[FeatureLine], engine: str) -> Table:
@@ -219,12 +222,21 @@ def changes(site: Site, row: str | None = None) -> Table:
     found = [(site.nights[one.study][change.place], one, change) for one in site.trends if row in (None, one.row) for change in one.changes]
     found.sort(key=lambda entry: (entry[1].row, entry[1].column, entry[1].number))
     found.sort(key=lambda entry: abs(change_of(entry[2].before, entry[2].now, entry[1].number)), reverse=True)
-    rows: list[list[object]] = []
-    for started, trend, change in sorted(found, key=lambda entry: entry[0], reverse=True):
-        about = [started[:16].replace("T", " "), Cell(trend.row, link=pages[trend.row]), trend.column, trend.number]
-        rows.append([*about, change.before, change.now, change.nights, change.found_by])
-    shown = f", {MOST_SHOWN} of {len(rows)}" if len(rows) > MOST_SHOWN else ""
-    table = Table(_HEADS, rows[:MOST_SHOWN], f"Changed in the trend{shown}")
+    found.sort(key=lambda entry: entry[0], reverse=True)
+    table = Table.of(
+        found[:MOST_SHOWN],
+        {
+            "run started (UTC)": lambda entry: entry[0][:16].replace("T", " "),
+            "system": lambda entry: Cell(entry[1].row, link=pages[entry[1].row]),
+            "subject or method": lambda entry: entry[1].column,
+            "number": lambda entry: entry[1].number,
+            Column("before", "error"): lambda entry: entry[2].before,
+            Column("now", "error"): lambda entry: entry[2].now,
+            Column("runs before", "count"): lambda entry: entry[2].nights,
+            "found by": lambda entry: entry[2].found_by,
+        },
+        "Changed in the trend" + (f", {MOST_SHOWN} of {len(found)}" if len(found) > MOST_SHOWN else ""),
+    )
     return table if row is None else table.without("system")
 
 

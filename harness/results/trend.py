@@ -6,7 +6,6 @@ computation that was timed beside it. ``harness.results.change_points`` has the 
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, TypeVar
@@ -16,7 +15,7 @@ from harness.results.change_points import Chart, NightValue
 from harness.results.pareto import way_of
 from harness.results.quantiles import BOUNDS_AT
 from harness.results.records import Record, Run
-from harness.results.table import Column, Table, TableOf
+from harness.results.table import Column, Table, TableOf, grouped
 from harness.results.trend_numbers import COST, MEDIAN, PERCENTILE_99, WORST, logarithm_of, number_of
 
 # Least noise of the logarithm that is assumed of a number: of quantiles, of largest values, and of costs.
@@ -117,34 +116,29 @@ def comparable(states: int, runs: Iterable[tuple[Run, _Found]]) -> list[tuple[Ru
 
 def trends(nights: Sequence[Mapping[Cell, NightValue]], chart: Chart | None = None) -> list[Trend]:
     """The trend of every cell with the changes in it, by cell; a night without a number of a cell is passed over for it."""
-    series: dict[Cell, dict[int, NightValue]] = defaultdict(dict)
-    for place, night in enumerate(nights):
-        for cell, reading in night.items():
-            series[cell][place] = reading
+    series = grouped((cell, (place, reading)) for place, night in enumerate(nights) for cell, reading in night.items())
     chart = chart or Chart(len(nights[-1]) if nights else 0)
-    return [_trend(cell, own, len(nights), chart) for cell, own in sorted(series.items())]
-
-
-def _trend(cell: Cell, own: Mapping[int, NightValue], nights: int, chart: Chart) -> Trend:
-    system, subject, number = cell
-    places, readings = list(own), list(own.values())
-    found = [
-        ChangedCell(
-            system=system,
-            subject=subject,
-            number=number,
-            before=number_of(change.before, number),
-            now=number_of(change.now, number),
-            by=change.now - change.before,
-            nights=change.nights,
-            place=places[change.place],
-            found_by=change.found_by,
-            run=readings[change.place].run,
-        )
-        for change in chart.changes(readings)
-    ]
-    values = [own[place].measured if place in own else None for place in range(nights)]
-    return Trend(system=system, subject=subject, number=number, values=values, changes=found)
+    found = []
+    for (system, subject, number), own in sorted(series.items()):
+        changes = [
+            ChangedCell(
+                system=system,
+                subject=subject,
+                number=number,
+                before=number_of(change.before, number),
+                now=number_of(change.now, number),
+                by=change.now - change.before,
+                nights=change.nights,
+                place=own[change.place][0],
+                found_by=change.found_by,
+                run=own[change.place][1].run,
+            )
+            for change in chart.changes([reading for _, reading in own])
+        ]
+        measured = {place: reading.measured for place, reading in own}
+        values = [measured.get(place) for place in range(len(nights))]
+        found.append(Trend(system=system, subject=subject, number=number, values=values, changes=changes))
+    return found
 
 
 def changes(nights: Sequence[Mapping[Cell, NightValue]], chart: Chart | None = None) -> list[ChangedCell]:

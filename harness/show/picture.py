@@ -6,10 +6,12 @@ a dark scheme.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
+from operator import itemgetter
 
 import numpy as np
 
@@ -99,19 +101,17 @@ class _Sheet:
     def label(self, text: str, place: Point, kind: str) -> None:
         """Text near a point, at the first place around it where nothing stands yet."""
         width, height = 6.6 * len(text) + 2, 14.0
-        best: tuple[float, tuple[float, float, float, float]] | None = None
-        for distance in (14, 20, 28, 38, 50, 64, 80):
-            for angle in (0, 180, -30, 30, 150, 210, 90, -90):
-                x, y = place[0] + distance * math.cos(math.radians(angle)), place[1] + distance * math.sin(math.radians(angle))
-                left = x if math.cos(math.radians(angle)) > 0.1 else x - width if math.cos(math.radians(angle)) < -0.1 else x - width / 2
-                box = (left, y - height / 2, left + width, y + height / 2)
-                inside = box[0] > 2 and box[2] < WIDTH - 2 and box[1] > 2 and box[3] < self.height - 48
-                cost = sum(_overlap(box, other) for other in self.taken) + (0 if inside else 1e6) + distance
-                if best is None or cost < best[0]:
-                    best = cost, box
-        assert best is not None
-        self.taken.append(best[1])
-        self.parts.append(f'<text class="{kind}" x="{best[1][0]:.1f}" y="{best[1][3] - 3.5:.1f}">{escape(text)}</text>')
+        boxes: list[tuple[float, tuple[float, float, float, float]]] = []
+        for distance, angle in itertools.product((14, 20, 28, 38, 50, 64, 80), (0, 180, -30, 30, 150, 210, 90, -90)):
+            to_right = math.cos(math.radians(angle))
+            x, y = place[0] + distance * to_right, place[1] + distance * math.sin(math.radians(angle))
+            left = x if to_right > 0.1 else x - width if to_right < -0.1 else x - width / 2
+            box = (left, y - height / 2, left + width, y + height / 2)
+            inside = box[0] > 2 and box[2] < WIDTH - 2 and box[1] > 2 and box[3] < self.height - 48
+            boxes.append((sum(_overlap(box, other) for other in self.taken) + (0 if inside else 1e6) + distance, box))
+        _, best = min(boxes, key=itemgetter(0))
+        self.taken.append(best)
+        self.parts.append(f'<text class="{kind}" x="{best[0]:.1f}" y="{best[3] - 3.5:.1f}">{escape(text)}</text>')
 
     def axes(self, gravity: float) -> None:
         """The world's axes and gravity, in the lower left corner."""
@@ -130,12 +130,11 @@ class _Sheet:
             place = (end[0] + 8 * x / math.hypot(x, y) - 3, end[1] + 9 * y / math.hypot(x, y) + 4)
         else:
             self.circle(start, 5, kind)
-            r = 3.5
             if float(np.dot(axis, self.view.towards)) > 0:
                 self.circle(start, 1.5, kind)
             else:
-                self.line([(start[0] - r, start[1] - r), (start[0] + r, start[1] + r)], kind)
-                self.line([(start[0] - r, start[1] + r), (start[0] + r, start[1] - r)], kind)
+                for side in (3.5, -3.5):
+                    self.line([(start[0] - 3.5, start[1] - side), (start[0] + 3.5, start[1] + side)], kind)
             place = (start[0] - 15, start[1] + 13)
         self.parts.append(f'<text class="{kind}" x="{place[0]:.1f}" y="{place[1]:.1f}">{escape(name)}</text>')
 
