@@ -246,9 +246,8 @@ class _FreeBodies:
         axes = [free[0] for free in frees if len(free) == 1]
         if not axes:
             return []
-        count = len(self._builder.inputs)
-        with flint.ctx.workprec(_BITS):
-            values = self._builder.evaluated({"axes": [term for axis in axes for term in axis]}, [1.0] * count)["axes"]
+        inputs = [1.0] * len(self._builder.inputs)
+        values = self._builder.evaluated({"axes": [term for axis in axes for term in axis]}, _BITS, inputs)["axes"]
         return np.abs(np.array(values, dtype=float)).reshape(-1, 3).tolist()
 
     def _relative(self, number: int) -> Vector:

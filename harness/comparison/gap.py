@@ -24,8 +24,8 @@ from harness.files.rules import StepRule
 from harness.programs.evaluation import values
 from harness.programs.program import upper_triangle
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap, Mover, Share
-from harness.trees.stepping.step_forces import StepForces
-from harness.truth.balls.declared_motion import DeclaredMotion
+from harness.trees.recursion import StepForces
+from harness.trees.steps import DeclaredMotion
 
 CAUSES = (DYNAMICS, INTEGRATOR, STEP)
 # Bits of what is worked out of ends: more than any end is known to.

@@ -30,8 +30,8 @@ from harness.programs.states import States
 from harness.results.gap import Gap, Gaps, Mover
 from harness.study import Inquiry, Part, Study, ask, call
 from harness.trees.mechanism import mechanism_of
+from harness.trees.recursion import step_forces
 from harness.trees.robot import Robot
-from harness.trees.stepping.step_forces import step_forces
 from harness.workers import Outcome, Task
 
 _FORM = re.compile(r"(?P<engine>[^/@]+)/(?P<integrator>[^/@]+)(?:@(?P<length>[^/@]+))?")

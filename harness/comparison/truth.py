@@ -23,7 +23,7 @@ from harness.files.tree import Joint, Tree
 from harness.programs.states import States
 from harness.results.comparison import FELT, Effect
 from harness.storage import Kept
-from harness.trees.bodies.bounds import bounded
+from harness.trees.bodies.inertias import bounded
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, Flags, compare

@@ -242,7 +242,7 @@ class Body(_Placed):
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is done about bodies that weigh too little, or that no body can be; see ``harness.trees.bodies.bounds``.
+    """What is done about bodies that weigh too little, or that no body can be; see ``harness.trees.bodies.inertias``.
 
     Attributes:
         mass, moment: least mass [kg] of each body, and least principal moment of inertia [kg m^2].

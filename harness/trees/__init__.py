@@ -12,7 +12,7 @@ is a function: ``recursion`` writes its equations of motion in the axes of the b
 that works on mechanisms.
 
 ``world_motion`` has the bodies as they move along the world's axes. From it ``quantities`` writes what engines compute besides, and
-``constraints`` the rows of what the file ties beside its joints. ``stepping`` writes the state after one step of an integrator by its rule.
+``constraints`` the rows of what the file ties beside its joints. ``steps`` writes the state after one step of an integrator by its rule.
 
 Certified accelerations at states are those of ``harness.truth.reference``.
 """

@@ -15,8 +15,8 @@ import numpy as np
 from harness.arrays import Array
 from harness.files.tree import WORLD, Body, Direction, Joint, Placement
 from harness.programs.terms import Matrix, Term, Vector
-from harness.trees.bodies.bounds import bounded
-from harness.trees.bodies.rigid import Weights, joined
+from harness.trees.bodies.inertias import bounded
+from harness.trees.bodies.rigid import Weights, about_centre, joined
 from harness.trees.bodies.spatial import FileBuilder, Frame, about, angle, direction, placed, rotation
 from harness.trees.robot import Robot
 
@@ -72,8 +72,6 @@ def _square(arm: Array) -> Array:
 
 def canonical(robot: Robot) -> dict[str, CanonicalNode]:
     """The nodes of a robot by the name of their joint, parents first; each number to the last bit or two."""
-    import flint
-
     tree, builder = bounded(robot.tree), FileBuilder(())
     weights = Weights(builder, tree)
     # Of each body, the joint that moves it, and its frame in the world at zero.
@@ -88,8 +86,7 @@ def canonical(robot: Robot) -> dict[str, CanonicalNode]:
         from_anchor = Frame(frame.turn, frame.shift + -joints[name].anchor)
         total = joined(builder, (part.moved(from_anchor) for part in weights.parts(body)))
         outputs[f"body {body.name}"] = [total.mass, *total.first, *total.second.flat]
-    with flint.ctx.workprec(_BITS):
-        values = builder.evaluated(outputs)
+    values = builder.evaluated(outputs, _BITS)
     found: dict[str, CanonicalNode] = {}
     anchors: dict[str, list[Any]] = {"": [0.0] * 3}
     for name, one in joints.items():
@@ -100,7 +97,8 @@ def canonical(robot: Robot) -> dict[str, CanonicalNode]:
     for body in moving:
         mass, *moments = values[f"body {body.name}"]
         node = found[frames[body.name][0]]
-        node.bodies[body.name] = _mass(mass, moments[:3], moments[3:])
+        centre, about_it = about_centre(mass, moments)
+        node.bodies[body.name] = Mass(float(mass), np.array(centre, dtype=np.float64), np.array(about_it, dtype=np.float64))
         node.elements[body.name] = body
     return found
 
@@ -136,11 +134,3 @@ def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joint
             frame = Frame(turn, anchor + -(turn @ local))
         moved_by = joint.name
     return moved_by, frame
-
-
-def _mass(mass: Any, first: list[Any], second: list[Any]) -> Mass:
-    """Float64 of moments about the centre, which are formed in balls."""
-    centre = [part / mass for part in first] if float(mass) else [mass * 0] * 3
-    squared = sum((part * part for part in centre), mass * 0)
-    moments = [second[3 * i + j] - mass * ((squared if i == j else 0) - centre[i] * centre[j]) for i in range(3) for j in range(3)]
-    return Mass(float(mass), np.array([float(part) for part in centre]), np.array([float(part) for part in moments]).reshape(3, 3))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -22,14 +22,13 @@ from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import InverseWeight
 from harness.files.tree import WORLD, Body, Given, Joint, Tree
 from harness.programs.evaluation import mass_matrix
-from harness.programs.program import upper_triangle
 from harness.programs.terms import Term, Vector, cross
-from harness.trees.bodies.bounds import bounded
+from harness.trees import recursion
+from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Rigid, Spatial, joined, spatial
 from harness.trees.bodies.spatial import placed, unit
 from harness.trees.constraints.rows import Row, jacobian_of, untied
 from harness.trees.nodes import Kinematics, standing
-from harness.trees.quantities.forces import entries_of_mass
 from harness.trees.robot import tree_of
 from harness.trees.world_motion import World, in_world
 
@@ -60,16 +59,16 @@ def inverse_weights_of(
     import flint
 
     tree, wanted = bounded(tree), list(dict.fromkeys(wanted))
-    nodes = standing(untied(tree, [joint.name for joint in tree.joints]), at_reference=True)
+    nodes = standing(untied(tree, [joint.name for joint in tree.joints]))
     at_zero = _AtZero(in_world(nodes), fuses, {one.name: one for one in tendons})
-    sliders = {name: body for body in tree.bodies if _only_slides(tree, nodes, body) for name in (body.name, *_names(body.joints))}
+    slid = [body for body in tree.bodies if _only_slides(tree, nodes, body)]
+    sliders = {name: body for body in slid for name in (body.name, *(joint.name for joint in body.joints))}
     slides = {one: sliders[one.of] for one in wanted if one.of in sliders and one.kind != "tendon"}
-    entries, pairs = entries_of_mass(at_zero.world), upper_triangle(nodes.nv)
-    outputs: dict[str, Iterable[Term]] = {"mass": [entries.get(pair, nodes.builder.zero) for pair in pairs]}
+    outputs: dict[str, Iterable[Term]] = {"mass": recursion.mass_matrix(nodes)}
     for number, one in enumerate(wanted):
-        outputs[str(number)] = [at_zero.weight(slides[one])] if one in slides else at_zero.jacobian(one)
+        outputs[str(number)] = [at_zero.rigid(slides[one]).mass] if one in slides else at_zero.jacobian(one)
     with flint.ctx.workprec(_BITS):
-        found = nodes.builder.evaluated(outputs)
+        found = nodes.builder.evaluated(outputs, _BITS)
         mass = mass_matrix(found["mass"], nodes.nv)
         weights = {}
         for number, one in enumerate(wanted):
@@ -99,16 +98,15 @@ class _AtZero:
         if wanted.kind == "joint":
             # Of a free joint the translations, as those of its first velocity.
             columns = nodes.coordinates.columns[wanted.of][:3]
-            return [Row("", builder.zero, builder.zero, on_columns=((column, builder.one),)) for column in columns]
+            return [self._row(columns=[(column, builder.one)]) for column in columns]
         if wanted.kind == "rotation":
-            acts = [spatial(axis, builder.still) for axis in builder.identity]
-            return [self._row([(nodes.frames[wanted.of][0], one)]) for one in acts]
+            return [self._row([(nodes.frames[wanted.of][0], spatial(axis, builder.still))]) for axis in builder.identity]
         centre = self._centre(wanted.of) if nodes.frames[wanted.of][0] >= 0 else builder.still
         return [self._row([self._force(wanted.of, centre, axis)]) for axis in builder.identity]
 
-    def _row(self, acts: Iterable[tuple[int, Spatial]]) -> Row:
+    def _row(self, acts: Iterable[tuple[int, Spatial]] = (), columns: Iterable[tuple[int, Term]] = ()) -> Row:
         zero = self.world.kinematics.builder.zero
-        return Row("", zero, zero, tuple(one for one in acts if one[0] >= 0))
+        return Row("", zero, zero, tuple(one for one in acts if one[0] >= 0), tuple(columns))
 
     def _force(self, body: str, point: Vector, force: Vector) -> tuple[int, Spatial]:
         """A force at a point of a body, on the node that moves it."""
@@ -116,14 +114,10 @@ class _AtZero:
         arm = point if number < 0 else point - self.world.moving[number].position
         return number, spatial(cross(arm, force), force)
 
-    def _rigid(self, body: Body) -> Rigid:
+    def rigid(self, body: Body) -> Rigid:
         """A body about the world's origin."""
         frame, nodes = self.world.frame_of(body.name), self.world.kinematics
         return joined(nodes.builder, (part.moved(frame) for part in nodes.weights.parts(body)))
-
-    def weight(self, body: Body) -> Term:
-        """The mass of a body."""
-        return self._rigid(body).mass
 
     def _centre(self, name: str) -> Vector:
         """The centre of mass of a body with all that an engine makes one with it."""
@@ -131,14 +125,13 @@ class _AtZero:
         for body in tree.bodies:
             carriers[body.name] = carriers[body.parent] if self.fuses and not body.joints else body.name
         bodies = [body for body in tree.bodies if carriers[body.name] == carriers[name]]
-        whole = joined(self.world.kinematics.builder, map(self._rigid, bodies))
+        whole = joined(self.world.kinematics.builder, map(self.rigid, bodies))
         return whole.first / whole.mass
 
     def _tendon(self, tendon: Tendon) -> Row:
         nodes, builder = self.world.kinematics, self.world.kinematics.builder
         if not isinstance(tendon, Polygon):
-            terms = ((nodes.coordinates.columns[name][0], builder.number(multiple)) for name, multiple in tendon.terms)
-            return replace(self._row(()), on_columns=tuple(terms))
+            return self._row(columns=((nodes.coordinates.columns[name][0], builder.number(multiple)) for name, multiple in tendon.terms))
         places = [(body, placed(builder, pose, self.world.frame_of(body)).shift) for body, pose in tendon.points]
         acts = []
         for (first, start), (second, end) in itertools.pairwise(places):
@@ -154,10 +147,6 @@ def _only_slides(tree: Tree, nodes: Kinematics, body: Body) -> bool:
     is_leaf = body.name not in parents.values()
     slides = bool(body.joints) and all(joint.kind == JointKind.SLIDE and _is_along_one(joint) for joint in body.joints)
     return hangs and is_leaf and slides and body.inertia is not None and not body.solids and _stands_in_body(body)
-
-
-def _names(joints: Iterable[Joint]) -> tuple[str, ...]:
-    return tuple(joint.name for joint in joints)
 
 
 def _is_along_one(joint: Joint) -> bool:

@@ -18,15 +18,14 @@ import numpy as np
 from harness.arrays import Array
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
-from harness.files.tree import Joint
+from harness.files.tree import Given, Joint
 from harness.programs.evaluation import mass_matrix, solved
-from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.applied_forces import forces_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import right_hand_side
 from harness.programs.states import DEFAULT_RATES, States
-from harness.trees.bodies.spatial import parameter_name
-from harness.trees.recursion import Recursion, recursion_program
+from harness.trees.bodies.spatial import FileProgram, parameter_name
+from harness.trees.recursion import recursion_program
 from harness.trees.robot import Robot, tree_of
 
 # Of a joint without limits [m].
@@ -38,11 +37,13 @@ class RobotMechanism(Mechanism):
     """A mechanism with the robot whose equations it has, which engines that read robots' files are handed.
 
     Attributes:
+        given: the numbers of the file that are its parameters.
         digest: of the file's content, which an engine may make more of than its equations hold; "" where no engine reads it.
         request: what an engine that reads the file by itself is to load; None where none does.
     """
 
     robot: Robot
+    given: tuple[Given, ...] = ()
     digest: str = ""
     request: Any = None
 
@@ -53,6 +54,11 @@ class RobotMechanism(Mechanism):
     @property
     def key(self) -> Hashable:
         return super().key, self.digest
+
+
+def named(numbers: Sequence[Given]) -> tuple[tuple[str, float, str], ...]:
+    """Numbers of a file as the parameters of a mechanism."""
+    return tuple((parameter_name(value), float(value), "") for value in numbers)
 
 
 def mechanism_of(robot: Robot) -> RobotMechanism:
@@ -70,20 +76,20 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
     rotating = [turns for joint in joints for turns in joint.kind.turning]
     firsts = itertools.accumulate((joint.kind.velocities for joint in joints), initial=0)
     attitudes = [first + joint.kind.linear for joint, first in zip(joints, firsts, strict=False) if joint.kind.has_attitude]
-    values = [float(value) for value in recursion.parameters]
     return RobotMechanism(
         name=robot.path.stem,
         description=f"The robot of {robot.path.name}.",
         source="",
         coordinates=tuple(f"{joint.name} {suffix}".rstrip() for joint in joints for suffix in joint.kind.coordinates),
         joints=tuple(joint.name for joint in joints for _ in joint.kind.coordinates),
-        parameters=tuple((parameter_name(one), float(one), "") for one in recursion.parameters),
+        parameters=named(recursion.parameters),
+        given=recursion.parameters,
         gravity=math.hypot(*map(float, robot.tree.gravity)),
         total_mass=robot.total_mass,
         rotating=tuple(rotating),
         position_ranges=tuple(ranges),
         rate_ranges=tuple(rates),
-        **forces_of(recursion.program, values, ranges, rates, attitudes),
+        **forces_of(recursion.program, recursion.numbers, ranges, rates, attitudes),
         attitudes=tuple(attitudes),
         charts_in_body=in_body,
         program=recursion.program,
@@ -116,17 +122,15 @@ def accelerations(model: ModelFile, joints: Sequence[str], gravity: float, state
     return accelerations_of(recursion_program(tree_of(model, gravity), joints), states)
 
 
-def accelerations_of(recursion: Recursion, states: States) -> Array:
+def accelerations_of(recursion: FileProgram, states: States) -> Array:
     """``accelerations`` of a tree's program."""
     import flint
 
-    program, nv = recursion.program, states.v.shape[1]
-    found = np.full_like(states.v, np.nan)
+    nv, found = states.v.shape[1], np.full_like(states.v, np.nan)
     with flint.ctx.workprec(BITS):
-        evaluate = BallKernel(program, len(recursion.parameters)).bind([float(value) for value in recursion.parameters])
+        evaluate = recursion.in_balls()
         for row, (q, v, tau, time) in enumerate(zip(states.q, states.v, states.tau, states.time, strict=True)):
-            values = iter(evaluate(*q.tolist(), *v.tolist(), *tau.tolist(), float(time)))
-            outputs = {name: [next(values) for _ in places] for name, places in program.outputs.items()}
+            outputs = evaluate(*q.tolist(), *v.tolist(), *tau.tolist(), float(time))
             force = right_hand_side(outputs, [flint.arb(applied) for applied in tau.tolist()])
             solution = solved(mass_matrix(outputs["mass"], nv), force)
             if all(ball.rel_accuracy_bits() >= LEAST_BITS or ball == 0 for ball in solution):

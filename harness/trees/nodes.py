@@ -5,13 +5,17 @@ Source: Featherstone, Rigid Body Dynamics Algorithms, chapter 4 (trees and joint
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
+import numpy as np
+
+from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Body, Direction, Joint, Placement, Tree
-from harness.programs.terms import Term, Vector, cross
-from harness.trees.bodies.bounds import bounded
-from harness.trees.bodies.rigid import Rigid, Spatial, Weights, nothing, power, spatial
+from harness.programs.terms import Term, Vector, cross, vector
+from harness.trees.bodies.inertias import bounded
+from harness.trees.bodies.rigid import Rigid, Spatial, Weights, joined, power, spatial
 from harness.trees.bodies.spatial import FileBuilder, Frame, about, angle, direction, of_quaternion, placed, rotation
 
 
@@ -56,19 +60,32 @@ class Coordinates:
     """The inputs of a tree's program: q, v, a third vector as long as v, further ones, and the time.
 
     Attributes:
-        joints: names of the joints that move by themselves, in the order of q and v.
-        positions: by joint. columns: by joint, the places of its velocities in v.
+        positions: by joint that moves by itself, in the order of q and v. columns: by joint, the places of its velocities in v.
         velocities, third: (nv,), the third vector holds applied forces or accelerations.
         is_in_body: whether the linear velocity of a free joint is given in the body's frame, instead of its parent's.
     """
 
-    joints: tuple[str, ...]
     positions: Mapping[str, Vector]
     columns: Mapping[str, list[int]]
     velocities: Vector
     third: Vector
     further: Vector
-    is_in_body: bool
+    is_in_body: bool = False
+
+    @classmethod
+    def of(cls, kinds: Mapping[str, JointKind], q: Vector, velocities: Vector, *others: Any) -> Coordinates:
+        """Those of joints in the order of q and v."""
+        positions, columns, first, column = {}, {}, 0, 0
+        for name, kind in kinds.items():
+            positions[name] = q[first : first + kind.positions]
+            columns[name] = list(range(column, column + kind.velocities))
+            first, column = first + kind.positions, column + kind.velocities
+        return cls(positions, columns, velocities, *others)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that move by themselves."""
+        return tuple(self.columns)
 
     def position(self, joint: Joint) -> Term:
         """The position of a hinge or slide, of those that follow another too."""
@@ -104,35 +121,47 @@ class Kinematics:
         """No motion, and no force."""
         return self.builder.zeros(2, 3)
 
+    def up_from(self, number: int) -> Iterator[int]:
+        """A node, those before it, and the first of its tree."""
+        while number >= 0:
+            yield number
+            number = self.nodes[number].parent
+
     def with_tree(self, tree: Tree) -> Kinematics:
         """Another tree with the same joints, at the same coordinates."""
         return _grown(self.builder, tree, self.coordinates, self.weights)
 
     def at_zero(self) -> Kinematics:
         """The same tree in the position zero, where quaternions are 1."""
-        positions = {}
-        for name, values in self.coordinates.positions.items():
-            positions[name] = self.builder.zeros(len(values))
-            if len(values) > len(self.coordinates.columns[name]):
-                positions[name][-4] = self.builder.one
+        kinds = joints_by_themselves(self.tree)
+        positions = {name: _at_zero(self.builder, kinds[name]) for name in self.coordinates.joints}
         return _grown(self.builder, self.tree, replace(self.coordinates, positions=positions), self.weights)
 
 
-def standing(tree: Tree, at_reference: bool = False) -> Kinematics:
-    """The nodes of a tree in a program without inputs: in the position zero, or where every joint has its reference."""
+def joints_by_themselves(tree: Tree) -> dict[str, JointKind]:
+    """The kinds of the joints of a tree that follow no other."""
+    return {joint.name: joint.kind for joint in tree.joints if not joint.follows}
+
+
+def _at_zero(builder: FileBuilder, kind: JointKind) -> Vector:
+    found = builder.zeros(kind.positions)
+    if kind.has_attitude:
+        found[-4] = builder.one
+    return found
+
+
+def standing(tree: Tree) -> Kinematics:
+    """The nodes of a tree at rest in a program without inputs, where every joint has its reference."""
     tree, builder = bounded(tree), FileBuilder(())
-    positions, columns, first = {}, {}, 0
-    for joint in tree.joints:
-        if not joint.follows:
-            values = positions[joint.name] = builder.zeros(joint.kind.positions)
-            columns[joint.name] = list(range(first, first + joint.kind.velocities))
-            first += joint.kind.velocities
-            if joint.kind.has_attitude:
-                values[-4] = builder.one
-            elif at_reference and joint.kind.is_single:
-                values[0] = angle(builder, joint.reference, joint.in_degrees)
-    rest = builder.zeros(first)
-    return _grown(builder, tree, Coordinates(tuple(columns), positions, columns, rest, rest, rest[:0], False), Weights(builder, tree))
+    joints = [joint for joint in tree.joints if not joint.follows]
+    positions = [_at_zero(builder, joint.kind) for joint in joints]
+    for joint, values in zip(joints, positions, strict=True):
+        if joint.kind.is_single:
+            values[0] = angle(builder, joint.reference, joint.in_degrees)
+    kinds = joints_by_themselves(tree)
+    rest = builder.zeros(sum(kind.velocities for kind in kinds.values()))
+    coordinates = Coordinates.of(kinds, np.concatenate([rest[:0], *positions]), rest, rest, rest[:0])
+    return _grown(builder, tree, coordinates, Weights(builder, tree))
 
 
 def kinematics(tree: Tree, joints: Sequence[str], is_in_body: bool = False, third: str = "tau", further: Sequence[str] = ()) -> Kinematics:
@@ -141,24 +170,16 @@ def kinematics(tree: Tree, joints: Sequence[str], is_in_body: bool = False, thir
     Raises:
         ValueError: the tree has other joints.
     """
-    order = tuple(dict.fromkeys(joints))
-    kinds = {joint.name: joint.kind for joint in tree.joints if not joint.follows}
-    if sorted(order) != sorted(kinds):
-        raise ValueError(f"the tree has the joints {sorted(kinds)}; expected {sorted(order)}")
-    nq, nv = (sum(kinds[name].sizes[part] for name in order) for part in range(2))
+    order, own = tuple(dict.fromkeys(joints)), joints_by_themselves(tree)
+    if sorted(order) != sorted(own):
+        raise ValueError(f"the tree has the joints {sorted(own)}; expected {sorted(order)}")
+    kinds = {name: own[name] for name in order}
+    nq, nv = (sum(kind.sizes[part] for kind in kinds.values()) for part in range(2))
     sizes = {"q": nq, "v": nv, third: nv}
-    names = [*(f"{kind}{place}" for kind, size in sizes.items() for place in range(size)), *further, "t"]
-    builder = FileBuilder(names)
-    q, v, given = (builder.inputs_at(range(first, first + size)) for first, size in ((0, nq), (nq, nv), (nq + nv, nv)))
-    positions, columns, first, column = {}, {}, 0, 0
-    for name in order:
-        kind = kinds[name]
-        positions[name] = q[first : first + kind.positions]
-        columns[name] = list(range(column, column + kind.velocities))
-        first, column = first + kind.positions, column + kind.velocities
-    coordinates = Coordinates(order, positions, columns, v, given, builder.inputs_at(range(nq + 2 * nv, len(names) - 1)), is_in_body)
+    builder = FileBuilder([*(f"{kind}{place}" for kind, size in sizes.items() for place in range(size)), *further, "t"])
+    q, v, given, others = np.split(vector(builder.inputs[:-1]), [nq, nq + nv, nq + 2 * nv])
     tree = bounded(tree)
-    return _grown(builder, tree, coordinates, Weights(builder, tree))
+    return _grown(builder, tree, Coordinates.of(kinds, q, v, given, others, is_in_body), Weights(builder, tree))
 
 
 def _grown(builder: FileBuilder, tree: Tree, coordinates: Coordinates, weights: Weights) -> Kinematics:
@@ -217,7 +238,7 @@ def _node(builder: FileBuilder, coordinates: Coordinates, parent: int, at: Frame
         if kind.linear and not coordinates.is_in_body:
             # The velocity is given in the parent's frame, which turns in the body's.
             bias = spatial(still, -cross(rates[3:], own.T @ rates[:3]))
-    return Node(parent, Frame(turn, shift), joint, motions, columns, bias, nothing(builder))
+    return Node(parent, Frame(turn, shift), joint, motions, columns, bias, joined(builder, ()))
 
 
 def composite_inertias(

@@ -12,24 +12,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.files.tree import Given, Pose, Tree
-from harness.programs.program import StraightLineProgram, upper_triangle, without_unused
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import Pose, Tree
+from harness.programs.derivatives import along
+from harness.programs.program import upper_triangle
 from harness.programs.terms import Matrix, Term, Vector, cross
 from harness.trees.bodies.rigid import Spatial, power, spatial
-from harness.trees.bodies.spatial import placed
+from harness.trees.bodies.spatial import FileProgram, placed
 from harness.trees.joint_forces import Line, forces_of_joints, tension_between
 from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
 
-
-@dataclass(frozen=True)
-class Recursion:
-    """The program of a tree, and the numbers of the file that are its last inputs."""
-
-    program: StraightLineProgram
-    parameters: tuple[Given, ...]
+JOINT_DAMPING, JOINT_STIFFNESS = "joint damping", "joint stiffness"
+LINES, LINE_DAMPING, LINE_STIFFNESS = "lines", "line damping", "line stiffness"
 
 
-def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False) -> Recursion:
+def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body: bool = False) -> FileProgram:
     """The program of a tree; q, v and tau follow ``joints``, inputs and outputs are those of ``harness.programs.kernels``.
 
     A rotation stands in q as a quaternion (w, x, y, z) of any length, its velocity in v in the body's frame, both behind the
@@ -42,14 +39,14 @@ def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body
     """
     nodes = kinematics(tree, joints, linear_velocity_in_body)
     outputs, _ = equations_of_motion(nodes)
-    return Recursion(without_unused(nodes.builder.program(outputs)), nodes.builder.parameters)
+    return nodes.builder.written(outputs)
 
 
 def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]], list[Line]]:
     """The terms of the equations of motion by their names, and the lengths on which springs and dampers act."""
     velocities, lines = _velocities(nodes), list[Line]()
     outputs = {
-        "mass": _mass_matrix(nodes),
+        "mass": mass_matrix(nodes),
         "velocity": _velocity_terms(nodes, velocities),
         "gravity": _gravity_terms(nodes),
         "passive": _passive_forces(nodes, velocities, lines),
@@ -120,13 +117,13 @@ def _gravity_terms(nodes: Kinematics) -> Vector:
     return _generalised(nodes, [node.rigid.momentum(one) for node, one in zip(nodes.nodes, accelerations, strict=True)])
 
 
-def _mass_matrix(nodes: Kinematics) -> list[Term]:
-    """The upper triangle by rows."""
+def mass_matrix(nodes: Kinematics) -> list[Term]:
+    """The upper triangle of M by rows."""
 
     def carried(number: int, force: Spatial) -> Iterator[tuple[int, Spatial]]:
-        while number >= 0:
-            yield number, force
-            force, number = _up(nodes.nodes[number], force), nodes.nodes[number].parent
+        for at in nodes.up_from(number):
+            yield at, force
+            force = _up(nodes.nodes[at], force)
 
     rigids = [node.rigid for node in nodes.nodes]
     entries = composite_inertias(nodes, [node.motions for node in nodes.nodes], rigids, [node.frame for node in nodes.nodes], carried)
@@ -155,8 +152,69 @@ def _end(nodes: Kinematics, body: str, pose: Pose, velocities: Sequence[Spatial]
     if number < 0:
         return number, arm, arm, nodes.builder.still, nodes.builder.identity
     angular, linear = velocities[number]
-    rate, position, orientation, at = linear + cross(angular, arm), arm, nodes.builder.identity, number
-    while at >= 0:
-        above = nodes.nodes[at]
-        position, orientation, at = above.frame.at(position), above.frame.turn @ orientation, above.parent
+    rate, position, orientation = linear + cross(angular, arm), arm, nodes.builder.identity
+    for at in nodes.up_from(number):
+        frame = nodes.nodes[at].frame
+        position, orientation = frame.at(position), frame.turn @ orientation
     return number, arm, position, orientation @ rate, orientation
+
+
+# Steps.
+
+
+@dataclass(frozen=True)
+class StepForces(FileProgram):
+    """The equations of motion of a tree, and the parts of its forces that an integrator may take implicitly.
+
+    The program is that of ``recursion_program`` with further outputs: "joint damping" and "joint stiffness" (nv each), the minus
+    derivatives of what springs and dampers in joints do; "lines" (m, nv) by rows, the derivatives by the velocities of the rates of
+    the lengths that springs and dampers act on; "line damping" and "line stiffness" (m each).
+
+    Attributes:
+        related: pairs (i, j), i <= j, of velocities one of which moves all that the other moves.
+        floating: the first places in v of the free joints of bodies that carry no other joint.
+    """
+
+    related: frozenset[tuple[int, int]]
+    floating: tuple[int, ...]
+
+
+def step_forces(tree: Tree, joints: Sequence[str]) -> StepForces:
+    """The forces of a tree; inputs as ``recursion_program`` has them, the velocity of a free joint in the frame of the parent.
+
+    Raises:
+        ValueError: the tree has other joints.
+    """
+    nodes = kinematics(tree, joints)
+    equations, lines = equations_of_motion(nodes)
+    builder, velocities = nodes.builder, nodes.coordinates.velocities
+    slopes = [along([line.rate], {velocity: builder.one})[0] for line in lines for velocity in velocities]
+    outputs = {
+        **equations,
+        JOINT_DAMPING: _of_joints(nodes, "damping"),
+        JOINT_STIFFNESS: _of_joints(nodes, "stiffness"),
+        LINES: slopes,
+        LINE_DAMPING: builder.vector([line.of.damping for line in lines]),
+        LINE_STIFFNESS: builder.vector([line.of.stiffness for line in lines]),
+    }
+    carrying = {node.parent for node in nodes.nodes}
+    alone = [node for number, node in enumerate(nodes.nodes) if node.joint.kind == JointKind.FREE and number not in carrying]
+    floating = tuple(node.columns[0] for node in alone)
+    own = builder.written(outputs)
+    related = frozenset(
+        (min(i, j), max(i, j))
+        for number, node in enumerate(nodes.nodes)
+        for at in nodes.up_from(number)
+        for i in node.columns
+        for j in nodes.nodes[at].columns
+    )
+    return StepForces(own.program, own.parameters, related, floating)
+
+
+def _of_joints(nodes: Kinematics, coefficient: str) -> Vector:
+    found = nodes.builder.zeros(nodes.nv)
+    for node in nodes.nodes:
+        value = node.of_velocity(coefficient)
+        for column in node.columns:
+            found[column] = found[column] + value
+    return found

@@ -28,15 +28,15 @@ from harness.files.tree import Given, Joint, SpringDampers, Tree
 from harness.files.urdf.kinds import BALL_CONSTRAINT
 from harness.files.urdf.reading import FLOATING_BASE
 from harness.programs.evaluation import mass_matrix
-from harness.programs.kernels import BallKernel
-from harness.programs.program import without_unused
+from harness.trees import recursion
 from harness.trees.bodies.inertias import impossible_inertias, total_mass
-from harness.trees.recursion import recursion_program
+from harness.trees.nodes import standing
 
 __all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "robot_of", "tree_of"]
 
 # M of more has some hundred thousand entries, and its inverse takes minutes to certify.
 MOST_DEGREES_OF_FREEDOM = 500
+_BITS = 192
 
 
 @dataclass(frozen=True)
@@ -145,21 +145,21 @@ def _robot(path: Path, meaning: Meaning, floating_base: str = "") -> Robot:
     return robot
 
 
-_BITS = 192
-
-
 def with_spring_dampers(tree: Tree, asked: SpringDampers) -> Tree:
     """The tree whose joints that ask for it have the stiffness and damping that follow from their inertia, rounded to float64."""
+    import flint
+
     if not asked.given:
         return tree
-    inertias = _inertias(tree)
+    with flint.ctx.workprec(_BITS):
+        inertias = _inertias(tree)
 
     def changed(joint: Joint) -> Joint:
         if joint.name not in asked.given or joint.place is None:
             return joint
-        time, ratio = asked.given[joint.name]
-        stiffness = float(inertias[joint.name] / (_exactly(time) * _exactly(ratio)) ** 2) if asked.springs else 0.0
-        damping = float(2 * inertias[joint.name] / _exactly(time)) if asked.dampers else 0.0
+        time, ratio = (flint.arb(float(number)) for number in asked.given[joint.name])
+        stiffness = float(inertias[joint.name] / (time * ratio) ** 2) if asked.springs else 0.0
+        damping = float(2 * inertias[joint.name] / time) if asked.dampers else 0.0
         # At the joint, for those of a class are other numbers at each.
         return replace(
             joint,
@@ -170,36 +170,9 @@ def with_spring_dampers(tree: Tree, asked: SpringDampers) -> Tree:
     return replace(tree, bodies=tuple(replace(body, joints=tuple(map(changed, body.joints))) for body in tree.bodies))
 
 
-def _exactly(number: Given) -> Any:
-    import flint
-
-    return flint.arb(float(number))
-
-
 def _inertias(tree: Tree) -> dict[str, Any]:
-    """1 / (M^-1)_jj of the joints of one axis, in balls."""
-    import flint
-
-    joints = tree.joints
-    recursion = recursion_program(tree, [joint.name for joint in joints])
-    program = without_unused(replace(recursion.program, outputs={"mass": recursion.program.outputs["mass"]}))
-    with flint.ctx.workprec(_BITS):
-        evaluate = BallKernel(program, len(recursion.parameters)).bind([float(value) for value in recursion.parameters])
-        reference = [coordinate for joint in joints for coordinate in _reference(joint)]
-        nv = sum(joint.kind.velocities for joint in joints)
-        inverse = mass_matrix(evaluate(*reference, *[0.0] * (2 * nv + 1)), nv).inv()
-        found, column = {}, 0
-        for joint in joints:
-            found[joint.name] = 1 / inverse[column, column]
-            column += joint.kind.velocities
-        return found
-
-
-def _reference(joint: Joint) -> list[Any]:
-    """The position of a joint at which its body stands where the file says; that of a free joint in the world is felt by no inertia."""
-    import flint
-
-    if joint.kind.is_single:
-        written = flint.arb(float(joint.reference))
-        return [written * flint.arb.pi() / 180 if joint.in_degrees else written]
-    return [*[0.0] * (joint.kind.positions - 4), 1.0, 0.0, 0.0, 0.0]
+    """1 / (M^-1)_jj of the joints of one axis at the reference, in balls."""
+    nodes = standing(tree)
+    inverse = mass_matrix(nodes.builder.evaluated({"mass": recursion.mass_matrix(nodes)}, _BITS)["mass"], nodes.nv).inv()
+    columns = {name: column for name, (column, *_) in nodes.coordinates.columns.items()}
+    return {name: 1 / inverse[column, column] for name, column in columns.items()}

@@ -66,18 +66,11 @@ class World:
 
     def up_from(self, number: int) -> Iterator[Moving]:
         """A node, those before it, and the first of its tree."""
-        while number >= 0:
-            yield self.moving[number]
-            number = self.moving[number].node.parent
+        return map(self.moving.__getitem__, self.kinematics.up_from(number))
 
     def behind(self, number: int) -> Iterator[int]:
         """The nodes that a joint carries, its own first."""
-        for other in range(number, len(self.moving)):
-            at = other
-            while at > number:
-                at = self.moving[at].node.parent
-            if at == number:
-                yield other
+        return (other for other in range(number, len(self.moving)) if number in self.kinematics.up_from(other))
 
     def frame_of(self, body: str) -> Frame:
         """The frame of a body in the world."""

@@ -26,6 +26,7 @@ from harness.programs.evaluation import jacobians, most_at_once, values
 from harness.programs.kernels import BallKernel
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram
+from harness.programs.states import States
 from harness.truth.balls.in_balls import parts_of
 from harness.truth.compare import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
 
@@ -64,6 +65,12 @@ class Between(Rows):
         """No values at n states, for a program of so many inputs."""
         empty = np.zeros((n, 0))
         return cls(empty, empty, empty, empty, np.zeros((n, 0, inputs)), np.zeros((n, 0, 0)), np.ones(n, dtype=np.bool_))
+
+
+def inputs_of(states: States, third: Array, numbers: Sequence[float]) -> Array:
+    """The inputs of a program of a tree, (n, inputs): q, v, a third vector (n, any), the time, and numbers that are those of all states."""
+    fixed = np.broadcast_to(numbers, (len(states), len(numbers)))
+    return np.concatenate([states.q, states.v, third, states.time[:, None], fixed], axis=1)
 
 
 class QuantityKernel:

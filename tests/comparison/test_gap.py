@@ -22,9 +22,9 @@ from harness.errors import InvalidRequest
 from harness.files.rules import ImplicitPart, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
 from harness.study import run_study
+from harness.trees.recursion import step_forces
 from harness.trees.robot import read_robot
-from harness.trees.stepping.step_forces import step_forces
-from harness.truth.balls.declared_motion import DeclaredMotion
+from harness.trees.steps import DeclaredMotion
 
 BESIDE = ("first engine beside its rule", "second engine beside its rule")
 ONE_PERCENT = 0.01

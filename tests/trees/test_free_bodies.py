@@ -18,10 +18,12 @@ from harness.engines import answer_of, load_engine
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.tree import Tree
 from harness.lagrange.derivation import load_mechanism
-from harness.programs.kernels import BallKernel
-from harness.programs.program import right_hand_side, upper_triangle
+from harness.programs import evaluation
+from harness.programs.evaluation import mass_matrix
+from harness.programs.program import right_hand_side
 from harness.programs.states import States
-from harness.trees.quantities.reactions import have_same_points, reactions_program
+from harness.trees.quantities import forces
+from harness.trees.quantities.tree_motion import computed, have_same_points, tree_motion
 from harness.trees.recursion import recursion_program
 from harness.trees.robot import read_robot, tree_of
 from harness.truth.compare import compare
@@ -49,34 +51,26 @@ def solved(tree: Tree, joints: Sequence[str], states: States, in_body: bool = Fa
 
 def by_recursion(tree: Tree, joints: Sequence[str], states: States, in_body: bool = False) -> list[list[Any]]:
     """Accelerations at each state, in balls."""
-    recursion = recursion_program(tree, joints, in_body)
     nv, found = states.v.shape[1], []
     with flint.ctx.workprec(BITS):
-        evaluate = BallKernel(recursion.program, len(recursion.parameters)).bind([float(value) for value in recursion.parameters])
+        evaluate = recursion_program(tree, joints, in_body).in_balls()
         for row in range(len(states)):
-            values = iter(evaluate(*given(states, row)))
-            outputs = {name: [next(values) for _ in places] for name, places in recursion.program.outputs.items()}
-            entries = dict(zip(upper_triangle(nv), outputs["mass"], strict=True))
-            mass = flint.arb_mat([[entries[min(i, j), max(i, j)] for j in range(nv)] for i in range(nv)])
+            outputs = evaluate(*given(states, row))
             force = right_hand_side(outputs, [flint.arb(applied) for applied in states.tau[row].tolist()])
-            solution = mass.solve(flint.arb_mat([[entry] for entry in force]))
-            found.append([solution[i, 0] for i in range(nv)])
+            found.append(evaluation.solved(mass_matrix(outputs["mass"], nv), force))
     return found
 
 
-def swept(
-    tree: Tree, joints: Sequence[str], states: States, free: list[Balls], in_body: bool = False
-) -> tuple[tuple[str, ...], list[Balls]]:
-    """The reactions by the sums over bodies, at the accelerations that the free bodies have."""
-    program = reactions_program(tree, joints, in_body)
-    numbers, nv, found = [float(value) for value in program.parameters], states.v.shape[1], []
+def swept(tree: Tree, joints: Sequence[str], states: States, free: list[Balls], in_body: bool = False) -> tuple[list[str], list[Any]]:
+    """The reactions by the sums over bodies, (2, joints, 3) with forces first, at the accelerations that the free bodies have."""
+    names, found = forces.transmitting_joints(tree), []
     with flint.ctx.workprec(BITS):
-        evaluate = BallKernel(program.program, len(numbers)).bind(numbers)
+        evaluate = computed(tree_motion(tree, joints, in_body), forces.reactions).in_balls()
         for row, one in enumerate(free):
             inputs = given(states, row)
-            values = iter(evaluate(*inputs[: -nv - 1], *one["accelerations"], inputs[-1]))
-            found.append({name: [next(values) for _ in places] for name, places in program.program.outputs.items()})
-    return program.joints, found
+            values = evaluate(*inputs[: -states.v.shape[1] - 1], *one["accelerations"], inputs[-1])["values"]
+            found.append(np.array(values, dtype=object).reshape(2, len(names), 3))
+    return names, found
 
 
 def assert_enclose_each_other(tree: Tree, joints: Sequence[str], states: States, in_body: bool = False) -> None:
@@ -93,10 +87,10 @@ def assert_enclose_each_other(tree: Tree, joints: Sequence[str], states: States,
     transmitting, sums = swept(tree, joints, states, free, in_body)
     assert sorted(transmitting) == sorted(names)
     for one, other in zip(free, sums, strict=True):
-        for kind in ("force", "moment"):
-            for place, name in enumerate(transmitting):
+        for kind, vectors in zip(("forces", "moments"), other, strict=True):
+            for name, vector in zip(transmitting, vectors, strict=True):
                 first = 3 * equations.joints.index(name)
-                pairs = zip(one[f"{kind}s"][first : first + 3], other[kind][3 * place : 3 * place + 3], strict=True)
+                pairs = zip(one[kind][first : first + 3], vector, strict=True)
                 assert all(a.overlaps(b) for a, b in pairs), (kind, name)
 
 

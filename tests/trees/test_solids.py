@@ -7,7 +7,6 @@ from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
 
-import flint
 import numpy as np
 import pytest
 from hypothesis import given
@@ -26,8 +25,7 @@ def weighed(solid: Solid) -> np.ndarray:
     """Mass and principal moments, in balls."""
     builder = FileBuilder(())
     mass, moments = mass_and_moments(builder, solid)
-    with flint.ctx.workprec(128):
-        return np.array([float(value) for value in builder.evaluated({"found": [mass, *moments]})["found"]])
+    return np.array([float(value) for value in builder.evaluated({"found": [mass, *moments]}, 128)["found"]])
 
 
 def integral(function: Callable[[float], np.ndarray], low: float, high: float) -> np.ndarray:

@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.files.tree import Joint, Tree
 from harness.programs.mechanisms.constraint_forces import Tied, by_multipliers, by_reduction, constrained_program
 from harness.programs.states import States
 from harness.programs.terms import Vector
+from harness.trees.bodies.spatial import FileProgram
+from harness.trees.constraints.rows import untied
 from harness.trees.constraints.tied import tied_tree
 from harness.trees.mechanism import accelerations_of
-from harness.trees.recursion import Recursion, recursion_program
+from harness.trees.recursion import recursion_program
 from harness.trees.robot import read_robot
 
 FILES = Path(__file__).parents[1] / "comparison" / "files"
 STATES = 8
-
-
-def freed(tree: Tree) -> Tree:
-    """The tree whose joints all move by themselves."""
-    return replace(tree, bodies=tuple(replace(body, joints=tuple(map(_freed, body.joints))) for body in tree.bodies))
-
-
-def _freed(joint: Joint) -> Joint:
-    return Joint(**(vars(joint) | {"follows": "", "multiplier": Joint.multiplier, "offset": Joint.offset}))
 
 
 def short(size: tuple[int, int], rng: np.random.Generator) -> Array:
@@ -54,11 +45,11 @@ def test_followers_held_by_forces_move_as_those_that_share_a_velocity(name: str,
     states = States.at(multiples * q[:, leaders] + offsets, multiples * v[:, leaders], loaded)
     equalities = {f"mimic {number}": one.rows for number, one in enumerate(robot.equalities)}
     followers = [names.index(one.rows.joint) for one in robot.equalities]  # type: ignore[union-attr]
-    tied = tied_tree(freed(robot.tree), names, equalities, followers)
+    tied = tied_tree(untied(robot.tree, names), names, equalities, followers)
     tied.constraints.checked(len(names))
-    held = accelerations_of(Recursion(constrained_program(tied.constraints, way), tied.parameters), states)
+    held = accelerations_of(FileProgram(constrained_program(tied.constraints, way), tied.parameters), states)
 
     np.testing.assert_allclose(held, multiples * shared[:, leaders], rtol=1e-15)
     # Without the forces they move otherwise.
-    free = accelerations_of(Recursion(tied.constraints.tree, tied.parameters), states)
+    free = accelerations_of(FileProgram(tied.constraints.tree, tied.parameters), states)
     assert abs(free - held).max() > 1e-2

@@ -19,16 +19,16 @@ from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.truth.compare import Certified, compare, farthest_block
-from harness.truth.quantities import Quantity, TruthBasis, find_quantities, generalised_forces, motion
-from harness.truth.quantities._file_truth import FileTruth
+from harness.truth.quantities import Quantity, TruthBasis, find_quantities, of_files
+from harness.truth.quantities.of_files import FileTruth
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import generic_sample, sample
 from harness.verdict import AGREEMENT
 
 SEED = 11
 STATES = 8
-# Reactions and derivatives have tests of their own.
-NAMES = [value.name for module in (generalised_forces, motion) for value in vars(module).values() if isinstance(value, Quantity)]
+# Reactions, derivatives and the regressor have tests of their own.
+NAMES = [value.name for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick]
 
 
 def truth(name: str, quantity: str) -> FileTruth:

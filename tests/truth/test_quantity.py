@@ -100,13 +100,10 @@ class Differences:
     def __init__(self, name: str) -> None:
         mechanism, self.truth = load_mechanism(BUILT_IN, name), truth_of(name)
         self.equations = free_bodies(tree_of(model_of(name, "mjcf"), mechanism.gravity), mechanism.joints)
-        self.joints = [self.equations.joints.index(joint) for joint in self.truth.reactions.joints]
+        self.joints = [self.equations.joints.index(joint) for joint in self.truth._transmitting]
         self.numbers = [flint.arb(float(value)) for value in self.equations.parameters]
         self._free = BallKernel(self.equations.program, 0).bind(())
-        reactions_of = self.truth.reactions
-        self._second = BallKernel(reactions_of.program, len(reactions_of.parameters)).bind(
-            [float(value) for value in reactions_of.parameters]
-        )
+        self._second = self.truth._written.in_balls()
 
     def both(self, inputs: list[flint.arb], numbers: list[flint.arb]) -> tuple[Any, Any]:
         """Reactions in the order of the certified ones, and accelerations, by the free bodies."""
@@ -116,7 +113,9 @@ class Differences:
 
     def passed_on(self, positions_and_rates: list[flint.arb], accelerations: Any, change: Any) -> Any:
         """What a change of the accelerations does to the reactions, which are linear in them."""
-        moved, still = (np.array(self._second(*positions_and_rates, *a, flint.arb(0))) for a in (accelerations + change, accelerations))
+        moved, still = (
+            np.array(self._second(*positions_and_rates, *a, flint.arb(0))["values"]) for a in (accelerations + change, accelerations)
+        )
         return moved - still
 
 

@@ -12,7 +12,7 @@ from harness.engines import Model, NotOffered, Subject, Unsupported, load_model
 from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.states import States
-from harness.trees.quantities.regressor import PARAMETERS
+from harness.trees.quantities.forces import PARAMETERS
 from harness.truth.compare import compare
 from harness.truth.quantities import Truth, TruthBasis, find_quantities
 from harness.truth.sampling import generic_sample, sample

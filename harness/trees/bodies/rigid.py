@@ -9,10 +9,10 @@ Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 2.13 (rigid body
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from harness.files.tree import Body, Inertia, Solid, Tree
 from harness.programs.terms import Matrix, Term, Vector, cross, matrix, sqrt, vector
@@ -193,14 +193,9 @@ def along_axes(turn: Matrix, moments: Matrix) -> Matrix:
     return turn @ moments @ turn.T
 
 
-def nothing(builder: FileBuilder) -> Rigid:
-    """No body."""
-    return Rigid(builder.zero, builder.still, builder.zeros(3, 3))
-
-
 def joined(builder: FileBuilder, parts: Iterable[Rigid]) -> Rigid:
-    """All parts as one body."""
-    return sum(parts, nothing(builder))
+    """All parts as one body, which is nothing without any."""
+    return sum(parts, Rigid(builder.zero, builder.still, builder.zeros(3, 3)))
 
 
 class Weights:
@@ -228,22 +223,31 @@ class Weights:
         given: tuple[Inertia | Solid, ...] = (body.inertia, *body.solids) if body.inertia else body.solids
         for part in given:
             frame = placed(builder, part.pose)
-            mass, moments = _of_inertia(builder, part) if isinstance(part, Inertia) else _of_solid(builder, part)
+            mass, moments = _of_part(builder, part)
             if scale is not None:
                 mass, moments = scale * mass, scale * moments
             yield Lump(mass, frame.shift, along_axes(frame.turn, moments))
 
 
-def _of_inertia(builder: FileBuilder, inertia: Inertia) -> tuple[Term, Matrix]:
-    xx, yy, zz, xy, xz, yz = builder.vector(inertia.moments)
-    return builder.number(inertia.mass), matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def _of_part(builder: FileBuilder, part: Inertia | Solid) -> tuple[Term, Matrix]:
+    """Mass, and moments of inertia along the axes of its own frame."""
+    if isinstance(part, Inertia):
+        moments = builder.vector(part.moments)
+        return builder.number(part.mass), matrix(square(moments))
+    mass, principal = mass_and_moments(builder, part)
+    return mass, matrix(square([*principal, *builder.still]))
 
 
-def _of_solid(builder: FileBuilder, solid: Solid) -> tuple[Term, Matrix]:
-    mass, principal = mass_and_moments(builder, solid)
-    return mass, matrix([[principal[i] if i == j else builder.zero for j in range(3)] for i in range(3)])
+def square(moments: Sequence[Any]) -> list[list[Any]]:
+    """The symmetric matrix of moments xx, yy, zz, xy, xz, yz, by rows."""
+    xx, yy, zz, xy, xz, yz = moments
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
-def centre_of_mass(rigid: Rigid) -> Vector:
-    """(3,) from the origin of the frame."""
-    return vector(component / rigid.mass for component in rigid.first)
+def about_centre(mass: Any, moments: Sequence[Any]) -> tuple[list[Any], list[list[Any]]]:
+    """Centre of mass and moments of inertia about it, by rows, of three first moments and nine about an origin: of any numbers."""
+    centre = [part / mass for part in moments[:3]] if mass != 0 else [mass * 0] * 3
+    squared = sum((part * part for part in centre), mass * 0)
+    return centre, [
+        [moments[3 + 3 * i + j] - mass * ((squared if i == j else 0) - centre[i] * centre[j]) for j in range(3)] for i in range(3)
+    ]

@@ -53,11 +53,39 @@ class FileBuilder(Builder):
         self.names = (*self._own, *(parameter_name(value) for value in self.parameters))
         return super().program(outputs)
 
-    def evaluated(self, outputs: Mapping[str, Iterable[Term]], inputs: Sequence[float] = ()) -> dict[str, list[Any]]:
-        """``outputs`` at the numbers of the file, and at ``inputs``, as ``arb`` at the working precision in force."""
-        program, numbers = without_unused(self.program(outputs)), [float(value) for value in self.parameters]
-        values = iter(BallKernel(program, len(numbers)).bind(numbers)(*inputs))
-        return {name: [next(values) for _ in places] for name, places in program.outputs.items()}
+    def written(self, outputs: Mapping[str, Iterable[Term]]) -> FileProgram:
+        """What ``outputs`` take of what was written."""
+        return FileProgram(without_unused(self.program(outputs)), self.parameters)
+
+    def evaluated(self, outputs: Mapping[str, Iterable[Term]], bits: int, inputs: Sequence[float] = ()) -> dict[str, list[Any]]:
+        """``outputs`` at the numbers of the file, and at ``inputs``, as ``arb`` of so many bits."""
+        import flint
+
+        with flint.ctx.workprec(bits):
+            return self.written(outputs).in_balls()(*inputs)
+
+
+@dataclass(frozen=True)
+class FileProgram:
+    """A program about a model file, and the numbers of the file that are its last inputs."""
+
+    program: StraightLineProgram
+    parameters: tuple[Given, ...]
+
+    @property
+    def numbers(self) -> list[float]:
+        """The parameters, each the float64 that it is."""
+        return [float(value) for value in self.parameters]
+
+    def in_balls(self) -> Callable[..., dict[str, list[Any]]]:
+        """The outputs by their names, as ``arb`` at the working precision in force, as a function of the other inputs."""
+        evaluate = BallKernel(self.program, len(self.parameters)).bind(self.numbers)
+
+        def outputs(*inputs: float) -> dict[str, list[Any]]:
+            values = iter(evaluate(*inputs))
+            return {name: [next(values) for _ in places] for name, places in self.program.outputs.items()}
+
+        return outputs
 
 
 @dataclass(frozen=True)
@@ -84,12 +112,13 @@ def by_entries(entry: Callable[[int, int], Term]) -> Matrix:
 
 
 def direction(builder: FileBuilder, values: Numbers) -> Vector:
-    """A vector at length 1; exactly a unit vector where it has one component only."""
-    return _unit_axis(builder, values) if sum(map(bool, values)) == 1 else unit(builder.vector(values))
+    """A vector at length 1."""
+    return unit(_along(builder, values))
 
 
-def _unit_axis(builder: FileBuilder, values: Sequence[Fraction]) -> Vector:
-    return builder.vector([(value > 0) - (value < 0) for value in values])
+def _along(builder: FileBuilder, values: Sequence[Fraction]) -> Vector:
+    """A vector of any length, exactly a unit vector where it has one component only."""
+    return builder.vector([(value > 0) - (value < 0) for value in values] if sum(map(bool, values)) == 1 else values)
 
 
 def unit(values: Vector) -> Vector:
@@ -154,9 +183,7 @@ def _rotation(builder: FileBuilder, part: Turn | Quaternion | Axes | Direction) 
         axis = direction(builder, part.axis)
         return about(axis, angle(builder, part.angle, part.in_degrees))
     if isinstance(part, Quaternion):
-        # Exactly a unit quaternion where it has one component only.
-        has_one = sum(map(bool, part.components)) == 1
-        return of_quaternion(_unit_axis(builder, part.components) if has_one else builder.vector(part.components))
+        return of_quaternion(_along(builder, part.components))
     if isinstance(part, Axes):
         first, second = direction(builder, part.x), direction(builder, part.y)
         second = unit(second + -((first @ second) * first))

@@ -17,11 +17,11 @@ from harness.files.equalities import Equality, Rows
 from harness.files.tree import Given, Tree
 from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
-from harness.programs.program import StraightLineProgram, without_unused
+from harness.programs.program import StraightLineProgram
 from harness.programs.states import States
-from harness.trees.bodies.spatial import parameter_name
+from harness.trees.bodies.spatial import FileProgram, parameter_name
 from harness.trees.constraints.rows import Row, equations_of_rows, rows_in, rows_of, untied
-from harness.trees.mechanism import RobotMechanism, mechanism_of
+from harness.trees.mechanism import RobotMechanism, mechanism_of, named
 from harness.trees.nodes import kinematics
 from harness.trees.recursion import recursion_program
 from harness.trees.robot import Robot
@@ -46,13 +46,11 @@ class TiedMechanism:
 
     Attributes:
         mechanism: its constraints are those rows of the file that some velocity changes.
-        parameters: the numbers of the file that are its parameters.
         bearing: the numbers of its rows among all of the file.
         is_determined: whether none of its rows follows from others, so that what each bears is known.
     """
 
     mechanism: RobotMechanism
-    parameters: tuple[Given, ...]
     bearing: tuple[int, ...]
     is_determined: bool
 
@@ -100,23 +98,24 @@ def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Cons
     )
     mechanism = replace(
         mechanism_of(robot),
-        parameters=tuple((parameter_name(value), float(value), "") for value in tied.parameters),
+        parameters=named(tied.parameters),
+        given=tied.parameters,
         program=constrained_program(tied.constraints, by_multipliers),
         constraints=tied.constraints,
     )
-    return TiedMechanism(mechanism, tied.parameters, tuple(bearing), len(chosen) == len(bearing))
+    return TiedMechanism(mechanism, tuple(bearing), len(chosen) == len(bearing))
 
 
 def _tied(world: World, joints: Sequence[str], rows: Sequence[Row], **declared: Any) -> TiedTree:
     """Rows that were written, beside the equations of motion of their tree; ``declared`` is what else ``Constraints`` holds."""
     recursion, builder = recursion_program(world.kinematics.tree, joints), world.kinematics.builder
-    own = without_unused(builder.program(equations_of_rows(world, rows)))
-    given = tuple({value.key: value for value in (*recursion.parameters, *builder.parameters)}.values())
+    own = builder.written(equations_of_rows(world, rows))
+    given = tuple({value.key: value for value in (*recursion.parameters, *own.parameters)}.values())
     constraints = Constraints(
         rows=tuple(row.constraint for row in rows),
         holonomic=len(rows),
-        program=_widened(own, builder.parameters, given),
-        tree=_widened(recursion.program, recursion.parameters, given),
+        program=_widened(own, given),
+        tree=_widened(recursion, given),
         **declared,
     )
     return TiedTree(constraints, given)
@@ -126,18 +125,20 @@ def _choice(world: World, rows: Sequence[Row], states: States) -> tuple[list[int
     """The rows that some velocity changes, and of these as many as are independent, at all states."""
     import flint
 
-    jacobian = {JACOBIAN: equations_of_rows(world, rows)[JACOBIAN]}
+    program = world.kinematics.builder.written({JACOBIAN: equations_of_rows(world, rows)[JACOBIAN]})
     given = np.hstack([states.q, states.v, states.tau, states.time[:, None]])
     with flint.ctx.workprec(_BITS):
-        entries = [world.kinematics.builder.evaluated(jacobian, one)[JACOBIAN] for one in given.tolist()]
+        evaluate = program.in_balls()
+        entries = [evaluate(*one)[JACOBIAN] for one in given.tolist()]
     found = [np.array([float(ball) for ball in own]).reshape(len(rows), -1) for own in entries]
     bearing = sorted({row for jacobian in found for row in independent_rows(jacobian)[0]})
     _, chosen = max((independent_rows(jacobian) for jacobian in found), key=lambda choice: len(choice[1]))
     return bearing, chosen
 
 
-def _widened(program: StraightLineProgram, parameters: Sequence[Given], given: Sequence[Given]) -> StraightLineProgram:
+def _widened(written: FileProgram, given: Sequence[Given]) -> StraightLineProgram:
     """A program with the numbers of the file ``given`` in the place of its own."""
+    program, parameters = written.program, written.parameters
     own = program.inputs[: len(program.inputs) - len(parameters)]
     numbers = {value.key: place for place, value in enumerate(given, start=len(own))}
     places = [*range(len(own)), *(numbers[value.key] for value in parameters)]

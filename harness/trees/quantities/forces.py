@@ -1,20 +1,39 @@
-"""The mass matrix and generalised forces of a tree, along the world's axes.
+"""The mass matrix and the forces of a tree, along the world's axes: generalised ones, those that joints transmit, and the regressor.
 
-Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 5.3 (inverse dynamics) and 6.2 (composite rigid bodies); Goldstein,
-Classical Mechanics, section 1.4 (d'Alembert's principle).
+The reaction of a joint is what the parent does to the child through it: what everything behind the joint needs for its motion,
+beyond its weight, the springs between points that pull at it, and the constraints that hold it. The joint torque regressor is the
+derivatives of inverse dynamics by the inertial parameters of bodies, in which it is linear.
+
+Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 2.13 (inertial parameters), 5.3 (inverse dynamics) and 6.2 (composite
+rigid bodies); Goldstein, Classical Mechanics, sections 1.1 and 1.2 (momentum and angular momentum of a system of particles) and 1.4
+(d'Alembert's principle); Atkeson, An, Hollerbach, Estimation of inertial parameters of manipulator loads and links, IJRR 5 (1986).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
+from harness.files.equalities import Equality
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import Tree
 from harness.programs.terms import Term, Vector, cross, length, sqrt
-from harness.trees.bodies.rigid import Spatial, joined, power
+from harness.trees.bodies.rigid import Lump, Spatial, joined, power, spatial
 from harness.trees.bodies.spatial import Frame
+from harness.trees.constraints.rows import rows_in, rows_of
 from harness.trees.joint_forces import forces_of_joints
-from harness.trees.nodes import composite_inertias
+from harness.trees.nodes import composite_inertias, joints_by_themselves
 from harness.trees.quantities.tree_motion import Block, TreeMotion, size_of
-from harness.trees.world_motion import Parts, World, parts_of_motion, root, size_of_wrench, weights, wrench
+from harness.trees.world_motion import (
+    Parts,
+    World,
+    accelerations_of_nodes,
+    parts_of_motion,
+    root,
+    size_of_wrench,
+    weights,
+    wrench,
+)
 
 
 def mass_matrix(motion: TreeMotion) -> Iterator[Block]:
@@ -126,3 +145,124 @@ def _lengths_of_columns(motion: TreeMotion) -> Vector:
         for (about, along), column in one.rates:
             found[column] = found[column] + ((length(about) * turning + length(along) * sliding) + reflected)
     return found
+
+
+# Reactions.
+
+
+def transmitting_joints(tree: Tree) -> list[str]:
+    """The joints that transmit something: all but free ones that move by themselves, in the tree's order."""
+    return [name for name, kind in joints_by_themselves(tree).items() if kind != JointKind.FREE]
+
+
+def reactions(
+    motion: TreeMotion, points_of: Tree | None = None, constraints: Sequence[Equality] = (), bearing: Sequence[int] = ()
+) -> Iterator[Block]:
+    """Forces [N], and then moments [N m] about their points, of ``transmitting_joints``.
+
+    The point of a joint is the anchor of the last joint of its body, and moves with the body: that of ``points_of``, where the same
+    joints may have their anchors elsewhere; by default of the tree itself. What cancels in a vector is weight, inertia, and mass times
+    spin times velocity, of each body, what constraints do to it, and their moments about the root of the tree.
+
+    ``bearing`` are the numbers of those rows of ``constraints`` that bear something, for each of which there is a multiplier. A coupling
+    of joints acts through the joints, whose accelerations tell of it.
+
+    Raises:
+        ValueError: a tree has other joints, or a constraint couples tendons.
+    """
+    world, nodes = motion.world, motion.world.kinematics
+    parts = parts_of_motion(world, nodes.coordinates.third)
+    rows = rows_in(world, rows_of(nodes.tree, constraints))
+    for multiplier, row in zip(nodes.coordinates.further, (rows[number] for number in bearing), strict=True):
+        # What bodies need against the forces of constraints, which are -J' times the multipliers.
+        for number, acts in row.on_nodes:
+            parts[number].append(multiplier * acts)
+    for number, pull in enumerate(world.pulls()):
+        parts[number].append(-pull)
+    of_points = world if points_of is None else world.of_other(points_of)
+    points, numbers = of_points.points, {node.joint.name: number for number, node in enumerate(nodes.nodes)}
+    blocks: dict[str, list[Block]] = {"force": [], "moment": []}
+    for name in transmitting_joints(nodes.tree):
+        number, point = numbers[name], points[name]
+        moment, force = wrench(world, parts, number, point)
+        size_of_moment, size_of_force = size_of_wrench(world, parts, number, point, root(world, number, of_points.kinematics))
+        blocks["force"].append(Block(f"force of joint {name!r}", force, size_of_force))
+        blocks["moment"].append(Block(f"moment of joint {name!r}", moment, size_of_moment))
+    yield from (*blocks["force"], *blocks["moment"])
+
+
+# The regressor.
+
+# Mass, first moments, and moments of inertia about the origin of a frame of the body.
+PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_AXES = {"x": 0, "y": 1, "z": 2}
+
+
+@dataclass(frozen=True)
+class UnitWrench:
+    """The wrench that a unit of one inertial parameter of a body requires, and a bound of the terms that cancel in it.
+
+    Attributes:
+        parts: its terms, against inertia and weight. that_cancel: vectors as long as what cancels in their components.
+        lump: a body by which the arms are measured.
+    """
+
+    parts: list[Spatial]
+    that_cancel: list[Spatial]
+    lump: Lump
+
+
+def regressor(motion: TreeMotion) -> Iterator[Block]:
+    """By body, parameter and velocity: what a unit of the parameter adds to the generalised force.
+
+    The parameters are about the anchor of the last joint of the body, along the axes of the body's frame.
+    """
+    nodes = motion.world.kinematics
+    numbers = {one.node.joint.name: number for number, one in enumerate(motion.moving)}
+    accelerations = accelerations_of_nodes(motion.world, nodes.coordinates.third)
+    for joint in carrying_joints(nodes.tree, nodes.coordinates.joints):
+        number = numbers[joint]
+        for parameter in PARAMETERS:
+            unit = _unit(motion, number, parameter, accelerations[number])
+            alone = [replace(one, lumps=[unit.lump] if at == number else []) for at, one in enumerate(motion.moving)]
+            of_node, of_sizes = ([own if at == number else [] for at in range(len(alone))] for own in (unit.parts, unit.that_cancel))
+            values, sizes = generalised(World(nodes, alone), nodes.up_from(number), of_node, of_sizes)
+            for column, value, size in zip(motion.columns, values, sizes, strict=True):
+                name = f"derivative by {parameter} of the body behind {joint!r} of the generalised force on {column}"
+                yield Block(name, (value,), size)
+
+
+def _unit(motion: TreeMotion, number: int, parameter: str, acceleration: Spatial) -> UnitWrench:
+    """The wrench of a unit of a parameter of a node's body, which moves with an acceleration against gravity."""
+    builder, one, (turning, of_origin) = motion.builder, motion.moving[number], acceleration
+    still, nothing = builder.still, builder.zeros(3, 3)
+    upward = -builder.vector(motion.world.kinematics.tree.gravity)
+    axes = one.orientation.T
+    if parameter == "m":
+        parts = [spatial(still, of_origin), spatial(still, upward)]
+        return UnitWrench(parts, parts, Lump(builder.one, still, nothing))
+    # As long as the square of the spin.
+    squared = length(one.spin) * one.spin
+    if parameter[0] == "m":
+        axis = axes[_AXES[parameter[1]]]
+        parts = [
+            spatial(cross(axis, of_origin), cross(turning, axis)),
+            spatial(cross(axis, upward), still),
+            spatial(still, cross(one.spin, cross(one.spin, axis))),
+        ]
+        that_cancel = [spatial(of_origin, turning), spatial(upward, still), spatial(still, squared)]
+        return UnitWrench(parts, that_cancel, Lump(builder.one, axis, nothing))
+    first, second = (axes[_AXES[name]] for name in parameter[1:])
+    momenta = []
+    for angular in (turning, one.spin):
+        momentum = (second @ angular) * first
+        mirrored = (first @ angular) * second
+        momenta.append(momentum if parameter[1] == parameter[2] else momentum + mirrored)
+    parts = [spatial(momenta[0], still), spatial(cross(one.spin, momenta[1]), still)]
+    return UnitWrench(parts, [spatial(turning, still), spatial(squared, still)], Lump(builder.zero, still, nothing))
+
+
+def carrying_joints(tree: Tree, joints: Sequence[str]) -> tuple[str, ...]:
+    """The joints that bodies hang on, of several joints of a body the last one, in the order of ``joints``."""
+    last = {body.joints[-1].name for body in tree.bodies if body.joints}
+    return tuple(name for name in dict.fromkeys(joints) if name in last)

@@ -11,15 +11,16 @@ Classical Mechanics, sections 1.1 and 1.2 (momentum, energy), 5.1 and 5.3 (rigid
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
-from harness.files.tree import Given, Tree
-from harness.programs.program import StraightLineProgram, without_unused
+from harness.files.tree import Tree
+from harness.programs.program import StraightLineProgram
 from harness.programs.terms import Term, Vector, length, vector
-from harness.trees.bodies.spatial import FileBuilder
-from harness.trees.constraints.rows import untied
+from harness.trees.bodies.spatial import FileBuilder, FileProgram
 from harness.trees.nodes import kinematics
 from harness.trees.world_motion import Moving, World, in_world, root
 
@@ -38,18 +39,18 @@ class Block:
 
 
 @dataclass(frozen=True)
-class ComputedQuantity:
+class ComputedQuantity(FileProgram):
     """The blocks of a quantity as programs.
 
+    The program takes q, v, qdd, multipliers of constraints, time and the parameters; its outputs are the components of the blocks, one
+    after another.
+
     Attributes:
-        program: from q, v, qdd, time and ``parameters``; its outputs are the components of the blocks, one after another.
         sizes: from the same inputs; its outputs are the sizes of the blocks.
         blocks: what each block is. width: the number of components of each.
     """
 
-    program: StraightLineProgram
     sizes: StraightLineProgram
-    parameters: tuple[Given, ...]
     blocks: tuple[str, ...]
     width: int
 
@@ -77,9 +78,7 @@ class TreeMotion:
     @property
     def columns(self) -> list[str]:
         """The name of each velocity."""
-        nodes = self.world.kinematics
-        kinds = {joint.name: joint.kind for joint in nodes.tree.joints}
-        counts = {name: kinds[name].velocities for name in nodes.coordinates.joints}
+        counts = {name: len(columns) for name, columns in self.world.kinematics.coordinates.columns.items()}
         return [f"joint {name!r}" + (f"[{place}]" if count > 1 else "") for name, count in counts.items() for place in range(count)]
 
     def named(self) -> Iterator[tuple[int, str]]:
@@ -139,16 +138,21 @@ def size_of(value: Term) -> Term:
 
 
 def tree_motion(
-    tree: Tree, joints: Sequence[str], is_in_body: bool = False, read: Tree | None = None, has_other_points: bool = False
+    tree: Tree,
+    joints: Sequence[str],
+    is_in_body: bool = False,
+    read: Tree | None = None,
+    has_other_points: bool = False,
+    multipliers: int = 0,
 ) -> TreeMotion:
-    """The motion of a tree, whose program takes q, v, qdd and the time.
+    """The motion of a tree, each of whose joints moves by itself; its program takes q, v, qdd, so many multipliers, and the time.
 
     ``read`` is another tree of the same joints, whose bodies and anchors are asked for: what is one body with two joints in one file is two
     bodies in another. ``has_other_points``: whether its anchors are other points, see ``have_same_points``.
     """
-    world = in_world(kinematics(untied(tree, joints), joints, is_in_body, "qdd"))
-    nodes = world.kinematics
-    read = nodes.tree if read is None else untied(read, nodes.coordinates.joints)
+    further = [f"lambda{place}" for place in range(multipliers)]
+    world = in_world(kinematics(tree, joints, is_in_body, "qdd", further))
+    read = world.kinematics.tree if read is None else read
     # Another point is a number of another file, with roundings of its own.
     anchors = world.of_other(read).points if has_other_points else world.points
     return TreeMotion(world, anchors, {joint.name: body.joints[-1].name for body in read.bodies for joint in body.joints})
@@ -157,7 +161,22 @@ def tree_motion(
 def computed(motion: TreeMotion, blocks_of: Callable[[TreeMotion], Iterable[Block]]) -> ComputedQuantity:
     """The programs of a quantity's blocks, all of one width."""
     blocks, builder = list(blocks_of(motion)), motion.builder
-    program = builder.program({"values": [value for block in blocks for value in block.values]})
-    sizes = builder.program({"sizes": [block.size for block in blocks]})
-    names = tuple(block.name for block in blocks)
-    return ComputedQuantity(without_unused(program), without_unused(sizes), builder.parameters, names, len(blocks[0].values))
+    own = builder.written({"values": [value for block in blocks for value in block.values]})
+    sizes = builder.written({"sizes": [block.size for block in blocks]})
+    return ComputedQuantity(own.program, own.parameters, sizes.program, tuple(block.name for block in blocks), len(blocks[0].values))
+
+
+def have_same_points(tree: Tree, other: Tree, joints: Sequence[str]) -> bool:
+    """Whether the anchors of ``TreeMotion`` are the same in two trees, wherever these stand."""
+    places = [_points_at_one_position(one, joints) for one in (tree, other)]
+    return places[0].keys() == places[1].keys() and all(
+        a.overlaps(b) for name in places[0] for a, b in zip(places[0][name], places[1][name], strict=True)
+    )
+
+
+def _points_at_one_position(tree: Tree, joints: Sequence[str]) -> dict[str, list[Any]]:
+    """The points in balls, at a position that no two trees agree at by chance."""
+    world = in_world(kinematics(tree, joints))
+    coordinates = world.kinematics.coordinates
+    count = sum(map(len, coordinates.positions.values())) + 2 * world.kinematics.nv + 1
+    return world.kinematics.builder.evaluated(world.points, 256, [math.sqrt(place + 2.0) for place in range(count)])

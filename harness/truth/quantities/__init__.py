@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from harness.arrays import Array
 from harness.engines import Model
@@ -23,7 +23,7 @@ from harness.registry import Registry
 from harness.storage import Kept
 from harness.trees.constraints.rows import untied
 from harness.trees.mechanism import RobotMechanism
-from harness.trees.quantities.reactions import have_same_points
+from harness.trees.quantities.tree_motion import have_same_points
 from harness.trees.robot import Robot, robot_of
 from harness.truth.compare import Certified, Comparison, compare, farthest_block
 
@@ -57,22 +57,31 @@ class TruthBasis:
     factorises: bool = False
     is_about_tree: bool = False
 
+    @functools.cached_property
+    def joints(self) -> tuple[str, ...]:
+        """The joints of the mechanism, each once."""
+        return tuple(dict.fromkeys(self.mechanism.joints))
+
     def robot_of(self, file: ModelFile | None) -> Robot:
-        """The robot of ``declared`` or of ``read``."""
-        if file is not None:
-            return _ROBOTS.get((file.text, self.mechanism.gravity), lambda: robot_of(file, self.mechanism.gravity))
-        assert isinstance(self.mechanism, RobotMechanism)
-        return self.mechanism.robot
+        """The robot of ``declared`` or of ``read``, each of whose joints moves by itself."""
+        if file is None:
+            assert isinstance(self.mechanism, RobotMechanism)
+            return self.mechanism.robot
+
+        def written() -> Robot:
+            robot = robot_of(file, self.mechanism.gravity)
+            return replace(robot, joints=self.joints, tree=untied(robot.tree, self.joints))
+
+        return _ROBOTS.get((file.text, self.mechanism.gravity, self.joints), written)
 
     @property
     def has_other_points(self) -> bool:
         """Whether points of joints are elsewhere by the numbers of ``read`` than by those of ``declared``."""
         if self.declared is None or self.read is None or self.declared.text == self.read.text:
             return False
-        joints = tuple(dict.fromkeys(self.mechanism.joints))
-        own, other = (untied(self.robot_of(file).tree, joints) for file in (self.declared, self.read))
-        key = self.declared.text, self.read.text, self.mechanism.gravity, joints
-        return not _SAME_POINTS.get(key, lambda: have_same_points(own, other, joints))
+        own, other = (self.robot_of(file).tree for file in (self.declared, self.read))
+        key = self.declared.text, self.read.text, self.mechanism.gravity, self.joints
+        return not _SAME_POINTS.get(key, lambda: have_same_points(own, other, self.joints))
 
 
 # By the text of a file, and of two.

@@ -26,13 +26,14 @@ from harness.files.rules import ImplicitPart, StepRule
 from harness.programs.evaluation import values
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
+from harness.trees.bodies.spatial import FileProgram
 from harness.trees.mechanism import mechanism_of
-from harness.trees.stepping.step_forces import step_forces
-from harness.trees.stepping.steps import LARGEST_TURN, Steps, positions, steps_program, velocities
-from harness.truth.blocks import QuantityKernel
+from harness.trees.recursion import step_forces
+from harness.trees.steps import LARGEST_TURN, positions, steps_program, velocities
+from harness.truth.blocks import QuantityKernel, inputs_of
 from harness.truth.compare import Certified, Flags, farthest_block
 from harness.truth.quantities import Quantity, Truth, TruthBasis
-from harness.truth.quantities._file_truth import hold_against_energies
+from harness.truth.quantities.of_files import hold_against_energies
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import AGREEMENT
 
@@ -51,7 +52,7 @@ class StepTruth(Truth):
         if basis.linear_velocity_in_body and mechanism.charts_in_body:
             raise NotOffered("the linear velocity of a free joint is in the body's frame, in which no rule is written")
         self.basis, self.rules, self._declared = basis, basis.step_rules, declared
-        robot = replace(basis.robot_of(declared), joints=tuple(dict.fromkeys(mechanism.joints)))
+        robot = basis.robot_of(declared)
         self._forces = step_forces(robot.tree, robot.joints)
         self._steps = steps_program(self._forces, mechanism.attitudes, self.rules)
         self._energies, self._reference = ReferenceKernel(mechanism), ReferenceKernel(mechanism_of(robot))
@@ -144,11 +145,9 @@ class StepTruth(Truth):
         return np.asarray(share[:, None] * lengths)
 
 
-def _inputs(steps: Steps, rules: Sequence[StepRule], states: States) -> Array:
+def _inputs(steps: FileProgram, rules: Sequence[StepRule], states: States) -> Array:
     """Inputs of the program, (n, inputs)."""
-    fixed = [*map(float, steps.parameters), *(rule.length for rule in rules)]
-    moving = [states.q, states.v, states.tau, states.time[:, None]]
-    return np.concatenate([*moving, np.broadcast_to(fixed, (len(states), len(fixed)))], axis=1)
+    return inputs_of(states, states.tau, [*steps.numbers, *(rule.length for rule in rules)])
 
 
 STEPS = Quantity("steps", StepTruth, has_step_rules=True)

@@ -24,7 +24,7 @@ from harness.environments.folders import split_name
 from harness.files.document.xml import read_any
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 from harness.registry import Registry
-from harness.trees.bodies.bounds import bounded
+from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
 # Places of xx, yy, zz, xy, xz, yz in a matrix.

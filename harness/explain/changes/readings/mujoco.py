@@ -10,7 +10,7 @@ from lxml import etree
 from harness.explain.changes.readings import _left_out, element_at, law, readings_of, with_bodies, with_inertias, with_joints
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
-from harness.trees.bodies.bounds import bounded
+from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
 _MJCF, _URDF = ("mjcf",), ("urdf",)

@@ -18,7 +18,7 @@ from harness.explain.changes.readings import (
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import childclass_of, of_class, resolved, resolved_text
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Solid, Tree, vector
-from harness.trees.bodies.bounds import bounded
+from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
 _BOTH, _URDF, _MJCF = ("urdf", "mjcf"), ("urdf",), ("mjcf",)

@@ -14,35 +14,26 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 from harness.files.rules import ImplicitPart, StepRule
-from harness.files.tree import Given
 from harness.programs.derivatives import derivative_name, differentiate
+from harness.programs.kernels import BallKernel
 from harness.programs.program import StraightLineProgram, upper_triangle, without_unused
 from harness.programs.terms import Builder, Matrix, Term, Vector, cross, dot, length, symmetric, vector
-from harness.trees.stepping.step_forces import JOINT_DAMPING, JOINT_STIFFNESS, LINE_DAMPING, LINE_STIFFNESS, LINES, StepForces
+from harness.trees.bodies.spatial import FileProgram
+from harness.trees.recursion import JOINT_DAMPING, JOINT_STIFFNESS, LINE_DAMPING, LINE_STIFFNESS, LINES, StepForces
 
 # Of the cosine of half a turn in a step, and of its sine over it, in the square.
 _TERMS = 25
 # Of a step [rad], up to which what the polynomials leave out is below 2^-210.
 LARGEST_TURN = 2.0
 
+# Of a motion in balls: bits that are tried one after the other, and the radius relative to a number's size, and at least to 1.
+_PRECISIONS, _SOUGHT_RADIUS = (128, 256, 512, 1024, 2048, 4096), 2.0**-80
+
 NOTHING = "nothing"
 _VELOCITY_TERMS = {ImplicitPart.VELOCITY_TERMS, ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES}
-
-
-@dataclass(frozen=True)
-class Steps:
-    """The states after one step by each of some rules.
-
-    Attributes:
-        program: inputs are q, v, tau, t, ``parameters`` and then the step length of each rule; outputs are ``velocities(rule)`` (nv) and
-            ``positions(rule)`` (nq) of each, and a zero, ``NOTHING``.
-        parameters: the numbers of the file.
-    """
-
-    program: StraightLineProgram
-    parameters: tuple[Given, ...]
 
 
 def velocities(rule: StepRule) -> str:
@@ -55,8 +46,12 @@ def positions(rule: StepRule) -> str:
     return f"positions after a step by {rule.name}"
 
 
-def steps_program(forces: StepForces, attitudes: Sequence[int], rules: Sequence[StepRule]) -> Steps:
-    """One step by each of ``rules``; ``attitudes`` are the places in v of what is of a rotation, as of a ``Mechanism``."""
+def steps_program(forces: StepForces, attitudes: Sequence[int], rules: Sequence[StepRule]) -> FileProgram:
+    """One step by each of ``rules``; ``attitudes`` are the places in v of what is of a rotation, as of a ``Mechanism``.
+
+    Inputs are q, v, tau, t, the numbers of the file and then the step length of each rule; outputs are ``velocities(rule)`` (nv) and
+    ``positions(rule)`` (nq) of each, and a zero, ``NOTHING``.
+    """
     nv = len(forces.program.outputs["velocity"])
     # Positions and velocities stand before the applied forces.
     first = forces.program.inputs.index("t") - nv
@@ -72,7 +67,7 @@ def steps_program(forces: StepForces, attitudes: Sequence[int], rules: Sequence[
     for rule, step in zip(rules, builder.inputs[len(builder.inputs) - len(rules) :], strict=True):
         outputs[positions(rule)], outputs[velocities(rule)] = stepper.after(rule, step)
     outputs[NOTHING] = [builder.number(0)]
-    return Steps(without_unused(builder.program(outputs)), forces.parameters)
+    return FileProgram(without_unused(builder.program(outputs)), forces.parameters)
 
 
 @dataclass(frozen=True)
@@ -138,18 +133,11 @@ class _Stepper:
     def _acceleration(self, outputs: Mapping[str, Sequence[Term]]) -> Vector:
         return solved(symmetric(outputs["mass"], self.nv), self._force(outputs))
 
-    @property
-    def _nothing(self) -> Matrix:
-        return self.builder.zeros(self.nv, self.nv)
-
     # What a rule takes implicitly.
 
     def _damping(self, rule: StepRule) -> Matrix:
         """D: the minus derivative by the velocities of the forces that the rule takes implicitly."""
-        found = self._of_lines(LINE_DAMPING) if ImplicitPart.LINE_DAMPERS in rule.implicit else self._nothing
-        if ImplicitPart.JOINT_DAMPERS in rule.implicit:
-            for place, damping in enumerate(self.outputs[JOINT_DAMPING]):
-                found[place, place] = found[place, place] + damping
+        found = self._of_springs(rule, (ImplicitPart.LINE_DAMPERS, LINE_DAMPING), (ImplicitPart.JOINT_DAMPERS, JOINT_DAMPING))
         if rule.along_branches:
             for i, j in set(upper_triangle(self.nv)) - self.forces.related:
                 found[i, j] = found[j, i] = self.builder.number(0)
@@ -168,19 +156,17 @@ class _Stepper:
 
     def _stiffness(self, rule: StepRule) -> Matrix:
         """K: the minus derivative by the positions."""
-        found = self._of_lines(LINE_STIFFNESS) if ImplicitPart.LINE_SPRINGS in rule.implicit else self._nothing
-        if ImplicitPart.JOINT_SPRINGS in rule.implicit:
-            for place, stiffness in enumerate(self.outputs[JOINT_STIFFNESS]):
-                found[place, place] = found[place, place] + stiffness
-        return found
+        return self._of_springs(rule, (ImplicitPart.LINE_SPRINGS, LINE_STIFFNESS), (ImplicitPart.JOINT_SPRINGS, JOINT_STIFFNESS))
 
-    def _of_lines(self, coefficient: str) -> Matrix:
-        """The sum over all lengths of J' times their coefficient times J."""
-        found, slopes = self._nothing, self.outputs[LINES]
-        for number, value in enumerate(self.outputs[coefficient]):
+    def _of_springs(self, rule: StepRule, of_lines: tuple[ImplicitPart, str], of_joints: tuple[ImplicitPart, str]) -> Matrix:
+        """The sum over lengths of J' times their coefficient times J, and coefficients of joints, where the rule takes them implicitly."""
+        found, slopes = self.builder.zeros(self.nv, self.nv), self.outputs[LINES]
+        for number, value in enumerate(self.outputs[of_lines[1]] if of_lines[0] in rule.implicit else ()):
             row = slopes[number * self.nv : (number + 1) * self.nv]
             for i, j in upper_triangle(self.nv):
                 found[i, j] = found[j, i] = found[i, j] + value * (row[i] * row[j])
+        for place, value in enumerate(self.outputs[of_joints[1]] if of_joints[0] in rule.implicit else ()):
+            found[place, place] = found[place, place] + value
         return found
 
     # Steps of vectors and rotations.
@@ -270,3 +256,44 @@ def _coefficient(power: int) -> Fraction:
 _COSINE = [_coefficient(2 * power) for power in range(_TERMS)]
 _SINE = [_coefficient(2 * power + 1) for power in range(_TERMS)]
 _DIFFERENCE = [_coefficient(2 * power + 1) - _coefficient(2 * power) for power in range(1, _TERMS)]
+
+
+class DeclaredMotion:
+    """The motion that a rule gives over many steps without applied forces, in balls; ``attitudes`` as of ``steps_program``.
+
+    Precision rises until every number of the end is known to ``_SOUGHT_RADIUS``: each step widens the balls by what it does to a
+    difference.
+    """
+
+    def __init__(self, forces: StepForces, attitudes: Sequence[int], rule: StepRule) -> None:
+        self._steps, self._length, self._attitudes = steps_program(forces, attitudes, (rule,)), rule.length, attitudes
+        self._kernel = BallKernel(self._steps.program, len(self._steps.parameters) + 1)
+
+    def end(self, q: Sequence[float], v: Sequence[float], steps: int) -> tuple[list[Any], list[Any]]:
+        """q and v after so many steps, as ``arb``.
+
+        Raises:
+            ValueError: the last precision does not give it, as where the motion breaks down, or a rotation turns by more than
+                ``LARGEST_TURN`` in a step.
+        """
+        import flint
+
+        for precision in _PRECISIONS:
+            with flint.ctx.workprec(precision):
+                found = self._end([*map(flint.arb, (*q, *v))], len(q), steps)
+                if all(ball.is_finite() and ball.rad() <= _SOUGHT_RADIUS * (1 + abs(ball)) for ball in found):
+                    return found[: len(q)], found[len(q) :]
+        raise ValueError(f"the motion is not certain after {steps} steps of {self._length:g} s, with {_PRECISIONS[-1]} bits either")
+
+    def _end(self, state: list[Any], nq: int, steps: int) -> list[Any]:
+        numbers = [*self._steps.numbers, self._length]
+        evaluate, still = self._kernel.bind(numbers), [0.0] * (len(state) - nq + 1)
+        for _ in range(steps):
+            *state, _ = evaluate(*state, *still)
+            if not all(ball.is_finite() for ball in state):
+                break
+            for place in self._attitudes:
+                turn = self._length * math.hypot(*map(float, state[nq + place : nq + place + 3]))
+                if turn > LARGEST_TURN:
+                    raise ValueError(f"a rotation turns by {turn:.3g} rad in a step of {self._length:g} s; expected up to {LARGEST_TURN:g}")
+        return state

@@ -1,1 +1,0 @@
-"""The state after one step of an integrator, by the rule that its engine documents."""

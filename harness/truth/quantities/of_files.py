@@ -1,0 +1,247 @@
+"""Quantities that the numbers of a model file give at positions, velocities and accelerations, of trees and of loops.
+
+They are the mass matrix and generalised forces, which controllers take from an engine, the joint torque regressor, energies, momenta, and
+where the bodies are and how they move.
+
+The file is held against the energies of its mechanism first: its mass matrix, velocity terms and gravity have to be theirs, at a few
+states. A robot has no energies; its file is all there is.
+
+The mass matrix, bias and gravity of a loop are those of the tree that is left without its constraints. Its inverse dynamics are
+not one vector: any force that the constraints bear may be added to the applied ones.
+
+The regressor is the derivatives of inverse dynamics by ten inertial parameters of each body. It holds no inertia: geometry, positions and
+motion are all that it takes. The parameters are those of the file that the engine reads, about its own anchors and along its own axes, so
+that each reader is asked about the numbers of its file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines import Model, NotOffered, answer_of
+from harness.errors import InvalidModel
+from harness.files.model_file import ModelFile
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
+from harness.storage import Kept
+from harness.trees.mechanism import mechanism_of
+from harness.trees.quantities import forces, motion
+from harness.trees.quantities.tree_motion import Block, TreeMotion, computed, tree_motion
+from harness.truth.blocks import Between, QuantityKernel, inputs_of
+from harness.truth.compare import Certified, compare
+from harness.truth.quantities import Quantity, Truth, TruthBasis
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.terms import GRAVITY as GRAVITY_TERMS
+from harness.truth.terms import MASS, certify_terms, term_errors
+from harness.truth.terms import VELOCITY as VELOCITY_TERMS
+from harness.verdict import AGREEMENT, Verdict
+
+# States at which a file is held against the energies.
+HELD_AT = 4
+# What a joint's applied force at the end of its range gives its coordinate alone [1/s^2]; see ``harness.truth.sampling``.
+LARGEST_ACCELERATION = 100.0
+
+
+@dataclass(frozen=True)
+class AskedMotion:
+    """What an engine is asked at n states: q (n, nq), v and qdd (n, nv), of these ``joints``; ``zero``, (1, nq), is the position zero."""
+
+    joints: tuple[str, ...]
+    q: Array
+    v: Array
+    qdd: Array
+    zero: Array
+
+
+# What an engine answers, (n, components of all blocks) in the order of the blocks.
+Answer = Callable[[Model, AskedMotion], Array]
+
+
+class TruthOfMotion(Truth):
+    """The certified values of what ``blocks_of`` writes of the motion of a tree, whose inputs ``between`` are values between."""
+
+    def __init__(
+        self, basis: TruthBasis, of_tree: TreeMotion, blocks_of: Callable[[TreeMotion], Iterable[Block]], between: slice = slice(0)
+    ) -> None:
+        self._basis, self._between, self._written = basis, between, computed(of_tree, blocks_of)
+        self.blocks: Sequence[str] = self._written.blocks
+        places = np.arange(len(self.blocks) * self._written.width).reshape(-1, self._written.width)
+        self._kernel = QuantityKernel(self._written.program, places.tolist(), between, self._written.sizes)
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Truth``; the program has the numbers of a second file where that has other points."""
+        numbers = tuple(self._written.numbers)
+        return self._basis.mechanism.key, self._text, self._written.program.key, numbers, self._basis.linear_velocity_in_body
+
+    @property
+    def _text(self) -> str:
+        return "" if self._basis.declared is None else self._basis.declared.text
+
+    def _evaluated(self, states: States, third: Array, between: Between | None = None) -> Certified:
+        return self._kernel.evaluate(inputs_of(states, third, self._written.numbers), between)
+
+
+class FileTruth(TruthOfMotion):
+    """The certified values of a quantity of one mechanism, by the numbers of one file; ``answer`` asks a model for it."""
+
+    def __init__(self, basis: TruthBasis, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Answer) -> None:
+        self._answer, self._robot = answer, basis.robot_of(basis.declared)
+        read = basis.robot_of(basis.read)
+        of_tree = tree_motion(self._robot.tree, basis.joints, basis.linear_velocity_in_body, read.tree, basis.has_other_points)
+        super().__init__(basis, of_tree, blocks_of)
+
+    def evaluate(self, states: States) -> Certified:
+        """Raises InvalidModel where the numbers of the file are not those of the energies."""
+        mechanism, in_body = self._basis.mechanism, self._basis.linear_velocity_in_body
+        if self._basis.declared is not None:
+            _HELD.get((mechanism.key, self._text, in_body), lambda: self._hold_against_energies(states[:HELD_AT]))
+        return self._evaluated(states, self._accelerations(states))
+
+    def answers(self, model: Model, states: States) -> Array:
+        """See ``Truth``."""
+        asked = AskedMotion(self._basis.joints, states.q, states.v, self._accelerations(states), _zero_position(self._basis.mechanism))
+        return self._answer(model, asked).reshape(len(states), len(self.blocks), -1)
+
+    def _accelerations(self, states: States) -> Array:
+        """Those that applied forces would give each coordinate alone, about."""
+        largest = np.array([max(map(abs, bounds)) for bounds in self._basis.mechanism.force_ranges])
+        return np.where(largest > 0, LARGEST_ACCELERATION * states.tau / np.where(largest > 0, largest, 1.0), 0.0)
+
+    def _hold_against_energies(self, states: States) -> None:
+        mechanisms, in_body = (self._basis.mechanism, mechanism_of(self._robot)), self._basis.linear_velocity_in_body
+        energies, file = (certify_terms(ReferenceKernel(one, in_body), states) for one in mechanisms)
+        for name in (MASS, VELOCITY_TERMS, GRAVITY_TERMS):
+            # By what either grants: where algebra leaves nothing of a term, the energies tell of no roundoff. Low parts do not matter.
+            errors = [term_errors(name, one, other.high)[1] for one, other in ((energies, file), (file, energies))]
+            worst = float(np.nanmax(np.fmin(*errors), initial=0.0))
+            if worst > AGREEMENT:
+                apart = f"{worst:.3g} data roundoffs from those of the energies, expected up to {AGREEMENT:g}"
+                problem = f"the {name} terms of its numbers are {apart}; check accelerations first"
+                raise InvalidModel(self._robot.path, None, problem)
+
+
+# The files that were held against the energies, by mechanism and frame.
+_HELD: Kept[None] = Kept(64)
+
+
+def _zero_position(mechanism: Mechanism) -> Array:
+    """(1, nq), where every quaternion is 1."""
+    found, first = np.zeros((1, mechanism.nq)), 0
+    for positions, velocities in mechanism.joint_sizes.values():
+        if positions > velocities:
+            found[0, first + positions - 4] = 1.0
+        first += positions
+    return found
+
+
+def hold_against_energies(declared: ModelFile, energies: ReferenceKernel, states: States, reference: Reference) -> None:
+    """Refuse a file whose accelerations, ``reference``, with constraints held rigid, are not those of the energies at ``states``.
+
+    Raises:
+        InvalidModel: they are not.
+    """
+    comparison = compare(energies.evaluate(states), np.asarray(reference.high))
+    if (comparison.verdicts == Verdict.DISAGREES.value).any():
+        worst = f"{comparison.known('backward_error').max():.3g} data roundoffs from those of the energies"
+        problem = f"the accelerations of its numbers are {worst}, expected up to {AGREEMENT:g}; check accelerations first"
+        raise InvalidModel(declared.path, None, problem)
+
+
+# What engines are asked.
+
+
+def _asks(method: str, takes: Sequence[str], *shape: int | str) -> Answer:
+    """The answer of a method that takes parts of the motion; sizes of its shape are numbers, or are named."""
+
+    def answer(model: Model, asked: AskedMotion) -> Array:
+        sizes = {"n": len(asked.q), "joints": len(asked.joints), "nv": asked.v.shape[1]}
+        given = tuple(getattr(asked, name) for name in takes)
+        return answer_of(model, method, given, tuple(size if isinstance(size, int) else sizes[size] for size in shape))
+
+    return answer
+
+
+def _or_term(method: str, term: str, *shape: int | str) -> Answer:
+    """The answer of a method that takes q, or the term of a model that gives terms alone."""
+
+    def answer(model: Model, asked: AskedMotion) -> Array:
+        if hasattr(model, method) or not hasattr(model, "terms"):
+            return _asks(method, "q", *shape)(model, asked)
+        still = np.zeros_like(asked.v)
+        return np.asarray(getattr(model.terms(asked.q, still, still), term))
+
+    return answer
+
+
+_inverse_dynamics = _asks("inverse_dynamics", ("q", "v", "qdd"), "n", "nv")
+
+
+def _power(model: Model, asked: AskedMotion) -> Array:
+    """Of the applied forces that the engine's inverse dynamics ask for, beside what springs and dampers do."""
+    return np.asarray(np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked)))[:, None]
+
+
+def _energies(model: Model, asked: AskedMotion) -> Array:
+    """The potential energy beyond that at zero."""
+    found = np.array(answer_of(model, "energies", (asked.q, asked.v), (len(asked.q), 2)))
+    at_zero = answer_of(model, "energies", (asked.zero, np.zeros((1, asked.v.shape[1]))), (1, 2))
+    found[:, 1] -= at_zero[0, 1]
+    return found
+
+
+def _positions(model: Model, asked: AskedMotion) -> Array:
+    """Anchors, and the columns of how the bodies are turned from where they stand at zero."""
+    count = len(asked.joints)
+    found, (at_zero,) = (answer_of(model, "positions", (q,), (len(q), count, 12)) for q in (asked.q, asked.zero))
+    turned = np.einsum("njab,jcb->njca", found[:, :, 3:].reshape(-1, count, 3, 3), at_zero[:, 3:].reshape(-1, 3, 3))
+    return np.concatenate([found[:, :, :3], turned.reshape(-1, count, 9)], axis=2)
+
+
+def _jacobians(model: Model, asked: AskedMotion) -> Array:
+    """By joint and velocity, linear before angular."""
+    found = _asks("jacobians", "q", "n", "joints", 6, "nv")(model, asked)
+    return np.ascontiguousarray(found.transpose(0, 1, 3, 2))
+
+
+def _of_trees(basis: TruthBasis) -> None:
+    if basis.mechanism.constraints is not None:
+        raise NotOffered("the applied forces of a mechanism under constraints are not determined by its accelerations")
+
+
+def _regressor(basis: TruthBasis) -> Truth:
+    _of_trees(basis)
+    carrying = forces.carrying_joints(basis.robot_of(basis.read).tree, basis.joints)
+
+    def answers(model: Model, asked: AskedMotion) -> Array:
+        found = _asks("regressor", ("q", "v", "qdd"), "n", "nv", "joints", len(forces.PARAMETERS))(model, asked)
+        return np.ascontiguousarray(found[:, :, [asked.joints.index(name) for name in carrying]].transpose(0, 2, 3, 1))
+
+    return FileTruth(replace(basis, declared=basis.read), forces.regressor, answers)
+
+
+def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Answer, of_trees: bool = False) -> Quantity:
+    def truth(basis: TruthBasis) -> Truth:
+        if of_trees:
+            _of_trees(basis)
+        return FileTruth(basis, blocks_of, answer)
+
+    return Quantity(name, truth)
+
+
+MASS_MATRIX = _quantity("mass_matrix", forces.mass_matrix, _or_term("mass_matrix", "mass", "n", "nv", "nv"))
+BIAS = _quantity("bias", forces.bias, _asks("bias", ("q", "v"), "n", "nv"))
+GRAVITY = _quantity("gravity", forces.gravity, _or_term("gravity", "gravity", "n", "nv"))
+INVERSE_DYNAMICS = _quantity("inverse_dynamics", forces.inverse_dynamics, _inverse_dynamics, of_trees=True)
+POWER = _quantity("power", forces.power_of_forces, _power, of_trees=True)
+ENERGY = _quantity("energy", motion.energy, _energies)
+MOMENTUM = _quantity("momentum", motion.momentum, _asks("momenta", ("q", "v"), "n", 9))
+POSITION = _quantity("position", motion.positions, _positions)
+VELOCITY = _quantity("velocity", motion.velocities, _asks("velocities", ("q", "v"), "n", "joints", 6))
+JACOBIAN = _quantity("jacobian", motion.jacobians, _jacobians)
+# To write and to compile its programs takes seconds.
+REGRESSOR = Quantity("regressor", _regressor, is_quick=False)
