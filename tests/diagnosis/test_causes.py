@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from catalogue import BUILT_IN
+from comparison.robots import edited
 from support import InThisProcess, cross_checked, make_library
 
 from harness.comparison.wanted import find_causes
@@ -18,18 +20,20 @@ from harness.library import Library
 from harness.results.cross_check import Cause
 from harness.results.records import Record
 
-LIBRARY = Library.built_in()
 NATIVE = {"mjcf": "mujoco/mjcf", "urdf": "pinocchio/urdf"}
 
 
 def causes_of(tmp_path: Path, model_format: str, found: str, planted: str) -> tuple[list[Record], list[Cause]]:
     """Records and causes of a check of the pendulum whose model holds ``planted`` in the place of ``found``."""
-    path = LIBRARY.model_path("simple_pendulum", model_format)
-    text = path.read_text()
-    assert text.count(found) == 1
-    stand_in = tmp_path / path.name
-    stand_in.write_text(text.replace(found, planted))
-    settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins={model_format: stand_in}, examples=None)
+    return checked(names=["simple_pendulum"], stand_ins={model_format: pendulum(tmp_path, model_format, found, planted)})
+
+
+def pendulum(folder: Path, model_format: str, found: str, planted: str) -> Path:
+    return edited(BUILT_IN.model_path("simple_pendulum", model_format), folder, (found, planted))
+
+
+def checked(library: Library = BUILT_IN, **about: Any) -> tuple[list[Record], list[Cause]]:
+    settings = Settings(library=library, states=40, examples=None, **about)
     records, _ = cross_checked(settings)
     return records, list(find_causes(settings, records, InThisProcess()))
 
@@ -67,7 +71,7 @@ def test_where_all_is_well_there_is_no_cause(tmp_path: Path) -> None:
 def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_path: Path) -> None:
     records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.50"')
     wrong = [replace(record, verdict="disagrees") if record.subject == "lagrange" else record for record in records]
-    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    settings = Settings(library=BUILT_IN, names=["simple_pendulum"])
     (cause,) = find_causes(settings, wrong, InThisProcess())
     assert (cause.subject, cause.diagnosed, len(cause.sides)) == ("lagrange", "lagrange", 1)
     assert cause.inference.startswith("the float64 kernel of lagrange is at fault")
@@ -76,14 +80,10 @@ def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_pat
 
 @pytest.mark.costly
 def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Path) -> None:
-    stand_ins = {}
-    for model_format, old, new in [("mjcf", 'mass="1.5"', 'mass="1.50001"'), ("urdf", '<mass value="1.5"/>', '<mass value="1.50001"/>')]:
-        path = LIBRARY.model_path("simple_pendulum", model_format)
-        stand_ins[model_format] = tmp_path / path.name
-        stand_ins[model_format].write_text(path.read_text().replace(old, new))
-    settings = Settings(library=LIBRARY, names=["simple_pendulum"], states=40, stand_ins=stand_ins, examples=None)
-    records, _ = cross_checked(settings)
-    found = list(find_causes(settings, records, InThisProcess()))
+    old, new = 'mass="1.5"', 'mass="1.50001"'
+    stand_ins = {"mjcf": pendulum(tmp_path, "mjcf", old, new)}
+    stand_ins["urdf"] = pendulum(tmp_path, "urdf", '<mass value="1.5"/>', '<mass value="1.50001"/>')
+    _, found = checked(names=["simple_pendulum"], stand_ins=stand_ins)
     assert len(found) == 4
     for cause in found:
         assert "behaves as if m = 1.50001 kg instead of 1.5" in cause.first_line
@@ -102,7 +102,7 @@ def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
         raise ValueError
 
     monkeypatch.setattr(causes, "examine", examine)
-    settings = Settings(library=LIBRARY, names=["simple_pendulum"], stand_ins={"mjcf": tmp_path / "simple_pendulum.xml"})
+    settings = Settings(library=BUILT_IN, names=["simple_pendulum"], stand_ins={"mjcf": tmp_path / "simple_pendulum.xml"})
     list(find_causes(settings, records, workers))
     assert given == [EVALUATIONS]
     given.clear()
@@ -116,7 +116,7 @@ def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
 
 def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:
     records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.6"')
-    settings = Settings(library=LIBRARY, names=["simple_pendulum"])
+    settings = Settings(library=BUILT_IN, names=["simple_pendulum"])
     causes = find_causes(settings, records, InThisProcess(), crashes={("simple_pendulum", "mjcf")})
     assert {(cause.subject, cause.diagnosed, cause.first_line == cause.inference) for cause in causes} == {
         ("mujoco/mjcf", "", True),
@@ -127,31 +127,22 @@ def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:
 def point_mass(root: Path, moment_in_urdf: str) -> Path:
     """A library with a pendulum of 1 kg on 0.2 m, which feels an inertia of 1e-15 kg m^2 by 2.5e-14."""
     make_library(root, ["simple_pendulum"])
+    moments = [(f'{name}="0"', f'{name}="{moment_in_urdf}"') for name in ("ixx", "iyy", "izz")]
     for path, changes in {
         "systems/simple_pendulum.py": [("m: (1.5", "m: (1.0"), ("L: (2.0", "L: (0.2")],
         "mjcf/simple_pendulum.xml": [('mass="1.5"', 'mass="1"'), ('pos="0 0 -2"', 'pos="0 0 -0.2"')],
-        "urdf/simple_pendulum.urdf": [
-            ('mass value="1.5"', 'mass value="1"'),
-            ('xyz="0 0 -2"', 'xyz="0 0 -0.2"'),
-            *((f'{name}="0"', f'{name}="{moment_in_urdf}"') for name in ("ixx", "iyy", "izz")),
-        ],
+        "urdf/simple_pendulum.urdf": [('mass value="1.5"', 'mass value="1"'), ('xyz="0 0 -2"', 'xyz="0 0 -0.2"'), *moments],
     }.items():
-        text = (root / path).read_text()
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new)
-        (root / path).write_text(text)
+        edited(root / path, (root / path).parent, *changes)
     return root
 
 
 @pytest.mark.parametrize(("moment_in_urdf", "formats"), [("0", {"mjcf"}), ("1e-15", {"mjcf", "urdf"})])
 def test_the_least_inertia_that_is_felt_is_named_with_its_remedy(tmp_path: Path, moment_in_urdf: str, formats: set[str]) -> None:
     """And no mass, length or gravity of fifteen digits, which would explain it as well."""
-    library = Library.at(point_mass(tmp_path / "library", moment_in_urdf))
-    settings = Settings(library=library, states=40, examples=None)
-    records, _ = cross_checked(settings)
+    records, found = checked(Library.at(point_mass(tmp_path / "library", moment_in_urdf)))
     assert {record.subject.partition("/")[2] for record in records if not record.as_expected} == formats
-    causes = {cause.subject: cause.first_line for cause in find_causes(settings, records, InThisProcess())}
+    causes = {cause.subject: cause.first_line for cause in found}
     remedies = {"mjcf": "take it off the inertia of a body that turns with this one", "urdf": "write 0, which a URDF may hold"}
     assert len(causes) == 2 * len(formats)
     for subject, line in causes.items():
@@ -162,8 +153,6 @@ def test_the_least_inertia_that_is_felt_is_named_with_its_remedy(tmp_path: Path,
 def test_a_mass_that_is_wrong_beside_a_least_inertia_is_named_itself(tmp_path: Path) -> None:
     library = Library.at(point_mass(tmp_path / "library", "0"))
     model = library.model_path("simple_pendulum", "mjcf")
-    model.write_text(model.read_text().replace('mass="1"', 'mass="1.0000001"'))
-    settings = Settings(library=library, states=40, subjects=["mujoco/mjcf"], examples=None)
-    records, _ = cross_checked(settings)
-    [cause] = find_causes(settings, records, InThisProcess())
+    edited(model, model.parent, ('mass="1"', 'mass="1.0000001"'))
+    _, [cause] = checked(library, subjects=["mujoco/mjcf"])
     assert "least inertia" not in cause.first_line

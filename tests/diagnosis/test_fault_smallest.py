@@ -13,7 +13,6 @@ import json
 import math
 import random
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +26,12 @@ from harness.crosscheck import tasks
 from harness.crosscheck.expected import AGREES
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
-from harness.diagnosis.faults import campaign, reader
+from harness.diagnosis.faults import campaign
 from harness.diagnosis.faults.campaign import number_faults, smallest_changes
 from harness.diagnosis.faults.reader import FURTHEST, RESOLUTION, Reader, require_sound, smallest_caught
 from harness.diagnosis.faults.study import select_pairs
 from harness.diagnosis.faults.summary import SmallestChange
-from harness.engines import Subject, is_native, load_engine, select_subjects, subjects
+from harness.engines import Subject, load_engine, select_subjects
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import watch
@@ -41,7 +40,7 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.results.records import Record
 from harness.truth.compare import compare
-from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
 from harness.verdict import gravest
 
@@ -151,21 +150,6 @@ def test_nearly_every_number_is_seen_to_the_tenth_digit(most: int | None) -> Non
     assert (sizes < 1e-10).mean() >= 0.95
 
 
-def test_a_blunt_check_is_told_by_its_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The check accepts a hundred times what the data roundoff of the states allows: no number reaches theory."""
-    accepted = compare
-
-    def blunt(reference: Reference, accelerations: np.ndarray, factorises: bool) -> object:
-        middle = reference.high + reference.low
-        return accepted(reference, middle + (accelerations - middle) / 100, factorises)
-
-    monkeypatch.setattr(reader, "compare", blunt)
-    for subject in subjects(LIBRARY):
-        if subject.format != "equations" and is_native(LIBRARY, subject):
-            numbers = smallest_changes(LIBRARY, "cart_pendulum", subject, 64, 0, lambda text: None)
-            assert all(number.ratio > 10 for number in numbers)
-
-
 def test_a_number_that_is_never_caught_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Reader, "catches", lambda *arguments: False)
     numbers = smallest_changes(LIBRARY, "simple_pendulum", Subject("mujoco", "mjcf"), 16, 0, lambda text: None)
@@ -243,24 +227,15 @@ def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> No
 def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
     """A mass that both models have wrong: no fault beside it could be told from it."""
     library = make_library(tmp_path / "wrong", ["double_pendulum"])
-    for path, mass in ((library / "mjcf/double_pendulum.xml", 'mass="1.25"'), (library / "urdf/double_pendulum.urdf", 'mass value="1.25"')):
+    for path in (library / "mjcf/double_pendulum.xml", library / "urdf/double_pendulum.urdf"):
         text = path.read_text()
-        assert mass in text
-        path.write_text(text.replace(mass, mass.replace("1.25", "2.5")))
+        assert re.search('mass(?: value)?="1.25"', text)
+        path.write_text(re.sub('(mass(?: value)?)="1.25"', r'\1="2.5"', text))
     done = CliRunner().invoke(main, ["faults", *options, "--states", "32", "--workers", "1", "--library", str(library)])
     assert done.exit_code == 2, done.output
     assert "'disagrees' before any fault is planted" in done.output
     assert "make 'harness check double_pendulum' green first" in done.output
     assert "no model was" not in done.output
-
-
-def test_the_unchanged_models_agree() -> None:
-    """The runs of the changed models mean something only beside these."""
-    for name, subject in PAIRS:
-        if name == "cart_pendulum":
-            cross_check, record = check(name, subject, LIBRARY.model_path(name, subject.format))
-            assert record.as_expected
-            assert not cross_check.problems
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -277,11 +252,9 @@ def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("in_this_process")
 def test_a_model_that_cannot_be_read_is_exit_status_2_and_costs_its_subject_only(tmp_path: Path) -> None:
-    for folder in ("systems", "mjcf", "urdf"):
-        (tmp_path / folder).mkdir()
-    shutil.copy(LIBRARY.system_path("spring_damper"), tmp_path / "systems")
-    shutil.copy(LIBRARY.model_path("spring_damper", "urdf"), tmp_path / "urdf")
-    done = CliRunner().invoke(main, ["faults", "--smallest", "--states", "16", "--library", str(tmp_path)])
+    library = make_library(tmp_path / "library", ["spring_damper"])
+    (library / "mjcf/spring_damper.xml").unlink()
+    done = CliRunner().invoke(main, ["faults", "--smallest", "--states", "16", "--library", str(library)])
     assert done.exit_code == 2
     assert "spring_damper.xml" in done.output
     assert "pinocchio/urdf" in done.output

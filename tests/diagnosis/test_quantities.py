@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from catalogue import BUILT_IN
+from comparison.robots import edited, line_of
 from support import InThisProcess, make_library
 
 import harness
 from harness.errors import InvalidRequest
 from harness.explain.terms import AT_REST, LOADED, MOVING, wrong_blocks
 
+SUBJECTS = ["mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"]
 TURNED_ENGINE = """
 from harness.engines.adapters.mujoco import MujocoEngine
 
@@ -69,20 +71,15 @@ def test_a_fault_of_an_engine_is_named_with_its_block(
 
 @pytest.mark.ci
 def test_a_number_of_a_file_is_named_with_its_line(tmp_path: Path) -> None:
-    text = BUILT_IN.model_path("arm_2r", "urdf").read_text()
-    old, new = 'mass value="2"', 'mass value="2.0000001"'
-    assert text.count(old) == 1
-    path = tmp_path / "arm_2r.urdf"
-    path.write_text(text.replace(old, new))
-    line = text[: text.index(old)].count("\n") + 1
-    subjects = ["mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"]
-    causes = harness.diagnose("arm_2r", urdf=path, quantity="gravity", subjects=subjects, states=20)
+    new = 'mass value="2.0000001"'
+    path = edited(BUILT_IN.model_path("arm_2r", "urdf"), tmp_path, ('mass value="2"', new))
+    causes = harness.diagnose("arm_2r", urdf=path, quantity="gravity", subjects=SUBJECTS, states=20)
     assert [cause.subject for cause in causes] == ["mujoco/urdf", "pinocchio/urdf"]
     for cause in causes:
         assert "the urdf model is at fault" in cause.inference
-        assert f"line {line}: 2.0 in the place of 2.0000001 in" in cause.first_line
+        assert f"line {line_of(path, new)}: 2.0 in the place of 2.0000001 in" in cause.first_line
         assert all("at every state" in sentence for sentence in cause.terms)
-    assert harness.diagnose("arm_2r", quantity="gravity", subjects=subjects[:2], states=20) == []
+    assert harness.diagnose("arm_2r", quantity="gravity", subjects=SUBJECTS[:2], states=20) == []
 
 
 @pytest.mark.ci
@@ -95,18 +92,13 @@ def test_a_number_of_a_file_is_named_with_its_line(tmp_path: Path) -> None:
     ],
 )
 def test_a_number_that_no_acceleration_feels_is_named_by_a_reaction(tmp_path: Path, name: str, old: str, new: str, joint: str) -> None:
-    text = BUILT_IN.model_path(name, "mjcf").read_text()
-    assert text.count(old) == 1
-    path = tmp_path / f"{name}.xml"
-    path.write_text(text.replace(old, new))
-    line = text[: text.index(old)].count("\n") + 1
-    subjects = ["mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"]
-    assert harness.diagnose(name, mjcf=path, subjects=subjects, states=20) == []
-    causes = harness.diagnose(name, mjcf=path, quantity="reactions", subjects=subjects, states=20)
+    path = edited(BUILT_IN.model_path(name, "mjcf"), tmp_path, (old, new))
+    assert harness.diagnose(name, mjcf=path, subjects=SUBJECTS, states=20) == []
+    causes = harness.diagnose(name, mjcf=path, quantity="reactions", subjects=SUBJECTS, states=20)
     assert [cause.subject for cause in causes] == ["mujoco/mjcf", "pinocchio/mjcf"]
     for cause in causes:
         assert "the mjcf model is at fault" in cause.inference
-        assert f"line {line}: 0.0 in the place of" in cause.first_line
+        assert f"line {line_of(path, new)}: 0.0 in the place of" in cause.first_line
         assert any(f"moment of joint {joint!r} is wrong" in sentence for sentence in cause.terms)
 
 

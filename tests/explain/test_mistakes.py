@@ -7,22 +7,24 @@ import itertools
 import random
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, IN_CI, is_tied
 
-from harness.arrays import Array
+from harness.diagnosis.faults.campaign import is_valid
 from harness.engines import load_engine
 from harness.errors import InvalidModel
 from harness.explain.changes import Change
 from harness.explain.changes.mistakes import Mistake, mended_mistakes
-from harness.explain.columns import DIFFERENCE, Whitening, derivative, watch
+from harness.explain.columns import watch
 from harness.explain.fit import fit
+from harness.explain.model_side import ModelSide
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import Watch, find_elements, find_numbers
 from harness.lagrange.derivation import load_mechanism
-from harness.library import MODEL_SUFFIXES, names_in
+from harness.library import names_in
 from harness.truth.compare import compare
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.truth.sampling import generic_sample
@@ -103,14 +105,6 @@ def bench(name: str, model_format: str) -> tuple[Watch, Reference]:
     return watch(engine, mechanism, healthy(name, model_format), states), reference
 
 
-def is_valid(model: ModelFile, text: str) -> bool:
-    try:
-        parse_model(model.path, text, model.format)
-    except InvalidModel:
-        return False
-    return True
-
-
 def mended(mistake: Mistake, watched: Watch, reference: Reference, planted: Change) -> Iterator[str]:
     """What its mends make of a mistake: those without a free value, then those with one, at every number of the sound file and fitted."""
     model = watched.model
@@ -129,18 +123,9 @@ def mended(mistake: Mistake, watched: Watch, reference: Reference, planted: Chan
 
 def _fitted(watched: Watch, reference: Reference, candidate: Change) -> Iterator[float]:
     """The value that a diagnosis fits, for shares and angles that stand in no file, from no change."""
-    whitening = Whitening(reference)
-
-    def residual(value: float) -> Array | None:
-        answers = watched.accelerations(candidate.text(value))
-        return None if answers is None else whitening.residual(answers)
-
-    def slope(value: float) -> Array | None:
-        found = derivative(watched.accelerations, candidate.text, value, DIFFERENCE * candidate.scale)
-        return None if found is None else whitening.change(found)
-
+    side = ModelSide(watched, reference)
     assert candidate.start is not None
-    value = fit(residual, slope, candidate.start, None, candidate.scale)
+    value = fit(partial(side.residual_at, candidate), partial(side.slope, candidate), candidate.start, None, candidate.scale)
     if value is not None:
         yield value
 
@@ -312,15 +297,11 @@ def test_a_free_candidate_at_its_start_is_the_file_as_it_is(model_format: str) -
 
 def test_a_model_of_six_degrees_of_freedom_has_a_few_hundred_candidates() -> None:
     for model_format in FORMATS:
-        count = sum(len(list(mistake.mend(healthy("puma_560", model_format)))) for mistake in MISTAKES.values())
-        assert 100 < count < 400
+        assert 100 < sum(len(list(mistake.mend(healthy("puma_560", model_format)))) for mistake in MISTAKES.values()) < 400
 
 
 def test_both_formats_make_the_same_mistakes() -> None:
     """Of a system without gravity or angles in its files, but for what only one format can say."""
-    counts = {
-        model_format: {name: len(list(one.plant(healthy("arm_2r", model_format)))) for name, one in MISTAKES.items()}
-        for model_format in MODEL_SUFFIXES
-    }
     for name in ("axis", "damping", "armature", "friction", "joint_order", "parallel_axis", "frame_rotation", "inertial_rotation"):
-        assert counts["mjcf"][name] == counts["urdf"][name] > 0, name
+        mjcf, urdf = (len(list(MISTAKES[name].plant(healthy("arm_2r", model_format)))) for model_format in FORMATS)
+        assert mjcf == urdf > 0, name

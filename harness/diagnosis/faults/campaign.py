@@ -78,7 +78,7 @@ def number_faults(model: ModelFile) -> Iterator[Change]:
         if number.place not in alone:
             alone[number.place] = planted
             yield planted
-        elif not any(_is_valid(model, alone[number.place].text(size)) for size in (CHANGE, -CHANGE)):
+        elif not any(is_valid(model, alone[number.place].text(size)) for size in (CHANGE, -CHANGE)):
             yield planted
 
 
@@ -206,7 +206,7 @@ def _least(theory: float | None) -> float:
     return MUST_BE_CAUGHT if theory is None else max(MUST_BE_CAUGHT, MOST_ABOVE_THEORY * theory)
 
 
-def _is_valid(model: ModelFile, text: str) -> bool:
+def is_valid(model: ModelFile, text: str) -> bool:
     try:
         parse_model(model.path, text, model.format)
     except InvalidModel:
