@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from harness.bench import measuring
+from harness.bench import costs
 from harness.bench.growth import arms
 from harness.bench.methods import find_methods
 from harness.crosscheck.scene import Scene
@@ -168,7 +168,7 @@ def test_certified_reference_over_balls(name: str) -> None:
     parameters = np.broadcast_to(np.array(mechanism.parameter_values), (FEWEST, len(mechanism.parameters)))
     [(chart, _), *_] = kernel.by_chart(few)
     calls = (lambda: chart.balls.solve(few, parameters, PRECISIONS[0])), (lambda: kernel.evaluate(states))
-    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS // 4)]
+    rounds = [[min(costs.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS // 4)]
     in_balls, certified = np.min(rounds, axis=0) / (FEWEST, FEW)
     print(f"\n{name}: certified in 1/{in_balls / certified:.1f} of the time of balls; the bar is {FASTER_THAN_BALLS:g}")
     assert mechanism.nv < 2 or in_balls >= FASTER_THAN_BALLS * certified
@@ -189,7 +189,7 @@ def test_certified_reference_over_pinocchio_in_a_loop(name: str) -> None:
         for row in rows:
             pinocchio.aba(loaded.model, data, *row)
 
-    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in (loop, lambda: kernel.evaluate(states))] for _ in range(ROUNDS)]
+    rounds = [[min(costs.measure(call, 1, SECONDS_EACH)) for call in (loop, lambda: kernel.evaluate(states))] for _ in range(ROUNDS)]
     aba, certified = np.min(rounds, axis=0)
     print(f"\n{name}: the certified reference costs {certified / aba:.1f} times pin.aba; the bar is {SLOWER_THAN_ABA:g}")
     assert certified <= SLOWER_THAN_ABA * aba
@@ -338,7 +338,7 @@ def cost_ratio(name: str, first: str, second: str) -> float:
     states = generic_sample(scene.mechanism, FEW, seed=0)
     methods = {method.name: method for method in find_methods()}
     calls = [methods[name].prepare(scene, states).compute for name in (first, second)]
-    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
+    rounds = [[min(costs.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
     fastest = np.min(rounds, axis=0)
     return float(fastest[0] / fastest[1])
 
@@ -376,7 +376,7 @@ def test_kernel_over_pinocchio_in_a_loop(name: str) -> None:
         lambda: kernel.compiled.accelerations(inputs),
         lambda: kernel.accelerations(states.q, states.v, states.tau),
     )
-    rounds = [[min(measuring.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
+    rounds = [[min(costs.measure(call, 1, SECONDS_EACH)) for call in calls] for _ in range(ROUNDS)]
     slow, *fast = np.min(rounds, axis=0)
     bars = FASTER_THAN_A_LOOP, FASTER_WITH_INPUTS.get(name, FASTER_THAN_A_LOOP)
     for what, seconds, bar in zip(("the kernel", "the whole call"), fast, bars, strict=True):

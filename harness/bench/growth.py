@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.bench.acceleration_cost import acceleration_costs
-from harness.bench.measuring import Effort, measure
+from harness.bench.costs import Effort, acceleration_costs, measure
 from harness.bench.methods import Method
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.tasks import Note

@@ -51,20 +51,17 @@ class MotionJudge:
     """The truth of one scene, and the errors of computed motions against it."""
 
     def __init__(self, scene: Scene, horizon: float) -> None:
-        self.scene = scene
-        self._horizon = max(HORIZON, horizon)
-        start = Start.of(scene.mechanism, self._horizon)
-        self.reference = reference_motion(scene.mechanism, start)
+        mechanism = scene.mechanism
+        self.scene, self._horizon, self._metric = scene, max(HORIZON, horizon), Metric(mechanism)
+        start = Start.of(mechanism, self._horizon)
+        self.reference = reference_motion(mechanism, start)
         self.start = replace(start, horizon=min(horizon, self.reference.trusted))
-        self._metric = Metric(scene.mechanism)
-        # Of a robot's file there are none.
-        self._energies = EnergyKernel(scene.mechanism) if scene.mechanism.energy_programs else None
         within = self.reference.path[self.reference.path.times <= self.start.horizon * (1 + 1e-12)]
-        self._scales = self._metric.scales(within)
-        self._end = within[-1:]
-        self._largest_kinetic = 0.0
-        if self._energies is not None:
-            self._largest_kinetic = float(self._energies.along(within.q, within.v, within.times).kinetic.max())
+        self._scales, self._end = self._metric.scales(within), within[-1:]
+        # Of a robot's file there are none.
+        self._energies = EnergyKernel(mechanism) if mechanism.energy_programs else None
+        kinetic = self._energies.along(within.q, within.v, within.times).kinetic if self._energies else np.zeros(1)
+        self._largest_kinetic = float(kinetic.max()) or 1.0
 
     def state_error(self, path: Path) -> float | None:
         """Relative error of the end state; None where the motion broke down."""
@@ -79,7 +76,7 @@ class MotionJudge:
             return None
         found = self._energies.along(path.q, path.v, path.times)
         balance = found.energy - found.energy[0] - work_along(path, found.power)
-        error = float(np.abs(balance).max()) / (self._largest_kinetic or 1.0)
+        error = float(np.abs(balance).max()) / self._largest_kinetic
         return error if math.isfinite(error) else None
 
     def truth(self) -> MotionTruth:
@@ -138,27 +135,26 @@ def motion_costs(
 
 def _sweep(integrator: Integrator, advance: Advance, judge: MotionJudge, steps: Sequence[float], seconds: float) -> list[MotionCost]:
     found: list[MotionCost] = []
-    per_step = 0.0
+    per_step, mechanism = 0.0, judge.scene.mechanism
     for size in TOLERANCES if integrator.adaptive else sorted(steps, reverse=True):
         count = KEPT if integrator.adaptive else max(1, round(judge.start.horizon / size))
-        expected = 0.0 if integrator.adaptive else per_step * count
-        if expected > seconds:
-            found.append(_nothing(judge.scene.mechanism.name, integrator, size, f"left out: would take about {expected:.0f} s"))
+        entry = _nothing(mechanism.name, integrator, size, "")
+        if not integrator.adaptive and per_step * count > seconds:
+            found.append(replace(entry, note=f"left out: would take about {per_step * count:.0f} s"))
             continue
         path, elapsed = _run(integrator, advance, judge.start, size, count)
-        per_step = elapsed / count
-        state_error = judge.state_error(path)
-        entry = _nothing(judge.scene.mechanism.name, integrator, size, "broke down" if state_error is None else "")
+        per_step, state_error = elapsed / count, judge.state_error(path)
         found.append(
             replace(
                 entry,
+                note="broke down" if state_error is None else "",
                 step=None if integrator.adaptive else judge.start.horizon / count,
                 steps=path.evaluations if integrator.adaptive else count,
                 evaluations=path.evaluations,
                 seconds=elapsed,
                 state_error=state_error,
                 energy_error=judge.energy_error(path),
-                gap=drift(judge.scene.mechanism, path),
+                gap=drift(mechanism, path),
                 duration=judge.start.horizon,
             )
         )

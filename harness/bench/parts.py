@@ -14,10 +14,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from harness.bench.acceleration_cost import acceleration_costs
+from harness.bench.costs import Effort, acceleration_costs
 from harness.bench.energy_drift import drifts
 from harness.bench.growth import FAMILY, growth, robot_growth
-from harness.bench.measuring import Effort
 from harness.bench.methods import DERIVATIVES, Method, find_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.quantity_cost import SIZES, STATES, derivative_costs, quantity_costs

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.bench.acceleration_cost import MINIMUM_COUNT
-from harness.bench.measuring import Effort, cost_of_each, measure, shared_fields
+from harness.bench.costs import MINIMUM_COUNT, Effort, cost_of_each, measure, shared_fields
 from harness.bench.methods import Method
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene

@@ -72,33 +72,27 @@ class BenchmarkStudy(Study):
         super().__init__()
         self.settings = settings
         self.names = settings.library.select(settings.names)
-        known = methods_of(settings)
-        quantities = select_quantities(settings.quantities)
         if ROBOTS in settings.library.kinds and settings.further_quantities:
             raise InvalidRequest(f"{settings.further_quantities[0]} is measured on mechanisms, and {self.names[0]} is none")
-        self._parts = parts_of(settings)
+        self._parts, known = parts_of(settings), methods_of(settings)
         asked = {
-            ACCELERATIONS: ACCELERATIONS in quantities,
+            ACCELERATIONS: ACCELERATIONS in select_quantities(settings.quantities),
             QUANTITIES: bool(settings.further_quantities),
             DERIVATIVES: settings.derivatives,
             MOTION: settings.motion,
         }
+        kinds = {name: kind for kind, names in known.items() for name in names}
         for name in settings.methods:
-            kind = next((kind for kind, names in known.items() if name in names), None)
-            if kind is None:
-                other = MECHANISMS if ROBOTS in settings.library.kinds else ROBOTS
-                if name in _names([other], find_methods, integrators):
-                    raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
-                raise InvalidRequest(
-                    f"no method or integrator is called {name!r}; {nearest(name, [one for names in known.values() for one in names])}"
-                )
-            if not asked[kind]:
-                raise InvalidRequest(f"{name!r} computes {kind}; ask for it with {_OPTIONS[kind]}")
+            other = MECHANISMS if ROBOTS in settings.library.kinds else ROBOTS
+            if name not in kinds and name in _names([other], find_methods, integrators):
+                raise InvalidRequest(f"{name!r} is for {other}, and {self.names[0]} is none of them; see harness list methods")
+            if name not in kinds:
+                raise InvalidRequest(f"no method or integrator is called {name!r}; {nearest(name, list(kinds))}")
+            if not asked[kinds[name]]:
+                raise InvalidRequest(f"{name!r} computes {kinds[name]}; ask for it with {_OPTIONS[kinds[name]]}")
         chosen = settings.methods or _by_default(settings, known)
         # By what they compute.
-        self.methods: dict[str, list[str]] = {
-            kind: [name for name in names if asked[kind] and name in chosen] for kind, names in known.items()
-        }
+        self.methods = {kind: [name for name in names if asked[kind] and name in chosen] for kind, names in known.items()}
         self._measured = Benchmark()
         self._scenes: dict[str, Scene] = {}
 
@@ -116,23 +110,20 @@ class BenchmarkStudy(Study):
 
     @property
     def steps(self) -> int:  # type: ignore[override]
-        return len(self.names) + sum(len(self._places(part)) * len(self._by_engine(part)) for part in self._parts)
+        return len(self.names) + sum(len(self._asked(part)) for part in self._parts)
 
     def result(self) -> Benchmark:
         return self._measured
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._loaded(name) for name in self.names]
-        yield self._measuring(timed=True)
-        yield self._measuring(timed=False)
-
-    def _measuring(self, timed: bool) -> Iterator[Inquiry[None]]:
-        for part in self._parts:
-            for name in self._places(part) if part.timed == timed else ():
-                if name in self._scenes or part.system:
-                    for engine, methods in self._by_engine(part).items():
-                        what = f"{part.name} of {engine}" if engine else part.name
-                        yield self._measured_part(name, what, part, replace(self.settings, methods=methods))
+        for timed in (True, False):
+            yield [
+                self._measured_part(name, what, part, settings)
+                for part in self._parts
+                for name, what, settings in (self._asked(part) if part.timed == timed else ())
+                if name in self._scenes or part.system
+            ]
 
     def _loaded(self, name: str, what: str = "equations and models") -> Inquiry[None]:
         outcome = yield from ask(load, self.settings.library, name)
@@ -149,21 +140,26 @@ class BenchmarkStudy(Study):
         outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity="timed" if part.timed else None)
         yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
-    def _by_engine(self, part: BenchmarkPart) -> dict[str, list[str]]:
-        """The methods of a part by the engine that not everybody installs, "" for none: one that dies costs no measurements of others."""
+    def _asked(self, part: BenchmarkPart) -> list[tuple[str, str, BenchmarkSettings]]:
+        """Where a part is measured, what that is in words, and with which methods.
+
+        Those of an engine that not everybody installs are measured by themselves: one that dies costs no measurements of others.
+        """
         files = engine_files(self.settings.library)
         engines = {method.name: method.engine for method in find_methods(DERIVATIVES)}
         engines |= {str(one): one.engine for one in known_subjects(self.settings.library) if files[one.engine].elsewhere}
-        found: dict[str, list[str]] = {}
+        by_engine: dict[str, list[str]] = {}
         for name in self.methods[part.kind]:
-            found.setdefault(engines.get(name, ""), []).append(name)
-        return found
+            by_engine.setdefault(engines.get(name, ""), []).append(name)
+        return [
+            (place, f"{part.name} of {engine}" if engine else part.name, replace(self.settings, methods=methods))
+            for place in self._places(part)
+            for engine, methods in by_engine.items()
+        ]
 
     def _places(self, part: BenchmarkPart) -> list[str]:
         """Names of what a part is measured on."""
-        if not self.methods[part.kind] or (self.settings.methods and not part.by_methods):
-            return []
-        if part.name in self.left_out:
+        if (self.settings.methods and not part.by_methods) or part.name in self.left_out:
             return []
         if not part.system:
             return self.names

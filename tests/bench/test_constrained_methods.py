@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.bench.acceleration_cost import acceleration_costs
-from harness.bench.measuring import Effort
+from harness.bench.costs import Effort, acceleration_costs
 from harness.bench.methods import Method, Prepared, find_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.bench.study import BenchmarkStudy

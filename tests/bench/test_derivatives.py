@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.bench.measuring import Effort
+from harness.bench.costs import Effort
 from harness.bench.methods import DERIVATIVES, Method, find_methods
 from harness.bench.parts import PARTS, BenchmarkSettings
 from harness.bench.quantity_cost import STATES, derivative_costs

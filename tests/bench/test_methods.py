@@ -12,10 +12,9 @@ import pytest
 
 import harness.bench.methods
 from harness.arrays import Array
-from harness.bench import acceleration_cost
-from harness.bench.acceleration_cost import acceleration_costs
+from harness.bench import costs as bench_costs
+from harness.bench.costs import Effort, acceleration_costs
 from harness.bench.growth import exponent, growth, robot_growth
-from harness.bench.measuring import Effort
 from harness.bench.methods import Method, Prepared, find_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.crosscheck.scene import Scene
@@ -164,7 +163,7 @@ def test_cost_is_per_state_and_notes_say_what_runs() -> None:
     method = replace(METHODS["heyoka float64"], most_states=8)
     (cost,) = acceleration_costs(scene("arm_2r"), [method], Effort((COUNT,), COUNT, 3, 0.01), notes.append)[0]
     assert notes == ["arm_2r: heyoka float64"]
-    assert cost.states == 8 and cost.threads == 1 and cost.repetitions >= acceleration_cost.MINIMUM_COUNT
+    assert cost.states == 8 and cost.threads == 1 and cost.repetitions >= bench_costs.MINIMUM_COUNT
     assert cost.fastest is not None and cost.seconds_per_state is not None and cost.slowest is not None
     assert 0 < cost.fastest <= cost.seconds_per_state <= cost.slowest and cost.fastest < 1e-3
 

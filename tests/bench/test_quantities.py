@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.bench.measuring import Effort
+from harness.bench.costs import Effort
 from harness.bench.parts import QUANTITIES, THOROUGHNESS, BenchmarkSettings, parts_of
 from harness.bench.quantity_cost import EngineCalls, quantity_costs
 from harness.bench.study import BenchmarkStudy

@@ -10,8 +10,7 @@ import pytest
 from support import InThisProcess, completed, harness
 
 from harness.arrays import Array
-from harness.bench.acceleration_cost import acceleration_costs
-from harness.bench.measuring import Effort
+from harness.bench.costs import Effort, acceleration_costs
 from harness.bench.methods import find_methods
 from harness.bench.motion_cost import motion_costs
 from harness.bench.parts import BenchmarkSettings

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from harness.bench.measuring import measure
+from harness.bench.costs import measure
 
 
 class Clock:

@@ -23,6 +23,7 @@ from harness.engines import Unsupported
 from harness.lagrange.derivation import load_system
 from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
 from harness.motion.integrators import KINDS
+from harness.motion.taylor import named
 from harness.programs.kernels import heyoka_expressions, solve_symmetric
 from harness.programs.machine_code import load_heyoka
 from harness.programs.mechanisms.constraint_forces import ACCELERATIONS, reduced_program
@@ -92,17 +93,22 @@ def _batch(scene: Scene, states: States) -> Prepared:
     return Prepared(compute, lambda: found, note)
 
 
+def _compiled(program: StraightLineProgram, wanted: Callable[[dict[str, Any], list[Any]], list[Any]], number: type) -> Callable[..., Any]:
+    """heyoka's machine code for what is ``wanted`` of the program's outputs and inputs: (n wanted, n) of (number of inputs, n)."""
+    inputs = named("z", len(program.inputs))
+    function: Callable[..., Any] = load_heyoka().cfunc(wanted(heyoka_expressions(program, inputs), inputs), vars=inputs, fp_type=number)
+    return function
+
+
 def compiled_solution(program: StraightLineProgram, number: type) -> Callable[..., Any]:
     """heyoka's machine code for qdd, (nv, n), of the program's inputs, (number of inputs, n), in the type ``number``."""
-    heyoka = load_heyoka()
 
-    inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
-    outputs = heyoka_expressions(program, inputs)
-    nv = len(outputs["velocity"])
-    forces = inputs[position_count(program) + nv :][:nv]
-    solution = solve_symmetric(outputs["mass"], right_hand_side(outputs, forces))
-    function: Callable[..., Any] = heyoka.cfunc(solution, vars=inputs, fp_type=number)
-    return function
+    def solution(outputs: dict[str, Any], inputs: list[Any]) -> list[Any]:
+        nv = len(outputs["velocity"])
+        forces = inputs[position_count(program) + nv :][:nv]
+        return solve_symmetric(outputs["mass"], right_hand_side(outputs, forces))
+
+    return _compiled(program, solution, number)
 
 
 def _machine_code(number: type, scene: Scene, states: States) -> Prepared:
@@ -129,13 +135,9 @@ def _machine_code(number: type, scene: Scene, states: States) -> Prepared:
 
 
 def _reduced(scene: Scene, states: States) -> Prepared:
-    heyoka = load_heyoka()
-
     mechanism = scene.mechanism
     assert mechanism.constraints is not None
-    program = reduced_program(mechanism.constraints)
-    inputs = [heyoka.expression(f"z{i}") for i in range(len(program.inputs))]
-    solve = heyoka.cfunc(heyoka_expressions(program, inputs)[ACCELERATIONS], vars=inputs)
+    solve = _compiled(reduced_program(mechanism.constraints), lambda outputs, inputs: outputs[ACCELERATIONS], float)
     columns, outputs = mechanism.inputs(states), np.full(states.v.T.shape, np.nan)
     return Prepared(lambda: solve(columns, outputs=outputs), lambda: outputs.T, REDUCTION)
 

@@ -36,8 +36,7 @@ from harness.truth.quantities.accelerations import AccelerationTruth, softened
 class _Batch:
     """States in Pinocchio's own form, and the accelerations found for them."""
 
-    def __init__(self, scene: Scene, states: States) -> None:
-        loaded: PinocchioModel = scene.load("pinocchio", "urdf")
+    def __init__(self, loaded: PinocchioModel, states: States) -> None:
         self.model, self._loaded = loaded.model, loaded
         self.configuration, self.velocity, self._applied = loaded.columns(states.q, states.v, states.tau)
         # ``full_like`` of a single row has the strides of rows, by which Pinocchio writes beyond its end.
@@ -72,13 +71,13 @@ class _Batch:
 def _aba(scene: Scene, states: States) -> Prepared:
     import pinocchio
 
-    return _Batch(scene, states).one_by_one(pinocchio.aba)
+    return _Batch(scene.load("pinocchio", "urdf"), states).one_by_one(pinocchio.aba)
 
 
 def _aba_in_parallel(scene: Scene, states: States) -> Prepared:
     import pinocchio
 
-    batch = _Batch(scene, states)
+    batch = _Batch(scene.load("pinocchio", "urdf"), states)
     pool = pinocchio.ModelPool(batch.model, 1)
 
     def compute() -> None:
@@ -96,18 +95,16 @@ def _composite_rigid_bodies(scene: Scene, states: States) -> Prepared:
         pinocchio.cholesky.decompose(model, data)
         return np.asarray(pinocchio.cholesky.solve(model, data, force - bias))
 
-    return _Batch(scene, states).one_by_one(accelerations)
+    return _Batch(scene.load("pinocchio", "urdf"), states).one_by_one(accelerations)
 
 
 def _solved(solver: Solver, scene: Scene, states: States, is_declared: bool = False) -> Prepared:
-    loaded: PinocchioModel = scene.load("pinocchio", "urdf")
-    model = loaded.solved_by(solver)
-    constraints, elements = model.constraints, model.force_elements
+    model: PinocchioModel = scene.load("pinocchio", "urdf").solved_by(solver)
+    constraints, batch = model.constraints, _Batch(model, states)
     assert isinstance(constraints, LoopConstraints)
-    configuration, velocity, applied = model.columns(states.q, states.v, states.tau)
 
     def columns() -> tuple[Array, Array, Array]:
-        return configuration, velocity, applied if elements.empty else applied + elements.generalised_forces(configuration, velocity)
+        return batch.configuration, batch.velocity, batch.force()
 
     return Prepared.keeping(
         lambda: constraints.accelerations(columns()),
