@@ -16,6 +16,9 @@ Indices = np.ndarray[Any, np.dtype[np.int64]]
 class Rows:
     """A record of arrays that have the same first axis."""
 
+    def __len__(self) -> int:
+        return len(getattr(self, fields(self)[0].name))
+
     def __getitem__(self, selection: Any) -> Self:
         """The rows that a slice or an index array selects."""
         return type(self)(*(getattr(self, field.name)[selection] for field in fields(self)))

@@ -24,7 +24,6 @@ from harness.arrays import Array
 from harness.programs.evaluation import Arithmetic
 from harness.programs.machine_code import load_heyoka
 from harness.programs.program import OUTPUTS, UNARY, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
-from harness.storage import Kept
 
 # Longer programs of expressions are compiled in heyoka's compact mode, in seconds instead of minutes.
 MOST_INSTRUCTIONS_UNROLLED = 64
@@ -121,17 +120,6 @@ def evaluated(function: Any, inputs: Array) -> Array:
     missing = -states % heyoka.recommended_simd_size()
     filled = np.pad(inputs, ((0, 0), (0, missing)), mode="edge") if missing and states else inputs
     return np.ascontiguousarray(np.asarray(function(filled))[:, :states])
-
-
-_KERNELS: Kept[Float64Kernel] = Kept(64)
-
-
-def float64_kernel(
-    program: StraightLineProgram, parameters: tuple[float, ...] | None = None, other_charts: tuple[StraightLineProgram, ...] = ()
-) -> Float64Kernel:
-    """The kernel of a program, which is compiled once per process; arguments as in ``Float64Kernel``."""
-    key = program.key, parameters, tuple(chart.key for chart in other_charts)
-    return _KERNELS.get(key, lambda: Float64Kernel(program, parameters, other_charts))
 
 
 def symbols_of(program: StraightLineProgram, parameters: Sequence[float] = ()) -> tuple[list[Any], dict[str, list[Any]]]:

@@ -55,19 +55,15 @@ class StraightLineProgram:
         sums: list[frozenset[int] | None] = []
         exposed: set[int] = set()
         whole = {place for place, (operation, *operands) in enumerate(self.instructions) if operation == "rational" and operands[1] == "1"}
-        for operation, *operands in self.instructions:
-            parts = [] if operation in ("input", "rational", "pi") else [sums[place] for place in operands[: _ARITY[operation]]]
-            if operation == "input":
-                sums.append(frozenset(operands))
-            elif operation in ("rational", "pi"):
-                sums.append(frozenset())
-            elif operation in ("sin", "cos", "tan") and parts[0] is not None:
-                sums.append(None)
-            elif None not in parts and (operation in ("add", "sub", "neg") or (operation == "mul" and whole & set(operands))):
-                sums.append(frozenset().union(*(part for part in parts if part is not None)))
-            else:
-                exposed.update(*(part for part in parts if part is not None))
-                sums.append(None)
+        for instruction in self.instructions:
+            operation, *operands = instruction
+            parts = [sums[place] for place in earlier_results(instruction)]
+            known = [part for part in parts if part is not None]
+            adds = operation in ("input", "rational", "pi", "add", "sub", "neg") or (operation == "mul" and whole & set(operands))
+            is_sum = adds and len(known) == len(parts)
+            sums.append(frozenset(operands if operation == "input" else ()).union(*known) if is_sum else None)
+            if not is_sum and operation not in ("sin", "cos", "tan"):
+                exposed.update(*known)
         exposed.update(*(sums[place] or () for places in self.outputs.values() for place in places))
         return [place for place in range(len(self.inputs)) if place not in exposed]
 

@@ -29,9 +29,6 @@ class States(Rows):
         q, v, tau = (np.ascontiguousarray(np.atleast_2d(np.asarray(part, dtype=np.float64))) for part in (q, v, tau))
         return cls(q, v, tau, np.zeros(len(q)) if time is None else np.atleast_1d(np.asarray(time, dtype=np.float64)))
 
-    def __len__(self) -> int:
-        return len(self.q)
-
     def as_json(self, index: int) -> dict[str, list[float]]:
         """One state as ``{"q", "v", "tau"}`` lists, which print exactly, with ``"time"`` where that is not 0."""
         return {name: getattr(self[[index]], name).ravel().tolist() for name in self.named}

@@ -34,7 +34,7 @@ import numpy as np
 from harness.arrays import Array, Indices
 from harness.programs.evaluation import jacobians
 from harness.programs.loops.encoding import Encoded, encode
-from harness.programs.loops.interpreter import Norms, Vectors, derivatives, evaluate, measure
+from harness.programs.loops.interpreter import Norms, derivatives, evaluate, measure
 from harness.programs.mechanisms.kernel import Charts
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
@@ -280,7 +280,7 @@ class ChartKernel:
         """Norms at the given accelerations, their radii, terms, and factors of M."""
         separate = np.concatenate([states.tau[:, None], terms], axis=1)
         rotating = np.array(self.mechanism.rotating, dtype=np.float64)
-        return measure(scale, factor, Vectors(accelerations, radii, states.v, separate), rotating, float(ROUNDINGS))
+        return measure(scale, factor, (accelerations, radii, states.v, separate), rotating, float(ROUNDINGS))
 
 
 def energy_norm(norm_factor: Array, vectors: Array) -> Array:

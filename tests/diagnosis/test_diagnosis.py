@@ -44,7 +44,7 @@ from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import TextPlace, Watch, find_numbers, with_values
 from harness.lagrange.derivation import load_mechanism
-from harness.programs.kernels import float64_kernel
+from harness.programs.kernels import Float64Kernel
 from harness.programs.states import States
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import AGREEMENT
@@ -184,7 +184,7 @@ def flipped(own: Case) -> Callable[[ModelFile], Array]:
     """The engine with the sign of its velocity terms flipped."""
     sound = own.watch().answer
     (chart, _) = next(own.kernel.by_chart(own.states))
-    terms = float64_kernel(chart.program).terms(own.mechanism.inputs(own.states))
+    terms = Float64Kernel(chart.program).terms(own.mechanism.inputs(own.states))
     twice = 2 * np.linalg.solve(terms["mass"], terms["velocity"][:, :, None])[:, :, 0]
     return lambda model: sound(model) + twice
 

@@ -30,7 +30,7 @@ from harness.lagrange.euler_angles import sines_and_cosines
 from harness.lagrange.expressions import assemble
 from harness.lagrange.system import TIME, System
 from harness.library import Library
-from harness.programs.kernels import BallKernel, Float64Kernel, float64_kernel
+from harness.programs.kernels import BallKernel, Float64Kernel
 from harness.programs.loops.encoding import encode
 from harness.programs.loops.interpreter import derivatives
 from harness.programs.mechanisms.kernel import Charts
@@ -277,9 +277,13 @@ class Case:
     def _charts(self) -> Charts:
         return Charts(self.mechanism.charts(self.linear_velocity_in_body))
 
+    @cached_property
+    def _kernels(self) -> list[Float64Kernel]:
+        return list(map(Float64Kernel, self._charts.programs))
+
     def kernel(self, states: States) -> Float64Kernel:
         """That of the chart whose worst state is best."""
-        return float64_kernel(self._charts.programs[int(self._charts.regularity(states.q).min(axis=1).argmax())])
+        return self._kernels[int(self._charts.regularity(states.q).min(axis=1).argmax())]
 
     @cached_property
     def states(self) -> States:

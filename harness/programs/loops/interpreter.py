@@ -28,7 +28,7 @@ import ctypes
 import functools
 import hashlib
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,9 +72,6 @@ class Filtered(Rows):
     sensitivity: Array
     doubt: Array
 
-    def __len__(self) -> int:
-        return len(self.high)
-
 
 @dataclass(frozen=True)
 class Norms(Rows):
@@ -90,9 +87,6 @@ class Norms(Rows):
     radius: Array
     motion: Array
     instability: Array
-
-    def __len__(self) -> int:
-        return len(self.radius)
 
 
 def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
@@ -124,26 +118,17 @@ def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Ar
     return found[:, :, :-1].transpose(0, 2, 1), found[:, :, -1]
 
 
-@dataclass(frozen=True)
-class Vectors:
-    """Vectors at n states whose norms are taken: (n, nv) each, and ``terms``, (n, 4, nv), the separate forces."""
-
-    accelerations: Array
-    radii: Array
-    velocities: Array
-    terms: Array
-
-
-def measure(scale: Array, factor: Array, vectors: Vectors, rotating: Array, roundings: float) -> Norms:
+def measure(scale: Array, factor: Array, vectors: Sequence[Array], rotating: Array, roundings: float) -> Norms:
     """Norms for M = diag(scale) L L' diag(scale), (n, nv) and (n, nv, nv).
 
+    ``vectors`` are those whose norms are taken: accelerations, radii and velocities, (n, nv) each, and the separate forces, (n, 4, nv).
     ``rotating``, (nv,), is 1 for the coordinates that take part in ``Norms.motion``; ``roundings`` is a factor of the instability.
     """
     n, nv = scale.shape
     norm_factor = np.empty((n, nv, nv))
     condition, radius, motion, instability = (np.empty(n) for _ in range(4))
     columns = np.zeros((nv + 1, _whole(nv)))
-    given = (np.ascontiguousarray(values) for values in (scale, factor, *vars(vectors).values(), rotating))
+    given = (np.ascontiguousarray(values) for values in (scale, factor, *vectors, rotating))
     loop("measure")(
         n, nv, roundings, *given, norm_factor, condition, radius, motion, instability, np.zeros((nv, nv)), np.zeros((2, nv)), columns
     )  # fmt: skip

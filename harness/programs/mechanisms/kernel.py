@@ -29,7 +29,6 @@ from harness.programs.kernels import (
     Float64Kernel,
     compiled,
     evaluated,
-    float64_kernel,
     full_matrices,
     symbols_of,
 )
@@ -47,6 +46,7 @@ LARGE_ANGLE = 64.0
 # Instructions from which the parameters are compiled into the machine code. A shorter program is fast enough without, and
 # mechanisms that differ in parameter values alone then share its kernel.
 LEAST_WITH_PARAMETERS = 200
+_KERNELS: Kept[Float64Kernel] = Kept(64)
 _COMPILED: Kept[Any] = Kept(32)
 
 
@@ -105,9 +105,10 @@ class MechanismKernel:
 
     @property
     def compiled(self) -> Float64Kernel:
-        """The kernel for the columns of ``inputs``."""
+        """The kernel for the columns of ``inputs``, which is compiled once per process."""
         program, *others = self._programs
-        return float64_kernel(program, self._parameters, tuple(others))
+        key = self._parameters, *(chart.key for chart in self._programs)
+        return _KERNELS.get(key, lambda: Float64Kernel(program, self._parameters, others))
 
     def inputs(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         """Columns for the kernel, whole turns taken from large angles."""
