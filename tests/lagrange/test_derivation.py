@@ -12,6 +12,7 @@ import pickle
 import resource
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -132,7 +133,17 @@ def sealed(payload: str) -> bytes:
     return f"{hashlib.sha256(payload.encode()).hexdigest()}\n{payload}".encode()
 
 
-DAMAGE: dict[str, Any] = {
+def changed(make: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[bytes], bytes]:
+    """A sound entry with other parts, which ``make`` gives from its own, under its right digest."""
+
+    def change(sound: bytes) -> bytes:
+        parts = json.loads(sound.partition(b"\n")[2])
+        return sealed(json.dumps(parts | make(parts)))
+
+    return change
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda sound: b"",
     "half": lambda sound: sound[: len(sound) // 2],
     "last byte lost": lambda sound: sound[:-1],
@@ -145,23 +156,19 @@ DAMAGE: dict[str, Any] = {
     "foreign number": lambda sound: sealed("12"),
     "no JSON": lambda sound: sealed("import os"),
     "deeply nested": lambda sound: sealed("[" * 100_000),
-    "another name": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"name": "collar"})),
-    "number beyond float64": lambda sound: sealed(
-        json.dumps(json.loads(sound.partition(b"\n")[2]) | {"parameters": [["m", 10**400, "kg"]]})
-    ),
-    "number as text": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"gravity": "9.81"})),
     "part missing": lambda sound: sealed(json.dumps({k: v for k, v in json.loads(sound.partition(b"\n")[2]).items() if k != "joints"})),
-    "joint too many": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"joints": ["slide", "pin"]})),
-    "start too long": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"start": [[0.0, 0.0], [0.0, 0.0]]})),
-    "start that is no number": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"start": [[float("nan"), 0.0]]})),
-    "energies missing": lambda sound: sealed(json.dumps(json.loads(sound.partition(b"\n")[2]) | {"energy_programs": []})),
-    "equations for energies": lambda sound: sealed(
-        json.dumps(json.loads(sound.partition(b"\n")[2]) | {"energy_programs": [json.loads(sound.partition(b"\n")[2])["program"]]})
-    ),
-    "program of another system": lambda sound: sealed(
-        json.dumps(
-            json.loads(sound.partition(b"\n")[2]) | {"program": msgspec.to_builtins(load_mechanism(Library.built_in(), "arm_2r").program)}
-        )
+    "another name": changed(lambda parts: {"name": "collar"}),
+    "number beyond float64": changed(lambda parts: {"parameters": [["m", 10**400, "kg"]]}),
+    "number as text": changed(lambda parts: {"gravity": "9.81"}),
+    "joint too many": changed(lambda parts: {"joints": ["slide", "pin"]}),
+    "attitude that does not fit": changed(lambda parts: {"attitudes": [0]}),
+    "start too long": changed(lambda parts: {"start": [[0.0, 0.0], [0.0, 0.0]]}),
+    "start that is no number": changed(lambda parts: {"start": [[float("nan"), 0.0]]}),
+    "load too many": changed(lambda parts: {"static_loads": [0.0, 0.0]}),
+    "energies missing": changed(lambda parts: {"energy_programs": []}),
+    "equations for energies": changed(lambda parts: {"energy_programs": [parts["program"]]}),
+    "program of another system": changed(
+        lambda parts: {"program": msgspec.to_builtins(load_mechanism(Library.built_in(), "arm_2r").program)}
     ),
 }
 
@@ -213,17 +220,11 @@ def test_any_flipped_bit_is_noticed(data: st.DataObject) -> None:
     assert read_entry(entry) is not None
 
 
-def test_a_cache_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, derivations: list[str]) -> None:
-    """A file where the folder should be: no mode bit stops root, who runs tests in containers."""
-    (tmp_path / "file").write_text("not a folder")
-    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path / "file"))
-    first, second = (load_mechanism(Library.built_in(), NAME) for _ in range(2))
-    assert derivations == [NAME, NAME]
-    assert essence(first) == essence(second)
-    assert (tmp_path / "file").read_text() == "not a folder"
+def is_a_file(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache.write_text("not a folder")
 
 
-def test_a_read_only_cache_costs_time_only(cache: Path, derivations: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def is_read_only(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No mode bit stops root, who runs tests in containers; so what a read-only folder does is done by hand."""
 
     def refuse(*arguments: object, **options: object) -> None:
@@ -231,18 +232,25 @@ def test_a_read_only_cache_costs_time_only(cache: Path, derivations: list[str], 
 
     cache.mkdir()
     monkeypatch.setattr(storage.tempfile, "mkstemp", refuse)
-    load_mechanism(Library.built_in(), NAME)
-    load_mechanism(Library.built_in(), NAME)
-    assert derivations == [NAME, NAME]
 
 
-def test_an_entry_that_is_a_folder_costs_time_only(cache: Path, derivations: list[str]) -> None:
+def has_a_folder_for_an_entry(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     load_mechanism(Library.built_in(), NAME)
     (entry,) = entries(cache)
     entry.unlink()
     entry.mkdir()
-    load_mechanism(Library.built_in(), NAME)
+
+
+@pytest.mark.parametrize("spoil", [is_a_file, is_read_only, has_a_folder_for_an_entry])
+def test_a_cache_that_cannot_be_written_costs_time_only(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, derivations: list[str], spoil: Callable[[Path, pytest.MonkeyPatch], None]
+) -> None:
+    spoil(cache, monkeypatch)
+    derivations.clear()
+    first, second = (load_mechanism(Library.built_in(), NAME) for _ in range(2))
     assert derivations == [NAME, NAME]
+    assert essence(first) == essence(second)
+    assert not cache.is_file() or cache.read_text() == "not a folder"
 
 
 def test_the_cache_is_where_the_environment_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -357,18 +365,21 @@ def test_a_broken_system_file_is_refused_at_its_line(cache: Path, tmp_path: Path
     assert str(library.systems) not in sys.path
 
 
-def test_a_syntax_error_in_a_helper_is_the_helpers(tmp_path: Path) -> None:
-    library = library_of(tmp_path / "library", own=WITH_HELPER, _values="\n\nMASS = (\n")
-    with pytest.raises(InvalidSystem, match="is not Python") as caught:
+@pytest.mark.parametrize(
+    ("helper", "problem", "file", "line"),
+    [
+        ("\n\nMASS = (\n", "is not Python", "_values", 3),
+        ("\n" * 11 + "MASS = 1 / 0\n", "raises ZeroDivisionError", "own", line_of(WITH_HELPER, "from _values")),
+    ],
+    ids=["syntax", "exception"],
+)
+def test_a_helper_has_its_syntax_errors_and_who_calls_it_its_exceptions(
+    tmp_path: Path, helper: str, problem: str, file: str, line: int
+) -> None:
+    library = library_of(tmp_path / "library", own=WITH_HELPER, _values=helper)
+    with pytest.raises(InvalidSystem, match=problem) as caught:
         load_system(library.system_path("own"))
-    assert (caught.value.path, caught.value.line) == (library.systems / "_values.py", 3)
-
-
-def test_an_exception_in_a_helper_is_told_at_the_line_that_calls_it(tmp_path: Path) -> None:
-    library = library_of(tmp_path / "library", own=WITH_HELPER, _values="\n\n\n\n\n\n\n\n\n\n\nMASS = 1 / 0\n")
-    with pytest.raises(InvalidSystem, match="raises ZeroDivisionError") as caught:
-        load_system(library.system_path("own"))
-    assert (caught.value.path, caught.value.line) == (library.system_path("own"), line_of(WITH_HELPER, "from _values"))
+    assert (caught.value.path, caught.value.line) == (library.systems / f"{file}.py", line)
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
@@ -376,13 +387,6 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidSystem, match="cannot be read: No such file") as caught:
         load_mechanism(library, "own")
     assert caught.value.path == library.system_path("own")
-
-
-def test_deriving_anew_gives_what_the_cache_gives() -> None:
-    """Value numbering and printing depend on nothing but the file: two derivations are equal."""
-    for name in ("cart_pendulum", "arm_2r"):
-        derived = derive_mechanism(Library.built_in().system_path(name), name)
-        assert essence(derived) == essence(load_mechanism(Library.built_in(), name))
 
 
 @pytest.mark.costly

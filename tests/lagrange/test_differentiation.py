@@ -34,22 +34,17 @@ def value(expression: sp.Expr) -> float:
 
 
 @pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
-def test_gradient(expression: sp.Expr) -> None:
+def test_a_gradient_and_a_derivative_along_a_motion(expression: sp.Expr) -> None:
     gradient = SymbolicDerivatives.by(VARIABLES).of(expression)
-    for variable in VARIABLES:
-        assert value(gradient.get(variable, sp.S.Zero)) == pytest.approx(value(expression.diff(variable)), abs=1e-14)
-    assert expression.free_symbols & set(VARIABLES) == set(gradient)
-
-
-@pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
-def test_derivative_along_a_motion(expression: sp.Expr) -> None:
+    slopes = {variable: value(expression.diff(variable)) for variable in VARIABLES}
+    assert {variable: value(slope) for variable, slope in gradient.items()} == pytest.approx(
+        {variable: slopes[variable] for variable in expression.free_symbols & set(VARIABLES)}, abs=1e-14
+    )
     rates = {x: sp.cos(t), y: a, z: x * y}
     along = SymbolicDerivatives({variable: {t: rate} for variable, rate in rates.items()} | {t: {t: sp.S.One}})
-    expected = sum(expression.diff(variable) * rate for variable, rate in rates.items())
-    for moved in (expression, expression * t):
-        found = along.of(moved).get(t, sp.S.Zero)
-        slope = value(expected) if moved is expression else value(expected * t + expression)
-        assert value(found) == pytest.approx(slope, abs=1e-14)
+    slope = sum(slopes[variable] * value(rate) for variable, rate in rates.items())
+    assert value(along.of(expression).get(t, sp.S.Zero)) == pytest.approx(slope, abs=1e-14)
+    assert value(along.of(expression * t)[t]) == pytest.approx(slope * POINT[t] + value(expression), abs=1e-14)
 
 
 def test_every_part_is_differentiated_once(monkeypatch: pytest.MonkeyPatch) -> None:

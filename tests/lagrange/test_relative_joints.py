@@ -6,11 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import flint
-import msgspec
 import numpy as np
 import pytest
 import sympy as sp
-from support import program_from
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.lagrange.assembly import energy_program_of, program_of
@@ -72,20 +70,7 @@ def test_many_degrees_of_freedom_are_solved_as_few_are(monkeypatch: pytest.Monke
     assert np.abs(kernel.accelerations(inputs) - unrolled).max() <= 1e-13 * np.abs(unrolled).max()
 
 
-def test_the_program_survives_json() -> None:
-    program = program_of(branched(), derive(branched()))
-    assert program_from(msgspec.to_builtins(program)) == program
-
-
-@pytest.mark.parametrize(
-    ("measured_from", "message"),
-    [
-        ({A: B}, "an earlier one"),
-        ({B: sp.Symbol("z")}, "an earlier one"),
-        ({sp.Symbol("z"): A}, "an earlier one"),
-        ({B: B}, "an earlier one"),
-    ],
-)
-def test_a_contradiction_is_refused(measured_from: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+@pytest.mark.parametrize("measured_from", [{A: B}, {B: sp.Symbol("z")}, {sp.Symbol("z"): A}, {B: B}])
+def test_a_contradiction_is_refused(measured_from: Any) -> None:
+    with pytest.raises(ValueError, match="an earlier one"):
         branched(measured_from=measured_from)
