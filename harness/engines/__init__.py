@@ -16,6 +16,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from harness.arithmetic import Arithmetic
 from harness.arrays import Array
 from harness.engines.engine import Engine, require_model
 from harness.engines.files import (
@@ -29,6 +30,7 @@ from harness.engines.files import (
     file_engine,
     file_engines,
     installed_version,
+    left_behind,
     load_engine,
     runs_elsewhere,
 )
@@ -146,14 +148,20 @@ def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: 
     Raises:
         InvalidModel: the engine refuses the model.
         Unsupported: the engine cannot express the mechanism.
+        InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
     """
     source = mechanism if model is None else model
-    try:
-        return load_engine(library, subject.engine).load(source, mechanism.joints, mechanism.gravity)
-    except ValueError as error:
-        if model is None:
-            raise
-        raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
+    with Arithmetic() as arithmetic:
+        try:
+            loaded = load_engine(library, subject.engine).load(source, mechanism.joints, mechanism.gravity)
+        except ValueError as error:
+            if model is None:
+                raise
+            raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
+    if left := left_behind(library, subject.engine, arithmetic.left):
+        remedy = "a library that is linked with -ffast-math does that; link it without"
+        raise InvalidAnswer(f"loading it leaves {left} for everything behind it in the process: {remedy}")
+    return loaded
 
 
 def accelerations(model: Model, states: States) -> Array:

@@ -6,7 +6,8 @@ import copy
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self, cast
 
-from harness.engines.interface import Unsupported
+from harness.arithmetic import Arithmetic
+from harness.engines.interface import InvalidAnswer, Unsupported
 from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
@@ -109,11 +110,14 @@ class Engine:
 
     def ask(self, question: EngineQuestion) -> EngineAnswers:
         """Accelerations at all states; a refusal of the file is an answer, no exception."""
-        try:
-            loaded = self.read(question.request)
-            found = loaded.forward_dynamics(question.q, question.v, question.tau)
-        except Refused as refusal:
-            return EngineAnswers(refusal=str(refusal), element=refusal.element)
+        with Arithmetic() as arithmetic:
+            try:
+                loaded = self.read(question.request)
+                found = loaded.forward_dynamics(question.q, question.v, question.tau)
+            except Refused as refusal:
+                return EngineAnswers(refusal=str(refusal), element=refusal.element)
+        if arithmetic.left:
+            raise InvalidAnswer(f"it leaves {arithmetic.left} for everything behind it in the process")
         return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes, further=loaded.further)
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:

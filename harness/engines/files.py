@@ -14,6 +14,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, cast
 
+from harness.arithmetic import Arithmetic
 from harness.engines.elsewhere.interpreter import EngineElsewhere
 from harness.engines.engine import Engine
 from harness.environments.folders import environment_of, find_environments, split_name
@@ -192,7 +193,8 @@ def file_engine(library: Library, name: str) -> Engine:
 
 def _load_file(library: Library, name: str) -> Engine:
     path = _path_of(library, name)
-    module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
+    with Arithmetic() as arithmetic:
+        module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
     engine: Engine | None = getattr(module, "ENGINE", None)
     if problem := _problem_of(engine):
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -200,7 +202,22 @@ def _load_file(library: Library, name: str) -> Engine:
         raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
     assert engine is not None
     engine.name = name
+    left_behind(library, name, arithmetic.left)
     return engine
+
+
+# By engine file.
+_LEFT_BEHIND: dict[Path, str] = {}
+
+
+def left_behind(library: Library, name: str, now: str) -> str:
+    """What an engine's file, or loading a model, has made of the arithmetic of this process, as ``Arithmetic.left``; ``now`` is the latest.
+
+    A library changes it once in a process, when it is loaded itself.
+    """
+    path = _path_of(library, split_name(name)[0])
+    _LEFT_BEHIND[path] = _LEFT_BEHIND.get(path) or now
+    return _LEFT_BEHIND[path]
 
 
 def _path_of(library: Library, name: str) -> Path:

@@ -38,6 +38,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from harness.arithmetic import Arithmetic
 from harness.arrays import Array, Rows
 from harness.errors import InvalidModel
 from harness.files.joint_kinds import JointKind
@@ -185,14 +186,20 @@ class InvalidAnswer(Exception):
 def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[int, ...]) -> Array:
     """What a method of the model returns, which may hold numbers that are not finite.
 
+    It is given copies, and may write into them.
+
     Raises:
-        InvalidAnswer: it is no array of that shape of floating-point numbers.
+        InvalidAnswer: it is no array of that shape of floating-point numbers, or other arithmetic is left behind.
         NotOffered: the model has no such method.
     """
     asked = getattr(model, method, None)
     if asked is None:
         raise NotOffered(f"the engine offers no {method.replace('_', ' ')}")
-    answer: Any = asked(*arguments)
+    copies = [np.array(one) if isinstance(one, np.ndarray) else one for one in arguments]
+    with Arithmetic() as arithmetic:
+        answer: Any = asked(*copies)
+    if arithmetic.left:
+        raise InvalidAnswer(f"{method} leaves {arithmetic.left} for everything behind it in the process")
     if not isinstance(answer, np.ndarray):
         found = f"a {type(answer).__name__}"
     elif answer.shape != shape or not np.issubdtype(answer.dtype, np.floating):
