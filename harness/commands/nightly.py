@@ -19,7 +19,7 @@ from harness.library import matching
 
 if TYPE_CHECKING:
     from harness.night.course import Course
-    from harness.night.stages import NightChoice, Stage
+    from harness.night.stage import NightChoice, Stage
     from harness.report.night import NightSummary
 
 SUMMARY, JUNIT = "nightly.md", "nightly.xml"
@@ -99,7 +99,7 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
     """
     from harness.crosscheck.description import describe_run
     from harness.night.course import digests, subjects_of
-    from harness.night.stages import NightChoice
+    from harness.night.stage import NightChoice
     from harness.results.night import NightSettings
 
     library = bracket.library

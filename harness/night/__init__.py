@@ -1,10 +1,10 @@
 """The night: every study of the harness in one run that can be killed and goes on where it was.
 
-A night is a list of stages, each declared in a module of ``stages``. A stage is a list of units: a system, a hard case, a file, a
+A night is the list of stages in ``stages``. A stage is a list of units: a system, a hard case, a file, a
 model. What a unit found is stored together with the mark that it is complete, in one transaction; a night that goes on asks for the
 other units.
 
 May use ``show`` and what is below it.
 
-Start with ``stages``, which says what a stage declares; ``course`` runs a night or goes on with one.
+Start with ``stage``, which says what a stage declares; ``course`` runs a night or goes on with one.
 """

@@ -17,7 +17,7 @@ from harness.comparison.collection import find_files
 from harness.engines import select_subjects, subjects
 from harness.errors import InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest
-from harness.night.stages import NightChoice, Stage, UnitFound
+from harness.night.stage import NightChoice, Stage, UnitFound
 from harness.night.together import Together, attempted
 from harness.results.change_points import NightValue
 from harness.results.history import History

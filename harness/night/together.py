@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from harness.errors import InvalidInput, InvalidRequest
-from harness.night.stages import Steps, UnitFound
+from harness.night.stage import Steps, UnitFound
 from harness.results.records import StudyResult
 from harness.study import Part, sentence
 from harness.workers import Outcome, Task, Workers

@@ -41,7 +41,7 @@ def night(folder: Path, *arguments: str, states: int = 300, ulps: float = 4, **v
     asked = ["--library", "library", "--out", "out", "--json", "out.json", "--stage", "cross-check", "--states", str(states)]
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("GITHUB_STEP_SUMMARY", raising=False)
-        patch.setattr("harness.night.stages.cross_check.QUANTITY_STATES", 4)
+        patch.setattr("harness.night.stages.QUANTITY_STATES", 4)
         for name, value in {"ULPS": str(ulps), **variables}.items():
             patch.setenv(name, value)
         return harness("nightly", *asked, *arguments, cwd=folder)

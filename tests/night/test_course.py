@@ -15,7 +15,8 @@ from support_results import RECORD, RUN
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library
 from harness.night.course import Course, cases_of, unfinished
-from harness.night.stages import NightChoice, Stage, Steps, UnitFound, find_stages, select_stages
+from harness.night.stage import NightChoice, Stage, Steps, UnitFound
+from harness.night.stages import find_stages, select_stages
 from harness.night.together import Together
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
@@ -145,7 +146,7 @@ def toy(names: Sequence[str] = ("a", "b", "c"), fail_at: str = "") -> Stage:
         return CrossCheckResult(records=[replace(RECORD, system="all", states=len(found.records))])
 
     return Stage(
-        name="toy", place=1, kind=CrossCheckResult, time_limit=10.0, units=lambda choice: names, steps=steps,
+        name="toy", kind=CrossCheckResult, time_limit=10.0, units=lambda choice: names, steps=steps,
         cases=lambda found: [case_of(record, "toy") for record in found.records], closing=closing, is_timed=True,
     )  # fmt: skip
 

@@ -20,7 +20,8 @@ import pytest
 from catalogue import BUILT_IN
 from support import make_library, without_progress
 
-from harness.night.stages import Stage, find_stages
+from harness.night.stage import Stage
+from harness.night.stages import find_stages
 from harness.results.history import History
 from harness.results.night import Night
 

@@ -15,7 +15,8 @@ from harness.diagnosis.faults.summary import Campaign, Fault
 from harness.hard.cases import hard_cases
 from harness.library import Library
 from harness.night.course import digests
-from harness.night.stages import NightChoice, find_stages
+from harness.night.stage import NightChoice
+from harness.night.stages import find_stages
 from harness.results.atlas import Atlas, HardRow
 from harness.results.benchmark import AccelerationCost, Benchmark, Figure
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord

@@ -1,4 +1,4 @@
-"""Stages of a night, each a ``Stage`` declared in a module of this package, and what a night asks of them."""
+"""Declaration of a stage of a night, and what a night asks of it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from operator import attrgetter
 from typing import Any
 
 from harness.library import Library
-from harness.registry import Registry
 from harness.results.change_points import NightValue
 from harness.results.night import FAILED, Case, NightSettings
 from harness.results.records import StudyResult
@@ -85,7 +84,7 @@ class Stage:
     """One part of a night.
 
     Attributes:
-        name: on the command line and in the history. place: by which stages are sorted.
+        name: on the command line and in the history.
         kind: of the results, which the history keeps as a study of their own.
         time_limit: seconds that a task may take.
         units: what there is to do; none where nothing was asked of the stage.
@@ -99,7 +98,6 @@ class Stage:
     """
 
     name: str
-    place: int
     kind: type[StudyResult]
     time_limit: float
     units: Callable[[NightChoice], Sequence[str]]
@@ -111,20 +109,3 @@ class Stage:
     closing: Callable[[NightChoice, Any, Workers], StudyResult] | None = None
     problems: Callable[[NightChoice], Iterable[Exception]] = lambda choice: ()
     numbers: TrendNumbers | None = None
-
-
-STAGES = Registry(__name__, Stage, "stage of a night")
-
-
-def find_stages() -> dict[str, Stage]:
-    """Every stage that a module of this package declares, by name, in the order of a night."""
-    return dict(sorted(STAGES.all().items(), key=lambda named: named[1].place))
-
-
-def select_stages(names: Sequence[str]) -> list[Stage]:
-    """The stages called ``names``, in the order of a night; all of them for none.
-
-    Raises:
-        InvalidRequest: there is no such stage.
-    """
-    return sorted(STAGES.select(names), key=lambda stage: stage.place)
