@@ -11,6 +11,7 @@ import contextlib
 import errno
 import io
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -18,12 +19,15 @@ import traceback
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import click
 
 from harness import commands
+from harness.commands import SECTIONS
 from harness.commands.frame.options import INTERRUPTED, INVALID, report_own_fault
+from harness.library import nearest
 from harness.registry import module_names
 from harness.study import is_out_of_memory
 from harness.version import __version__
@@ -116,6 +120,10 @@ def _end(problem: str) -> None:
     sys.exit(INVALID)
 
 
+def _module_of(command: str) -> ModuleType:
+    return import_module(f"{commands.__name__}.{command.replace('-', '_')}")
+
+
 class Commands(click.Group):
     """Commands found by the name of their file; what one raises ends with a status of its own."""
 
@@ -125,9 +133,28 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in self.list_commands(ctx):
             return None
-        command = import_module(f"{commands.__name__}.{cmd_name.replace('-', '_')}").command
+        command = _module_of(cmd_name).command
         assert isinstance(command, click.Command)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        rows: dict[str, list[tuple[str, str]]] = {section: [] for section in SECTIONS}
+        for name in self.list_commands(ctx):
+            command = self.get_command(ctx, name)
+            assert command is not None
+            rows[_module_of(name).SECTION].append((name, command.get_short_help_str(formatter.width)))
+        width = max(len(name) for own in rows.values() for name, _ in own)
+        for section, own in rows.items():
+            with formatter.section(section):
+                formatter.write_dl([(f"{name:<{width}}", text) for name, text in own])
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        name, known = args[0], self.list_commands(ctx)
+        if Path(name).suffix in {".urdf", ".xml", ".mjcf"}:
+            ctx.fail(f"{name} is a file, and a command goes before it: {shlex.join(['harness', 'compare', name])}")
+        if name not in known and not name.startswith("-"):
+            ctx.fail(f"no command is called {name!r}; {nearest(name, known)}")
+        return super().resolve_command(ctx, args)
 
     def main(self, *arguments: Any, **options: Any) -> Any:
         try:

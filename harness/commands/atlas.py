@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import click
 
+from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, subjects_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_sentences, print_titled, say
+
+SECTION = STUDIES
 
 
 @click.command("atlas")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import click
 
+from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, takes, time_limit_option
 from harness.commands.frame.pages import write_page
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
     from harness.report.benchmarks import BenchmarkSummary
     from harness.results.benchmark import AccelerationCost
+
+
+SECTION = STUDIES
 
 
 @dataclass(frozen=True, kw_only=True)

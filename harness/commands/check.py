@@ -12,11 +12,14 @@ from typing import Annotated, Any
 
 import click
 
+from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
 from harness.commands.frame.options import quantities_option, stand_in_options, states_option, subjects_option, takes
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import matching
+
+SECTION = MECHANISM
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,11 +8,14 @@ from typing import Annotated
 
 import click
 
+from harness.commands import ROBOT
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import subjects_option, takes
 from harness.commands.frame.pages import leave_page
 from harness.commands.frame.robots import compare_robots
 from harness.commands.frame.terminal import print_sections
+
+SECTION = ROBOT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
@@ -13,6 +14,7 @@ from harness.errors import InvalidRequest
 if TYPE_CHECKING:
     from harness.results.run_changes import ComparedRun
 
+SECTION = STUDIES
 LATEST, PREVIOUS = "latest", "previous"
 
 

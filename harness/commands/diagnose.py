@@ -9,11 +9,14 @@ from typing import Annotated
 
 import click
 
+from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import causes_of
 from harness.commands.frame.options import quantity_option, stand_in_options, states_option, subjects_option, takes
 from harness.commands.frame.robots import find_differing_lines
 from harness.results.records import quantity_words
+
+SECTION = MECHANISM
 
 
 @dataclass(frozen=True, kw_only=True)

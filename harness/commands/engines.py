@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from harness.commands import ENGINES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import say
 from harness.errors import InvalidRequest
@@ -16,6 +17,7 @@ from harness.errors import InvalidRequest
 if TYPE_CHECKING:
     from harness.environments.folders import Environment
 
+SECTION = ENGINES
 _SPECIFICATION = re.compile(r"(?P<name>[A-Za-z0-9][\w.-]*?)(?:==(?P<version>[\w.+!-]+))?")
 
 

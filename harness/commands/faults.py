@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 from click.core import ParameterSource
 
+from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import states_option, subjects_option, takes
 from harness.commands.frame.terminal import print_rows, say
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
 
 # Options of a campaign alone.
+SECTION = STUDIES
 _OF_A_CAMPAIGN = {"kinds": "--kind", "sizes": "--size", "diagnoses": "--diagnoses", "every_diagnosis": "--every-diagnosis"}
 
 

@@ -8,10 +8,13 @@ from typing import Any
 
 import click
 
+from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import say
 from harness.errors import InvalidInput
 from harness.results.table import Table, printable
+
+SECTION = MECHANISM
 
 
 def _cases() -> Table:

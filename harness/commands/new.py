@@ -18,12 +18,14 @@ from pathlib import Path
 
 import click
 
+from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import say
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, installed_libraries, member_of
 from harness.results.table import number_text
 
+SECTION = MECHANISM
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import STATES_OF_PROFILE, time_limit_option
 from harness.commands.frame.pages import write_page
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from harness.night.stage import NightChoice, Stage
     from harness.report.night import NightSummary
 
+SECTION = STUDIES
 SUMMARY, JUNIT = "nightly.md", "nightly.xml"
 # Where GitHub's runner reads the summary of a step.
 STEP_SUMMARY = "GITHUB_STEP_SUMMARY"

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import click
 
+from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
 from harness.commands.frame.options import STATES_OF_PROFILE
 from harness.commands.frame.pages import write_page
+
+SECTION = STUDIES
 
 
 @click.command("report")

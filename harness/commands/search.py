@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import click
 
+from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantity_option, subjects_option
 from harness.commands.frame.terminal import say
+
+SECTION = STUDIES
 
 
 @click.command("search")

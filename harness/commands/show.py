@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import click
 
+from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.pages import leave_page
 from harness.commands.frame.robots import show_robot
 from harness.commands.frame.terminal import say
 from harness.library import is_file
+
+SECTION = MECHANISM
 
 
 @click.command("show")

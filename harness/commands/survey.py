@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import click
 
+from harness.commands import ROBOT
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import subjects_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.robots import compare_robots
 from harness.commands.frame.terminal import say
+
+SECTION = ROBOT
 
 
 @click.command("survey")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from harness.commands import ENGINES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import states_option
 from harness.commands.frame.terminal import print_titled, say
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.results.records import Record
+
+
+SECTION = ENGINES
 
 
 @click.command("upgrade")

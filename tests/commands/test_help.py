@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from harness.cli import main
+from harness.commands import SECTIONS
 
 COMMANDS = main.list_commands(click.Context(main))
 
@@ -32,8 +33,10 @@ def command_called(name: str) -> click.Command:
 
 
 def test_no_line_in_the_list_of_commands_is_cut_off() -> None:
-    listed = help_of().partition("Commands:\n")[2].partition("\n\n")[0].splitlines()
-    assert [line.split()[0] for line in listed] == COMMANDS
+    sections = [help_of().partition(f"\n{section}:\n")[2].partition("\n\n")[0].splitlines() for section in SECTIONS]
+    assert all(sections)
+    listed = [line for section in sections for line in section]
+    assert sorted(line.split()[0] for line in listed) == COMMANDS
     assert [line for line in listed if not line.endswith(".") or line.endswith("...")] == []
 
 
@@ -68,3 +71,15 @@ def test_the_program_s_own_help_has_examples_and_exit_statuses() -> None:
         command_called(name).make_context(name, arguments)
     for status in ("0 ", "1 ", "2 ", "3 "):
         assert f"\n    {status}" in help_of()
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("chek", "no command is called 'chek'; did you mean 'check'?"),
+        ("robots/arm.urdf", "robots/arm.urdf is a file, and a command goes before it: harness compare robots/arm.urdf"),
+    ],
+)
+def test_what_is_no_command_is_told_with_what_may_be_meant(word: str, said: str) -> None:
+    done = CliRunner().invoke(main, [word])
+    assert (done.exit_code, said in done.output) == (2, True)
