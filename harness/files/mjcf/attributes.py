@@ -162,6 +162,11 @@ class Attributes:
                 self._source.refuse(compiler, f'<compiler {attribute}="{found}">: expected {" or ".join(options)}')
         return found
 
+    def compiler_numbers(self, attribute: str, default: tuple[Fraction, ...]) -> tuple[Fraction, ...]:
+        """The numbers of the last of the ``compiler`` elements that has an attribute."""
+        given = [one for one in self._root.iterchildren("compiler") if attribute in one.attrib]
+        return [default, *(self._source.numbers(one, attribute, [*map(float, default)]) for one in given)][-1]
+
     def numbers(self, element: etree._Element, attribute: str, default: Sequence[float], check: Check | None = None) -> tuple[Given, ...]:
         """The numbers of an attribute, of which MuJoCo takes each from the first writing that is long enough to hold it."""
         found: list[Given] = []

@@ -16,7 +16,7 @@ from pathlib import Path
 from lxml import etree
 
 from harness.files.document.source import Source
-from harness.files.document.values import Numbers, not_negative, positive
+from harness.files.document.values import not_negative, positive
 from harness.files.document.xml import describe
 from harness.files.mjcf.attributes import JOINTS, Attributes, inside, resolved, resolved_text
 from harness.files.tree import ORIGIN, Body, Bounds, Direction, Given, Inertia, Placement, Quaternion, Solid, vector
@@ -94,20 +94,14 @@ class Inertias:
     def __init__(self, source: Source, attributes: Attributes, meshes: Meshes | None) -> None:
         self._source, self._attributes, self._meshes = source, attributes, meshes
         self._from_geoms = attributes.compiler("inertiafromgeom", "auto", ("auto", "true", "false"))
-        least_mass, least_moment = (self._number(name) for name in ("boundmass", "boundinertia"))
+        (least_mass,), (least_moment,), (total,) = (
+            attributes.compiler_numbers(name, (Fraction(0),)) for name in ("boundmass", "boundinertia", "settotalmass")
+        )
         balances = attributes.compiler("balanceinertia", "false", ("true", "false")) == "true"
         self.bounds = Bounds(least_mass, least_moment, balances) if least_mass > 0 or least_moment > 0 or balances else None
-        self._total = self._number("settotalmass")
-        self._groups = 0, 5
-        for compiler in source.root.iterchildren("compiler"):
-            if "inertiagrouprange" in compiler.attrib:
-                low, high = source.read(compiler, "inertiagrouprange", str(compiler.get("inertiagrouprange")), Numbers(2))
-                self._groups = int(low), int(high)
-
-    @property
-    def total_mass(self) -> Fraction | None:
-        """What all bodies are to weigh; None where the file does not say."""
-        return self._total if self._total > 0 else None
+        # What all bodies are to weigh; None where the file does not say.
+        self.total_mass = total if total > 0 else None
+        self._groups = tuple(map(int, attributes.compiler_numbers("inertiagrouprange", (Fraction(0), Fraction(5)))))
 
     def of_body(self, element: etree._Element, body: Body) -> Body:
         """The body with its masses."""
@@ -117,17 +111,10 @@ class Inertias:
         if self._from_geoms == "false":
             return body
         geoms = list(inside(element, "geom"))
-        if not self._total and not _moves(element):
+        if self.total_mass is None and not _moves(element):
             # No file needs to state the inertia of what stands still.
             geoms = [geom for geom in geoms if not self._is_mesh(geom)]
         return replace(body, solids=tuple(solid for geom in geoms for solid in self._solid(geom)))
-
-    def _number(self, attribute: str) -> Fraction:
-        found = Fraction(0)
-        for compiler in self._source.root.iterchildren("compiler"):
-            if attribute in compiler.attrib:
-                found = self._source.number(compiler, attribute, 0.0)
-        return found
 
     def _explicit(self, element: etree._Element) -> Inertia:
         source, place = self._source, self._source.place(element)

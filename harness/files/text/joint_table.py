@@ -10,10 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from lxml import etree
-
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, literal_tag, parse_document, read_text
+from harness.files.document.xml import literal_tag, parse_document, read_text
 from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
@@ -64,8 +62,11 @@ def moving_joints(path: Path, model_format: str) -> frozenset[str]:
     Raises:
         InvalidModel: the file cannot be read, or is not XML of that format.
     """
-    document = parse_document(path, read_text(path), ROOT_TAGS[model_format])
-    return frozenset(element.get("name", "") for element in _joints(document, model_format) if _moves_by_itself(element))
+    root = parse_document(path, read_text(path), ROOT_TAGS[model_format]).root
+    # A URDF has other elements called joint inside of its transmissions.
+    among = root.iterfind("worldbody//*") if model_format == "mjcf" else root.iterchildren("*")
+    joints = (one for one in among if "joint" in literal_tag(one) and one.get("type") != "fixed" and one.find("mimic") is None)
+    return frozenset(joint.get("name", "") for joint in joints)
 
 
 def systems_with_joints_of(library: Library, path: Path, model_format: str) -> list[str]:
@@ -85,16 +86,6 @@ def _joints_of(library: Library, name: str, model_format: str) -> frozenset[str]
         if path.is_file():
             return moving_joints(path, model_format)
     return frozenset()
-
-
-def _moves_by_itself(joint: etree._Element) -> bool:
-    return joint.get("type") != "fixed" and joint.find("mimic") is None
-
-
-def _joints(document: Document, model_format: str) -> Iterator[etree._Element]:
-    # A URDF has other elements called joint inside of its transmissions.
-    among = {"mjcf": document.root.iterfind("worldbody//*"), "urdf": document.root.iterchildren("*")}[model_format]
-    return (element for element in among if "joint" in literal_tag(element))
 
 
 def point_springs(model: ModelFile) -> list[str]:

@@ -25,7 +25,7 @@ SPRING_DAMPING, SPRING_LENGTH = "point spring damping", "point spring length"
 _OF_JOINTS = {ARMATURE: "armature", DAMPING: "damping", STIFFNESS: "stiffness", SPRING_REFERENCE: "spring_reference"}
 _OF_SPRINGS = {SPRING_ENDS: "ends", SPRING_STIFFNESS: "stiffness", SPRING_DAMPING: "damping", SPRING_LENGTH: "free_length"}
 # Quantity to the stage of MuJoCo's pipeline that applies it.
-_STAGES = {DAMPING: "damper", STIFFNESS: "spring", SPRING_DAMPING: "damper", SPRING_STIFFNESS: "spring"}
+_STAGES = {GRAVITY: "gravity", DAMPING: "damper", STIFFNESS: "spring", SPRING_DAMPING: "damper", SPRING_STIFFNESS: "spring"}
 _TURNS = (*ORIENTATIONS, "rpy")
 # The part of Drake's spring that names a link.
 _LINK = "_body_"
@@ -43,24 +43,26 @@ def lines_of(model: ModelFile, quantity: str, joint: str) -> tuple[int, ...]:
     on, from 1, and "0" where it has none.
     """
     page = _Page(_elements(model.text, model.format), meaning_of(model).tree)
+    stages, default = [_STAGES.get(quantity, "")], tuple[int, ...]()
     if quantity == GRAVITY:
-        return _unique([line for line in [model.gravity_line] if line is not None] + page.switched_off("gravity"))
-    if quantity in _OF_SPRINGS:
-        springs = [one for one in page.tree.springs if one.stiffness or one.damping]
-        found = [line for number, one in enumerate(springs, 1) if number == int(joint) for line in page.of_spring(one, quantity)]
-        stages = [_STAGES.get(quantity, "")] if found else ["spring", "damper"]
-        return _unique(found + [line for stage in stages for line in page.switched_off(stage)])
-    found = [line for body in page.tree.bodies for one in body.joints if one.name == joint for line in page.of_joint(body, one, quantity)]
-    return _unique(found + page.switched_off(_STAGES.get(quantity, ""))) or (model.joint_lines.get(joint, model.root_line),)
+        found = [] if model.gravity_line is None else [model.gravity_line]
+    elif quantity in _OF_SPRINGS:
+        springs = [one for one in page.tree.springs if one.stiffness or one.damping][: int(joint)][int(joint) - 1 :]
+        found = [line for one in springs for line in page.of_spring(one, quantity)]
+        stages = stages if found else ["spring", "damper"]
+    else:
+        carried = [(body, one) for body in page.tree.bodies for one in body.joints if one.name == joint]
+        found, default = (
+            [line for pair in carried for line in page.of_joint(*pair, quantity)],
+            (model.joint_lines.get(joint, model.root_line),),
+        )
+    switched_off = [line for stage in stages for line in page.switched_off(stage)]
+    return tuple(dict.fromkeys(found + switched_off)) or default
 
 
 @lru_cache(maxsize=8)
 def _elements(text: str, model_format: str) -> tuple[Element, ...]:
     return tuple(all_elements(text, model_format))
-
-
-def _unique(lines: Iterable[int]) -> tuple[int, ...]:
-    return tuple(dict.fromkeys(lines))
 
 
 @dataclass(frozen=True)
@@ -76,61 +78,58 @@ class _Page:
 
     def of_joint(self, body: Body, joint: Joint, quantity: str) -> list[int]:
         """Lines of the attributes that decide a quantity; of their elements where none of the first of them is written."""
-        first, *others = ([*spots] for spots in self._spots(body, joint, quantity))
+        first, *others = self._spots(body, joint, quantity)
         found = self._written(first) or [self.elements[place.element].line for place, _ in first]
         return found + [line for spots in others for line in self._written(spots)]
 
-    def _spots(self, body: Body, joint: Joint, quantity: str) -> Iterator[Iterable[Spot]]:
+    def _spots(self, body: Body, joint: Joint, quantity: str) -> list[list[Spot]]:
+        """What decides a quantity, in order of its weight."""
+        if quantity in _OF_JOINTS:
+            spots = _given(getattr(joint, _OF_JOINTS[quantity]))
+            geared = [part for place, _ in spots if quantity == ARMATURE for part in self._parts(place, _GEAR)]
+            return [[*spots, *((part, "value") for part in geared)]]
         # The body's own placement first, then those of the frames around it and around the joint.
         at = _given(_positions([*body.pose[-1:], *body.pose[:-1], *joint.pose]))
         if not at and body.place and body.place.tag == "body":
             # Of a body that floats the position says where it starts.
             at = [(body.place, "pos")]
-        turned = _turns(at)
-        if quantity == JOINT:
-            yield [(joint.place, "")] if joint.place else []
-        elif quantity in _OF_JOINTS:
-            spots = _given(getattr(joint, _OF_JOINTS[quantity]))
-            yield [*spots, *((part, "value") for place, _ in spots if quantity == ARMATURE for part in self._parts(place, _GEAR))]
-        elif quantity == ANCHOR:
-            yield at
-            yield _given(joint.anchor)
-        elif quantity == AXIS:
-            yield _given(joint.axis)
-            yield turned
-        elif quantity == FRAME:
-            yield turned
-        elif quantity == MASS:
-            yield _given(tuple(one.mass for one in self._carried(body)))
-        elif quantity == CENTRE:
-            inertias = [(one, one.place) for one in self._carried(body) if one.place]
-            yield (spot for one, place in inertias for spot in _given(_positions(one.pose)) or [(place, "")])
-            yield (spot for one in at for spot in (one, *_turns([one])))
-        elif quantity == INERTIA:
-            yield (spot for one in self._carried(body) for spot in (*_given(one.moments), *_turns(_given(_positions(one.pose)))))
-            yield turned
+        carried = self._carried(body)
+        centres = [_given(_positions(one.pose)) for one in carried]
+        return {
+            JOINT: [[(joint.place, "")] if joint.place else []],
+            ANCHOR: [at, _given(joint.anchor)],
+            AXIS: [_given(joint.axis), _turns(at)],
+            FRAME: [_turns(at)],
+            MASS: [_given(tuple(one.mass for one in carried))],
+            CENTRE: [
+                [spot for one, spots in zip(carried, centres, strict=True) for spot in spots or ([(one.place, "")] if one.place else [])],
+                [spot for one in at for spot in (one, *_turns([one]))],
+            ],
+            INERTIA: [
+                [spot for one, spots in zip(carried, centres, strict=True) for spot in (*_given(one.moments), *_turns(spots))],
+                _turns(at),
+            ],
+        }[quantity]
 
-    def _parts(self, place: Place, tag: str) -> Iterator[Place]:
+    def _parts(self, place: Place, tag: str) -> list[Place]:
         """The places of elements with such a tag inside of an element, or beside it."""
         own = self.elements[place.element]
         holder = own if own.closed > own.opened else innermost(self.elements, own)
-        for number, part in enumerate(self.elements):
-            if holder is not None and holder.holds(part) and tag in part.tag:
-                yield Place(place.path, part.line, number)
+        parts = enumerate(self.elements)
+        return [Place(place.path, part.line, number) for number, part in parts if holder and holder.holds(part) and tag in part.tag]
 
-    def _carried(self, body: Body) -> Iterator[Inertia]:
+    def _carried(self, body: Body) -> list[Inertia]:
         """The inertias of a body and of all that is fixed to it."""
         fixed = {body.name}
         for one in self.tree.bodies:
-            if one is body or (one.parent in fixed and not one.joints):
+            if one.parent in fixed and not one.joints:
                 fixed.add(one.name)
-                if one.inertia is not None:
-                    yield one.inertia
+        return [one.inertia for one in self.tree.bodies if one.name in fixed and one.inertia is not None]
 
     def of_spring(self, spring: Spring, quantity: str) -> Iterator[int]:
         """Lines of the parts that decide the quantity, then that of the whole spring."""
         assert spring.place is not None
-        own, spots = self.elements[spring.place.element], _given(getattr(spring, _OF_SPRINGS[quantity]))
+        spots = _given(getattr(spring, _OF_SPRINGS[quantity]))
         if quantity == SPRING_ENDS:
             spots += [(place, "") for place in self._parts(spring.place, _LINK)]
             spots.sort(key=lambda spot: spot[0].element)
@@ -138,7 +137,7 @@ class _Page:
             yield from self._written([(place, attribute)])
             if quantity == SPRING_ENDS:
                 yield self.elements[place.element].line
-        yield own.line
+        yield self.elements[spring.place.element].line
 
     def _written(self, spots: Iterable[Spot]) -> list[int]:
         """The lines of the attributes that are there."""

@@ -20,7 +20,7 @@ from harness.files.document.values import not_negative, not_zero
 from harness.files.document.xml import MAXIMUM_DEPTH, describe, literal_tag
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Pose, Tree, Turn, vector
+from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Placement, Pose, Tree, Turn, vector
 from harness.files.urdf.beside import Beside
 from harness.files.urdf.kinds import DRAKE_JOINT, JOINT_TAGS, LIMITED, kind_of, needs_axis
 
@@ -53,10 +53,16 @@ class _UrdfReader:
         joints = list(children(root, *JOINT_TAGS))
         self._joints = source.document.by_name(joints)
         self._kinds = {str(joint.get("name")): kind_of(source, joint) for joint in joints}
-        self._above: dict[str, etree._Element] = {}
+        # The joint that carries a link, with the parent of that.
+        self._above: dict[str, tuple[etree._Element, str]] = {}
         self._below: dict[str, list[str]] = {}
         for joint in joints:
-            self._connect(joint)
+            parent, child = self._link_of(joint, "parent"), self._link_of(joint, "child")
+            if child in self._above:
+                found = f"carries link {child!r}, and so does {describe(self._above[child][0])}"
+                source.refuse(joint, f"{describe(joint)} {found}; expected one joint, for links are a tree")
+            self._above[child] = joint, parent
+            self._below.setdefault(parent, []).append(child)
 
     def read(self, gravity: float, floating_base: bool) -> tuple[Tree, tuple[Equality, ...]]:
         source, place = self._source, self._source.place(self._source.root)
@@ -65,16 +71,6 @@ class _UrdfReader:
         bodies = tuple(self._body(name, beside, floating_base and name == order[0]) for name in order)
         down = Fraction(0), Fraction(0), Given(-gravity, place, "gravity")
         return Tree(bodies, down, beside.springs, place=place), beside.equalities()
-
-    def _connect(self, joint: etree._Element) -> None:
-        parent, child = self._link_of(joint, "parent"), self._link_of(joint, "child")
-        if child in self._above:
-            other = describe(self._above[child])
-            self._source.refuse(
-                joint, f"{describe(joint)} carries link {child!r}, and so does {other}; expected one joint, for links are a tree"
-            )
-        self._above[child] = joint
-        self._below.setdefault(parent, []).append(child)
 
     def _link_of(self, joint: etree._Element, tag: str) -> str:
         part = joint.find(tag)
@@ -87,46 +83,43 @@ class _UrdfReader:
 
     def _order(self) -> list[str]:
         """The links, each behind its parent; raises InvalidModel where they are no tree."""
-        roots = [name for name in self._links if name not in self._above or self._link_of(self._above[name], "parent") not in self._links]
+        source, links = self._source, self._links
+        roots = [name for name in links if name not in self._above or self._above[name][1] not in links]
         if not roots:
             first = next(iter(self._joints.values()))
-            self._source.refuse(first, "every link is the child of a joint, so the joints form a cycle; expected a tree with one root")
+            source.refuse(first, "every link is the child of a joint, so the joints form a cycle; expected a tree with one root")
         for name in roots[1:]:
-            self._source.refuse(
-                self._links[name], f"link {name!r} hangs on no joint, nor does {roots[0]!r}; expected one root, join the other to it"
-            )
+            found = f"link {name!r} hangs on no joint, nor does {roots[0]!r}"
+            source.refuse(links[name], f"{found}; expected one root, join the other to it")
         depth = {roots[0]: 1}
         waiting = deque(roots)
         while waiting:
             name = waiting.popleft()
             if depth[name] > MAXIMUM_DEPTH:
-                self._source.refuse(
-                    self._links[name], f"link {name!r} is more than {MAXIMUM_DEPTH} joints from the root; no robot needs that"
-                )
+                source.refuse(links[name], f"link {name!r} is more than {MAXIMUM_DEPTH} joints from the root; no robot needs that")
             for child in self._below.get(name, ()):
                 depth[child] = depth[name] + 1
                 waiting.append(child)
-        for name in self._links:
+        for name in links:
             if name not in depth:
-                joint = self._above[name]
-                self._source.refuse(joint, f"{describe(joint)} is part of a cycle that link {roots[0]!r} does not reach; expected a tree")
+                found = f"{describe(self._above[name][0])} is part of a cycle that link {roots[0]!r} does not reach"
+                source.refuse(self._above[name][0], f"{found}; expected a tree")
         return list(depth)
 
     def _body(self, name: str, beside: Beside, floats: bool) -> Body:
-        link, above = self._links[name], self._above.get(name)
-        place, inertia = self._source.place(link), self._inertia(link)
-        base = (Joint(self._free_name(), JointKind.FREE, place=place),) if floats else ()
-        if above is None:
+        link = self._links[name]
+        place, inertia, base = self._source.place(link), self._inertia(link), tuple[Joint, ...]()
+        if floats:
+            if (joint := self._joints.get(FLOATING_BASE)) is not None:
+                problem = "has the name of the joint that a floating base adds; give it another one"
+                self._source.refuse(joint, f"{describe(joint)} {problem}")
+            base = (Joint(FLOATING_BASE, JointKind.FREE, place=place),)
+        if name not in self._above:
             # The root link is fixed; one called world is the world itself.
             return Body(name, WORLD, (), base, inertia, place)
+        above, parent = self._above[name]
         joints = (*base, *map(beside.following, self._joint(above, beside)))
-        return Body(name, self._link_of(above, "parent"), self._pose(above), joints, inertia, place)
-
-    def _free_name(self) -> str:
-        if FLOATING_BASE in self._joints:
-            joint = self._joints[FLOATING_BASE]
-            self._source.refuse(joint, f"{describe(joint)} has the name of the joint that a floating base adds; give it another one")
-        return FLOATING_BASE
+        return Body(name, parent, self._pose(above), joints, inertia, place)
 
     def _inertia(self, link: etree._Element) -> Inertia | None:
         inertial = self._source.one(link, "inertial")
@@ -144,24 +137,22 @@ class _UrdfReader:
         kind, place = self._kinds[name], source.place(element)
         if kind is None:
             return ()
-        parts = {tag: source.one(element, tag) for tag in ("axis", "dynamics", "limit")}
-        dynamics = parts["dynamics"]
+        axis, dynamics, limit = (source.one(element, tag) for tag in ("axis", "dynamics", "limit"))
         damping, friction = (
             Fraction(0) if dynamics is None else source.number(dynamics, attribute, 0.0, not_negative)
             for attribute in ("damping", "friction")
         )
-        if dynamics is not None and damping and not kind.is_single:
+        if damping and not kind.is_single:
             source.pass_over(dynamics, needs_axis(element, "a damper"), DAMPING_OF_SEVERAL)
         if not kind.has_axis:
             return (Joint(name, kind, place=place),)
-        axis = ORIGIN[:0] if parts["axis"] is None else source.numbers(parts["axis"], "xyz", (1, 0, 0), not_zero)
         joint = Joint(
             name=name,
             kind=kind,
-            axis=vector(axis or (1, 0, 0)),
+            axis=_UNITS[0] if axis is None else vector(source.numbers(axis, "xyz", (1, 0, 0), not_zero)),
             damping=damping if kind.is_single else Fraction(0),
             friction_loss=friction,
-            limits=self._limits(parts["limit"]) if element.get("type") in LIMITED else None,
+            limits=self._limits(limit) if element.get("type") in LIMITED else None,
             place=place,
             **(beside.of_joints.get(name, {}) if kind.is_single else {}),
         )
