@@ -89,29 +89,26 @@ class _MjcfReader:
         return self.inertias.of_body(element, body)
 
     def name(self, element: etree._Element) -> str:
-        """The name of a body or joint, or one from its place."""
+        """The name of a body or joint.
+
+        One without a name has such as "(joint 2 of thigh)" or "(body 1 of world)", which stay the same when lines are added.
+        """
         if element.tag == "worldbody":
             return WORLD
         if element not in self._names:
+            kind, tags = ("body", ("body",)) if element.tag == "body" else ("joint", JOINTS)
             name = str(element.get("name") or "")
             if not name:
-                name = self._name_of_place(element)
-            kind = "body" if element.tag == "body" else "joint"
+                owner = next(element.iterancestors("body", "worldbody"))
+                name = f"({kind} {list(inside(owner, *tags)).index(element) + 1} of {self.name(owner)})"
             other = self._taken.setdefault(f"{kind} {name}", element)
-            if other is not element or (kind == "body" and name == WORLD):
-                found = (
-                    "has the name of the world itself" if name == WORLD else f"repeats the name of line {self._source.place(other).line}"
-                )
-                self._source.refuse(element, f"{describe(element)} {found}; give each its own")
+            if kind == "body" and name == WORLD:
+                self._source.refuse(element, f"{describe(element)} has the name of the world itself; give each its own")
+            if other is not element:
+                line = self._source.place(other).line
+                self._source.refuse(element, f"{describe(element)} repeats the name of line {line}; give each its own")
             self._names[element] = name
         return self._names[element]
-
-    def _name_of_place(self, element: etree._Element) -> str:
-        """Such as "(joint 2 of thigh)" or "(body 1 of world)", which stay the same when lines are added."""
-        kind = "body" if element.tag == "body" else "joint"
-        owner = next(element.iterancestors("body", "worldbody"))
-        fellows = list(inside(owner, *(JOINTS if kind == "joint" else ("body",))))
-        return f"({kind} {fellows.index(element) + 1} of {self.name(owner)})"
 
     def _joint(self, element: etree._Element) -> Joint:
         name, place, attributes = self.name(element), self._source.place(element), self.attributes
