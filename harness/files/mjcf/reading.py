@@ -79,7 +79,11 @@ class _MjcfReader:
         self._taken: dict[str, etree._Element] = {}
 
     def body(self, element: etree._Element) -> Body:
-        parent = next(element.iterancestors("body", "worldbody"))
+        parent, holder = next(element.iterancestors("body", "worldbody")), next(element.iterancestors())
+        if holder.tag not in ("body", "frame", "worldbody"):
+            self._source.refuse(
+                element, f"{describe(element)} stands in {describe(holder)}; expected it in a body, a frame or the worldbody"
+            )
         joints = tuple(map(self._joint, inside(element, *JOINTS)))
         if any(joint.kind is JointKind.FREE for joint in joints) and (len(joints) > 1 or parent.tag != "worldbody"):
             self._source.refuse(element, f"{describe(element)} has a free joint; expected it alone, in a body right inside the worldbody")
