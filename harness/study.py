@@ -46,6 +46,10 @@ def ask(function: Callable[..., Any], *arguments: Any, affinity: Hashable | None
     return outcome
 
 
+# A channel whose text survives a crash, which a task takes last.
+Note = Callable[[str], None]
+
+
 def call(function: Callable[..., Any], *arguments: Any) -> Any:
     """What a function returns that takes no note; a task is ``ask(call, function, ...)``."""
     return function(*arguments[:-1])

@@ -295,7 +295,7 @@ from pathlib import Path
 import harness
 from harness.truth.sampling import generic_sample
 from harness.crosscheck.stages import compare_all
-from harness.crosscheck.tasks import Assignment
+from harness.crosscheck.assignment import Assignment
 from harness.engines import Subject
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library

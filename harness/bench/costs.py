@@ -23,12 +23,11 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import Truths
-from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.benchmark import AccelerationCost, EngineFinding
-from harness.study import sentence
+from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, Flags, compare
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import generic_sample

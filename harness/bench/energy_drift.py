@@ -18,7 +18,6 @@ import numpy as np
 from harness.arrays import Array
 from harness.bench.motion_cost import ROUNDINGS_PER_STEP
 from harness.crosscheck.scene import Scene, with_parameters
-from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
@@ -29,6 +28,7 @@ from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram
 from harness.results.benchmark import Drift
+from harness.study import Note
 from harness.truth.sampling import generic_sample
 
 # Size of the steps, and the longest that one integrator may take [s].

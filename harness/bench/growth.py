@@ -16,9 +16,9 @@ import numpy as np
 from harness.bench.costs import Effort, acceleration_costs, measure
 from harness.bench.methods import Method
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Note
 from harness.library import Library
 from harness.results.benchmark import Growth
+from harness.study import Note
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
 from harness.truth.reference import ReferenceKernel

@@ -21,7 +21,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.motion.integrators import Advance, Integrator
 from harness.motion.taylor import Path
@@ -29,6 +28,7 @@ from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, drif
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.benchmark import MotionCost, MotionTruth, Order
+from harness.study import Note
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
 # Of the runs by which an integrator explains itself [s].

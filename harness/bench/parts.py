@@ -23,12 +23,12 @@ from harness.bench.quantity_cost import SIZES, STATES, derivative_costs, quantit
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Note
 from harness.engines import asked_of, select_subjects
 from harness.library import ROBOTS, Library
 from harness.motion.integrators import Integrator, integrators, kind_of
 from harness.results.benchmark import AccelerationCost, Benchmark, DerivativeCost, QuantityCost, Yardstick
 from harness.results.records import ACCELERATIONS
+from harness.study import Note
 from harness.truth.quantities import find_quantities, select_quantities
 
 COUNT, CALLS = 4096, 10

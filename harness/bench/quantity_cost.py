@@ -22,10 +22,10 @@ from harness.bench.methods import Method
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import Truths
-from harness.crosscheck.tasks import Note
 from harness.engines import Subject, load_engine, runs_elsewhere
 from harness.programs.states import States
 from harness.results.benchmark import DerivativeCost, QuantityCost
+from harness.study import Note
 from harness.truth.compare import Certified, compare
 from harness.truth.quantities import Quantity
 from harness.truth.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth

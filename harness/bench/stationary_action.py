@@ -29,7 +29,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Note
 from harness.engines import Unsupported
 from harness.motion.integrators import integrators
 from harness.motion.taylor import Taylor
@@ -37,6 +36,7 @@ from harness.motion.trajectories import Start
 from harness.programs.mechanisms.kernel import LagrangianKernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.benchmark import Stationarity
+from harness.study import Note
 
 # Sizes of the variations, relative to the motion: above what integration errors leave of the first variation,
 # below what a model that is wrong by a per cent leaves of it.

@@ -19,7 +19,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene, with_parameters
-from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
@@ -30,6 +29,7 @@ from harness.motion.trajectories import Start
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.benchmark import Figure
+from harness.study import Note
 
 SYSTEM, DAMPING = "cart_pendulum", "c"
 STEP, STEPS = 1e-4, 199_999

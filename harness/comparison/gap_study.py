@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.gap import Motion, gap_of
+from harness.comparison.gap import LENGTH, OWN_RULES, Motion, advanced, gap_of
 from harness.comparison.matching import SameStates, match, renamed_to
-from harness.comparison.own_steps import LENGTH, OWN_RULES, advanced
-from harness.comparison.robot_library import FilesLibrary, engines_of_files, robot_at
+from harness.comparison.robot_library import RobotLibrary, engines_of_files, robot_at
 from harness.comparison.truth import fold, request_of
 from harness.engines import NotOffered, installed_version, load_engine, runs_elsewhere
 from harness.engines.request import Refused
@@ -64,7 +63,7 @@ class By:
         if form["engine"] not in (known := engines_of_files()):
             raise InvalidRequest(f"no engine is called {form['engine']!r}; {nearest(form['engine'], known)}")
         # Its steps are taken in this process, state by state.
-        engine = load_engine(FilesLibrary.without_files(), form["engine"])
+        engine = load_engine(RobotLibrary.without_files(), form["engine"])
         if runs_elsewhere(engine) or installed_version(engine) is None:
             raise InvalidRequest(
                 f"{form['engine']} is not installed beside the harness, where steps are taken; install {engine.requires[1]}"

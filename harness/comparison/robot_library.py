@@ -31,8 +31,9 @@ from harness.errors import InvalidModel, InvalidRequest
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
-from harness.library import ROBOTS, Library, is_file, nearest
+from harness.library import ROBOTS, Library, is_file
 from harness.programs.mechanisms.mechanism import Mechanism
+from harness.registry import select
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot
 
@@ -40,28 +41,14 @@ from harness.trees.robot import Robot, read_robot
 _WEIGHED_BY = ("type", "size", "fromto", "meshname", "fitscale", "mass", "density", "typeinertia", "group")
 
 
-@dataclass(frozen=True)
-class FilesLibrary(Library):
-    """A library whose files engines read by themselves, as their users hand them over."""
-
-    kinds: tuple[str, ...] = (ROBOTS,)
-    reads_files: bool = True
-
-    @classmethod
-    def without_files(cls) -> Self:
-        """The engines alone."""
-        folder = Library.built_in().engines
-        return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
-
-
 def engine_of(name: str) -> Engine:
     """An engine that users' files are handed to, or a version of it, ``engine@version``, by whose name it goes then."""
-    return file_engine(FilesLibrary.without_files(), name)
+    return file_engine(RobotLibrary.without_files(), name)
 
 
 def engines_of_files() -> dict[str, Engine]:
     """All of them by name, sorted."""
-    return file_engines(FilesLibrary.without_files())
+    return file_engines(RobotLibrary.without_files())
 
 
 def robot_subjects(names: Sequence[str] = ()) -> list[Subject]:
@@ -70,7 +57,7 @@ def robot_subjects(names: Sequence[str] = ()) -> list[Subject]:
     Raises:
         InvalidRequest: a name no subject has, or whose version no environment holds.
     """
-    return select_subjects(FilesLibrary.without_files(), names)
+    return select_subjects(RobotLibrary.without_files(), names)
 
 
 def ask_engine(engine: str, question: EngineQuestion) -> EngineAnswers:
@@ -78,7 +65,7 @@ def ask_engine(engine: str, question: EngineQuestion) -> EngineAnswers:
 
     What its version has no interface for is a refusal, and so is an engine that is installed nowhere.
     """
-    found: Any = load_engine(FilesLibrary.without_files(), engine)
+    found: Any = load_engine(RobotLibrary.without_files(), engine)
     if installed_version(found) is None:
         return EngineAnswers(refusal=f"{found.requires[1]} is not installed; harness engines add {engine}")
     try:
@@ -137,15 +124,23 @@ def _alone(spec: Any, geom: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class RobotLibrary(FilesLibrary):
-    """Robots' files, each a system with a model in one format.
+class RobotLibrary(Library):
+    """Robots' files, each a system with a model in one format, which engines read by themselves, as their users hand them over.
 
     Attributes:
         formats: {path as it was given: "urdf" or "mjcf"}. floating_base: whether a free joint is put under the roots of URDFs.
     """
 
+    kinds: tuple[str, ...] = (ROBOTS,)
+    reads_files: bool = True
     formats: Mapping[str, str] = field(default_factory=dict, hash=False)
     floating_base: bool = False
+
+    @classmethod
+    def without_files(cls) -> Self:
+        """The engines alone."""
+        folder = Library.built_in().engines
+        return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
 
     @classmethod
     def of(cls, paths: Iterable[str], floating_base: bool = False) -> RobotLibrary:
@@ -163,11 +158,9 @@ class RobotLibrary(FilesLibrary):
                 f"the files lie in {where}; name those of one folder in a run, for what is expected of them stands beside them"
             )
         (folder,) = folders.values()
-        names = ", ".join(Path(path).name for path in formats)
-        engines = cls.without_files()
         return replace(
-            engines,
-            name=names,
+            cls.without_files(),
+            name=", ".join(Path(path).name for path in formats),
             systems=folder,
             models=folder,
             expected_verdicts=folder / "expected_verdicts.toml",
@@ -180,11 +173,7 @@ class RobotLibrary(FilesLibrary):
         return list(self.formats)
 
     def select(self, names: Iterable[str], with_variants: bool = False) -> list[str]:
-        chosen = list(dict.fromkeys(names))
-        for name in chosen:
-            if name not in self.formats:
-                raise InvalidRequest(f"no file of this run is called {name!r}; {nearest(name, self.formats)}")
-        return chosen or self.system_names()
+        return select(names, {name: name for name in self.formats}, "file of this run")
 
     def system_of(self, name: str) -> str:
         return name

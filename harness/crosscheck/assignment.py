@@ -78,13 +78,6 @@ class Assignment:
         return truth.judge(certified, states, truth.answers(model, states), model)
 
 
-def judge_of(assignment: Assignment) -> Callable[[States], Comparison]:
-    """The judgement of a subject whose model is loaded; raises as ``load_audited`` and ``truth_of``."""
-    load_audited(assignment)
-    truth_of(assignment)
-    return assignment.judge
-
-
 def frame_of(assignment: Assignment) -> bool:
     """True if the subject's answers need the truth with linear velocities in the body's frame."""
     in_body = load_engine(assignment.library, assignment.subject.engine).linear_velocity_in_body

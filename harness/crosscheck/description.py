@@ -1,4 +1,4 @@
-"""A run and its systems as plain data for the report."""
+"""A run as plain data for the report."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ import platform
 import shlex
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from statistics import median
 
-from harness.crosscheck.judgement import Pair, SystemProgress
-from harness.engines import EQUATIONS, engine_files
+from harness.engines import engine_files
 from harness.environments.folders import split_name
-from harness.files.model_file import ModelFile, features_of
 from harness.library import Library
-from harness.programs.mechanisms.mechanism import Mechanism
-from harness.results.cross_check import SystemCard
 from harness.results.records import Run
 from harness.version import __version__, version_of
 
@@ -42,33 +37,3 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
         command=shlex.join(command),
         engines={name: str(file.version) for name, file in engines.items()},
     )
-
-
-def describe_system(mechanism: Mechanism, reference_seconds: Sequence[float], compilation_seconds: float | None = None) -> SystemCard:
-    """The card of a system in a report.
-
-    ``reference_seconds`` are the costs per certified state, ``compilation_seconds`` is that of the certified kernel [s].
-    """
-    return SystemCard(
-        name=mechanism.name,
-        description=mechanism.description,
-        source=mechanism.source,
-        coordinates=[{"name": name, "joint": joint} for name, joint in zip(mechanism.coordinates, mechanism.joints, strict=True)],
-        parameters=[{"name": name, "value": value, "unit": unit} for name, value, unit in mechanism.parameters],
-        equations_mathml=mechanism.equations_mathml,
-        equations_text=mechanism.equations_text,
-        energies_text=mechanism.energies_text,
-        operations=mechanism.operations,
-        derivation_seconds=mechanism.derivation_seconds,
-        reference_seconds_per_state=median(reference_seconds) if reference_seconds else None,
-        compilation_seconds=compilation_seconds,
-    )
-
-
-def asked_features(system: SystemProgress, pair: Pair) -> list[str]:
-    """What mechanism and model ask of the subject; of one that reads no model, what the models of the mechanism would."""
-    own = pair.subject.format
-    models = [model for name, model in system.models.items() if isinstance(model, ModelFile) and own in (name, EQUATIONS)]
-    ties = None if system.mechanism is None else system.mechanism.constraints
-    rolling = {"rolling"} if ties is not None and ties.holonomic < len(ties.rows) else set()
-    return sorted(rolling.union(*map(features_of, models)))

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.crosscheck.assignment import Assignment, declared_model, load_audited, reference_kernel_of
-from harness.crosscheck.tasks import Note
 from harness.engines import accelerations, load_engine
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
 from harness.explain.model_side import explaining_numbers
 from harness.explain.one_number import Projection, explaining_directions
 from harness.files.text.scan import Watch, tag, written
+from harness.study import Note
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
 from harness.truth.reference import Reference
 

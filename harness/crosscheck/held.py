@@ -20,7 +20,6 @@ import numpy as np
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.expected import ExpectedDifference
 from harness.crosscheck.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, HeldQuantity, Value
-from harness.crosscheck.tasks import Note
 from harness.engines import HeldModel, HeldSpring, Model
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
@@ -28,7 +27,7 @@ from harness.files.model_file import ModelFile
 from harness.files.text import lines as quantities
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.cross_check import HeldDifference
-from harness.study import sentence
+from harness.study import Note, sentence
 
 # Largest difference of sound readers [ulps], about 6e-14. MuJoCo keeps a full inertia, and every inertia of a URDF, as
 # principal moments and a quaternion whose norm is off by up to 25 roundings: up to 108 ulps over random tensors. Each turned

@@ -23,10 +23,10 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.stages import Answers
-from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.study import Note
 from harness.truth.compare import Certified, Comparison
 from harness.truth.sampling import strategy
 from harness.verdict import SEVERITY, Verdict

@@ -7,6 +7,7 @@ import shlex
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from statistics import median
 
 import numpy as np
 from msgspec import structs
@@ -17,10 +18,11 @@ from harness.crosscheck.expected import AGREES, Expectation, Expectations
 from harness.crosscheck.hypothesis_search import Found
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.crosscheck.stages import NOT_OFFERED
-from harness.engines import Subject, engine_files
-from harness.files.model_file import ModelFile
+from harness.engines import EQUATIONS, Subject, engine_files
+from harness.files.model_file import ModelFile, features_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.results.cross_check import SystemCard
 from harness.results.hard_states import replay_command
 from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
 from harness.results.records import ACCELERATIONS, Record, Representative, quantity_options, quantity_words
@@ -129,13 +131,15 @@ def distribution_of(backward: Array) -> dict[str, int]:
     return {half_decade(float(backward[index])): int(count) for index, count in zip(first[order], counts[order], strict=True)}
 
 
-def judge(system: str, pair: Pair, expectation: Expectation) -> Record:
-    """The record of a pair: gravest verdict, worst error with its state, and another state that shows the verdict better."""
-    counts, backward = pair.counts, np.concatenate([np.empty(0), *pair.backward])
+def record_of(settings: Settings, expectations: Expectations, system: SystemProgress, pair: Pair) -> Record:
+    """The record of a pair of a system, with the expectations of its quantity.
+
+    It has the gravest verdict, the worst error with its state, and another state that shows the verdict better.
+    """
+    name, counts, backward = system.name, pair.counts, np.concatenate([np.empty(0), *pair.backward])
     sample, verdicts = np.concatenate([np.empty(0), *pair.sampled]), pair.sampled_verdicts
     if not len(sample):
         sample, verdicts = backward, counts
-    verdict = pair.verdict
     remarks = [pair.failure or ("" if counts else "nothing was compared")]
     if not_finite := counts[Verdict.ERROR.value]:
         remarks.append(f"{not_finite} of {counts.total()} answers are not finite.")
@@ -143,19 +147,27 @@ def judge(system: str, pair: Pair, expectation: Expectation) -> Record:
     found = pair.found
     searched, added = (0, 0) if found is None else (len(found.states) - found.added, found.added)
     stored = min(pair.stored, counts.total() - searched - added)
-    shown = pair.shown
+    shown, subject, message = pair.shown, str(pair.subject), " ".join(filter(None, remarks))
+    expectation = _expected(settings, expectations, name, pair, message)
+    worst = pair.failed_at if shown is None else shown[0].as_json(LARGEST)
+    options = [*settings.replay_options, *quantity_options(pair.quantity)]
+    command = ["harness", "check", name, "--subject", subject, *options, "--states", str(settings.states), "--seed", str(settings.seed)]
+    representative = None if shown is None else _representative(*shown, pair)
+    if representative is not None:
+        representative = replace(representative, replay=replay_command(name, subject, representative.state, options))
     return Record(
-        system=system,
-        subject=str(pair.subject),
+        system=name,
+        subject=subject,
+        quantity=pair.quantity,
         states=counts.total(),
-        verdict=verdict,
+        verdict=pair.verdict,
         expected=expectation.verdict,
         backward_error=float(backward.max()) if len(backward) else None,
         relative_error=None if shown is None else shown[1].relative_error_at(LARGEST),
-        worst_state=pair.failed_at if shown is None else shown[0].as_json(LARGEST),
+        worst_state=worst,
         seconds_per_state=float(np.median(pair.seconds)) if pair.seconds else None,
         fastest_seconds_per_state=min(pair.seconds, default=None),
-        message=" ".join(filter(None, remarks)),
+        message=message,
         failed=bool(pair.failure) and not (pair.unsupported or pair.refused),
         median_backward_error=float(np.median(sample)) if len(sample) else None,
         percentile_99_backward_error=float(np.percentile(sample, 99)) if len(sample) else None,
@@ -172,9 +184,37 @@ def judge(system: str, pair: Pair, expectation: Expectation) -> Record:
         expected_reason=expectation.reason,
         expected_link=expectation.link,
         from_rigid=float(np.median(np.concatenate(pair.from_rigid))) if pair.from_rigid else None,
-        representative=None if shown is None else _representative(*shown, pair, verdict),
-        origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added},
+        replay=shlex.join(command) if worst is None else replay_command(name, subject, worst, options),
+        representative=representative,
+        origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added}
+        if settings.state is None
+        else {},
+        features=_asked_features(system, pair),
+        componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,
     )
+
+
+LOST_DIGITS = "digits are lost as the condition of M, or the distance of its links, explains, and no number of the file does"
+
+
+def _expected(settings: Settings, expectations: Expectations, name: str, pair: Pair, message: str) -> Expectation:
+    """The expectation that a record is held against."""
+    library, verdict = settings.library, pair.verdict
+    expectation = expectations.of(library.label(name), pair.subject)
+    if expectation is AGREES and pair.unsupported and engine_files(library)[pair.subject.engine].elsewhere:
+        # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
+        expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
+    if expectation is AGREES and verdict == Verdict.UNSTABLE and pair.explained == "" and not library.validated_models(name):
+        # A user's file is the truth itself, of which lost digits are an explanation, as ``harness compare`` has it.
+        expectation = structs.replace(AGREES, verdict=Verdict.UNSTABLE.value, reason=LOST_DIGITS)
+    few = settings.state is not None or settings.states < DEFAULT_STATES
+    if few and verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
+        # So few states need not meet the one that the expectation is about.
+        return AGREES
+    if pair.unsupported and message.startswith(NOT_OFFERED):
+        # What nobody claims to compute needs no entry that excuses it.
+        return structs.replace(expectation, verdict=Verdict.UNSUPPORTED.value, reason=message.removeprefix(NOT_OFFERED))
+    return expectation
 
 
 def _bounds(sample: Array, share: float) -> list[float]:
@@ -205,12 +245,12 @@ def _left_of_zero(pair: Pair) -> str:
     )
 
 
-def _representative(states: States, comparison: Comparison, pair: Pair, verdict: str) -> Representative | None:
+def _representative(states: States, comparison: Comparison, pair: Pair) -> Representative | None:
     """The state of a death; else the simplest state with the verdict that hypothesis found; else one, where the worst has another."""
     if pair.failed_at is not None:
         return Representative(state=pair.failed_at, backward_error=None)
     found, index, worst = pair.found, GRAVEST, states.as_json(LARGEST)
-    if found is not None and found.simplest_failure is not None and found.comparison.verdicts[found.simplest_failure] == verdict:
+    if found is not None and found.simplest_failure is not None and found.comparison.verdicts[found.simplest_failure] == pair.verdict:
         states, comparison, index = found.states, found.comparison, found.simplest_failure
     elif comparison.verdicts[GRAVEST] == comparison.verdicts[LARGEST]:
         return None
@@ -248,41 +288,28 @@ class SystemProgress:
             pair.fail(failure, refused=True)
 
 
-LOST_DIGITS = "digits are lost as the condition of M, or the distance of its links, explains, and no number of the file does"
+def _asked_features(system: SystemProgress, pair: Pair) -> list[str]:
+    """What mechanism and model ask of the subject; of one that reads no model, what the models of the mechanism would."""
+    own = pair.subject.format
+    models = [model for name, model in system.models.items() if isinstance(model, ModelFile) and own in (name, EQUATIONS)]
+    ties = None if system.mechanism is None else system.mechanism.constraints
+    rolling = {"rolling"} if ties is not None and ties.holonomic < len(ties.rows) else set()
+    return sorted(rolling.union(*map(features_of, models)))
 
 
-def record_of(settings: Settings, expectations: Expectations, name: str, pair: Pair) -> Record:
-    """The record of a pair of system ``name``, with the expectations of its quantity."""
-    expectation = expectations.of(settings.library.label(name), pair.subject)
-    if expectation is AGREES and pair.unsupported and engine_files(settings.library)[pair.subject.engine].elsewhere:
-        # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
-        expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
-    is_of_file = not settings.library.validated_models(name)
-    if is_of_file and expectation is AGREES and pair.verdict == Verdict.UNSTABLE and pair.explained == "":
-        # A user's file is the truth itself, of which lost digits are an explanation, as ``harness compare`` has it.
-        expectation = structs.replace(AGREES, verdict=Verdict.UNSTABLE.value, reason=LOST_DIGITS)
-    record = judge(name, pair, expectation)
-    few = settings.state is not None or settings.states < DEFAULT_STATES
-    if few and record.verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
-        # So few states need not meet the one that the expectation is about.
-        record = judge(name, pair, AGREES)
-    if pair.unsupported and record.message.startswith(NOT_OFFERED):
-        # What nobody claims to compute needs no entry that excuses it.
-        reason = record.message.removeprefix(NOT_OFFERED)
-        record = replace(record, expected=Verdict.UNSUPPORTED.value, expected_reason=reason)
-
-    options = [*settings.replay_options, *quantity_options(pair.quantity)]
-    if record.worst_state is not None:
-        again = replay_command(name, record.subject, record.worst_state, options)
-    else:
-        command = ["harness", "check", name, "--subject", record.subject, *options]
-        again = shlex.join([*command, "--states", str(settings.states), "--seed", str(settings.seed)])
-    shown = record.representative
-    return replace(
-        record,
-        quantity=pair.quantity,
-        replay=again,
-        representative=shown and replace(shown, replay=replay_command(name, record.subject, shown.state, options)),
-        origins=record.origins if settings.state is None else {},
-        componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,
+def card_of(system: SystemProgress, mechanism: Mechanism) -> SystemCard:
+    """The card of a system in a report."""
+    return SystemCard(
+        name=mechanism.name,
+        description=mechanism.description,
+        source=mechanism.source,
+        coordinates=[{"name": name, "joint": joint} for name, joint in zip(mechanism.coordinates, mechanism.joints, strict=True)],
+        parameters=[{"name": name, "value": value, "unit": unit} for name, value, unit in mechanism.parameters],
+        equations_mathml=mechanism.equations_mathml,
+        equations_text=mechanism.equations_text,
+        energies_text=mechanism.energies_text,
+        operations=mechanism.operations,
+        derivation_seconds=mechanism.derivation_seconds,
+        reference_seconds_per_state=median(system.seconds) if system.seconds else None,
+        compilation_seconds=system.compilation_seconds,
     )

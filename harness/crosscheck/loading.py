@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import Expectations
 from harness.crosscheck.judgement import Pair, Pairs, SystemProgress
 from harness.crosscheck.settings import Settings, stored_states
-from harness.engines import Subject, engine_files, is_native
+from harness.engines import Subject, Unsupported, engine_files, is_native, load_model
 from harness.errors import InvalidModel, InvalidRequest
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, orphaned_models
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.sampling import sample_in_blocks
+from harness.truth.sampling import keep_points, sample_in_blocks
 
 LONGEST_FOLDER = 100
+
+
+def derive_and_sample(library: Library, name: str, states: int, seed: int) -> Mechanism:
+    """The mechanism of system ``name``; the points of its sample are in the cache afterwards."""
+    mechanism = load_mechanism(library, name)
+    keep_points(mechanism, states, seed)
+    return mechanism
+
+
+def accept(assignments: Sequence[Assignment]) -> None:
+    """Let every subject's engine read its model.
+
+    Raises:
+        InvalidModel: one refuses it. What the model is held against comes later.
+    """
+    for assignment in assignments:
+        with contextlib.suppress(Unsupported):
+            load_model(assignment.library, assignment.subject, assignment.mechanism, assignment.model)
 
 
 def orphans(library: Library) -> Iterator[InvalidModel]:

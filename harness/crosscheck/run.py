@@ -15,15 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from harness.crosscheck import held_quantities, hypothesis_search, tasks
-from harness.crosscheck.description import asked_features, describe_system
+from harness.crosscheck import held_quantities, hypothesis_search
 from harness.crosscheck.expected import load_expectations, load_expected_differences
 from harness.crosscheck.held import find_differences, judge_differences
-from harness.crosscheck.judgement import LARGEST, Pair, Pairs, SystemProgress, answering, record_of
+from harness.crosscheck.judgement import LARGEST, Pair, Pairs, SystemProgress, answering, card_of, record_of
 from harness.crosscheck.loading import (
+    accept,
     assign,
     batches_of,
     chosen_names,
+    derive_and_sample,
     led_together,
     library_folder,
     natives_among,
@@ -32,14 +33,16 @@ from harness.crosscheck.loading import (
     why_no_model,
 )
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all
+from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all, measure_componentwise
+from harness.crosscheck.superfluous import find_superfluous
 from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
+from harness.files.model_file import read_model
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import ACCELERATIONS, quantity_words
-from harness.study import Inquiry, Part, Study, ask, is_out_of_memory
+from harness.study import Inquiry, Part, Study, ask, call, is_out_of_memory
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Outcome, Task
 
@@ -136,7 +139,7 @@ class CrossCheck(Study):
 
         stand_ins = [pair.assignment for pair in answering(system.pairs.values()) if pair.subject.format in settings.stand_ins]
         if stand_ins:
-            outcome = yield from ask(tasks.accept, stand_ins, affinity=system.name)
+            outcome = yield from ask(call, accept, stand_ins, affinity=system.name)
             if isinstance(outcome.exception, InvalidInput):
                 raise outcome.exception
             # Whatever else an engine does there it does again, and it costs its own record.
@@ -170,7 +173,7 @@ class CrossCheck(Study):
                         pair.add(one.states, one.comparison)
 
             for pair in natives if self._moves else []:
-                outcome = yield from ask(tasks.find_superfluous, pair.assignment, affinity=system.name)
+                outcome = yield from ask(call, find_superfluous, pair.assignment, affinity=system.name)
                 # The subject's answers are judged without it: whatever ends the search costs no verdict, and a death no exit status.
                 if failure := str(outcome.crash) if outcome.crash is not None else self.failure(outcome):
                     pair.remarks.append(f"The search for superfluous parts was not finished: {failure}.")
@@ -183,14 +186,13 @@ class CrossCheck(Study):
 
         for pair in list(system.pairs.values()):
             yield from self._explain(system, pair)
-            record = record_of(settings, self._expectations[pair.quantity], system.name, pair)
-            record = replace(record, features=asked_features(system, pair))
+            record = record_of(settings, self._expectations[pair.quantity], system, pair)
             del system.pairs[pair.key]
             self._found.records.append(record)
             yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         # What there is to say of a mechanism stands with its system.
         if self._moves and mechanism is not None and mechanism.name == library.label(system.name):
-            self._found.systems.append(describe_system(mechanism, system.seconds, system.compilation_seconds))
+            self._found.systems.append(card_of(system, mechanism))
 
     def _load(self, system: SystemProgress, sampled: int) -> Inquiry[None]:
         """The mechanism of a system, with the points of its sample in the cache, and the models that its subjects read."""
@@ -198,7 +200,7 @@ class CrossCheck(Study):
         expectations = self._expectations[ACCELERATIONS]
         # Before anything that takes long: a file that was named and cannot be used ends the run.
         for model_format, path in stand_ins.items():
-            outcome = yield from ask(tasks.read, path, model_format, affinity=name)
+            outcome = yield from ask(call, read_model, path, model_format, affinity=name)
             if failure := self._failure_of(system, model_format, outcome, path):
                 raise self.problems[-1]
             system.models[model_format] = outcome.value
@@ -209,8 +211,8 @@ class CrossCheck(Study):
             if model_format not in stand_ins
             and any(one.format == model_format and not why_no_model(self.settings, expectations, name, one) for one in subjects)
         }
-        wanted = [Task(None, tasks.derive_and_sample, (library, name, sampled, self.settings.seed), name)]
-        derived, *read = yield [*wanted, *(Task(None, tasks.read, (path, form), name) for form, path in paths.items())]
+        wanted = [Task(None, call, (derive_and_sample, library, name, sampled, self.settings.seed), name)]
+        derived, *read = yield [*wanted, *(Task(None, call, (read_model, path, form), name) for form, path in paths.items())]
         if failure := self._failure_of(system, None, derived, library.system_path(name)):
             system.fail(failure)
         system.mechanism = derived.value
@@ -302,5 +304,5 @@ class CrossCheck(Study):
         if moves and not pair.failure and shown is not None and not (np.isnan(shown[1].backward_error) | shown[1].granted)[LARGEST]:
             beyond = 0.0 if self.settings.componentwise else AGREEMENT
             state = shown[0][[LARGEST]]
-            outcome = yield from ask(tasks.measure_componentwise, pair.assignment, state, beyond, affinity=system.name)
+            outcome = yield from ask(call, measure_componentwise, pair.assignment, state, beyond, affinity=system.name)
             pair.componentwise = outcome.value

@@ -18,15 +18,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, load_audited
-from harness.crosscheck.tasks import Note
-from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, load_engine
+from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
+from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, accelerations, load_engine
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
-from harness.study import sentence
+from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, compare
+from harness.truth.componentwise import componentwise_error
 from harness.truth.quantities import Truth
 from harness.verdict import Verdict
 
@@ -179,6 +179,13 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
     for index in range(len(states)):
         note(json.dumps(states.as_json(index)))
         assignment.answers(states[index : index + 1])
+
+
+def measure_componentwise(assignment: Assignment, state: States, beyond: float) -> float:
+    """The componentwise backward error of the subject's answer at one state, as ``componentwise_error`` gives it."""
+    kernel = reference_kernel_of(assignment)
+    answer = accelerations(load_audited(assignment), state)
+    return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)
 
 
 # States that are asked for again: alone, in a smaller batch, and in reverse.

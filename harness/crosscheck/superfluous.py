@@ -33,6 +33,7 @@ from harness.results.cross_check import SuperfluousPart
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 from harness.truth.quantities.accelerations import gaps_of
 from harness.truth.sampling import random_sample
+from harness.verdict import Verdict
 
 if TYPE_CHECKING:
     from harness.crosscheck.assignment import Assignment
@@ -60,6 +61,16 @@ _WRAPPERS = {"mjcf": {"frame", "body"}, "urdf": set()}
 
 # (line, element, attribute, value, why) of a ``SuperfluousPart``.
 Row = tuple[int, str, str, str, str]
+
+
+def find_superfluous(assignment: Assignment) -> list[SuperfluousPart]:
+    """``superfluous`` parts of the subject's model; none where its answers are wrong as it is."""
+
+    def is_sound() -> bool:
+        verdicts = assignment.judge(random_sample(assignment.mechanism, STATES, SEED)).verdicts
+        return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(verdicts)
+
+    return superfluous(assignment, is_sound)
 
 
 def superfluous(assignment: Assignment, is_sound: Callable[[], bool] = lambda: True) -> list[SuperfluousPart]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.explanation import explain_difference
-from harness.crosscheck.tasks import Note
 from harness.engines import Subject, accelerations, load_engine
 from harness.errors import InvalidModel, shown_path
 from harness.explain.columns import diagnostic_states, watch
@@ -26,6 +25,7 @@ from harness.explain.textbook_side import TextbookSide, search_parameters, textb
 from harness.library import Library, member_of
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
+from harness.study import Note
 from harness.truth.compare import errors_in_roundoffs
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
 from harness.truth.sampling import generic_sample

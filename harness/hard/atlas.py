@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from harness.crosscheck.expected import Entry, Text, of_quantity, read_entries
-from harness.crosscheck.tasks import Note
 from harness.engines import NotOffered, Subject, engine_files, select_subjects
 from harness.errors import InvalidRequest
 from harness.hard.cases import hard_cases
@@ -30,7 +29,7 @@ from harness.library import Library
 from harness.registry import select
 from harness.results.atlas import Atlas, HardReason, HardRow
 from harness.results.records import ACCELERATIONS
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Note, Part, Study, ask
 from harness.truth.quantities import find_quantities, select_quantities
 from harness.verdict import SEVERITY, Verdict
 

@@ -18,12 +18,12 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck import hypothesis_search
-from harness.crosscheck.assignment import Assignment, judge_of
+from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.hypothesis_search import note_of, objective
-from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.study import Note
 from harness.truth.compare import Comparison
 from harness.truth.sampling import HUGE_ANGLES
 from harness.verdict import SEVERITY, Verdict
@@ -66,7 +66,7 @@ def evolve(assignment: Assignment, states: int, population: int, seed: int, note
 
     A strategy that has converged starts again elsewhere, with twice the population.
     """
-    judge, space = judge_of(assignment), StateSpace(assignment.mechanism, decades)
+    judge, space = assignment.judge, StateSpace(assignment.mechanism, decades)
     random = np.random.default_rng([seed, population])
     population = max(SMALLEST_POPULATION, min(population, states))
     tried: list[tuple[States, Comparison]] = []

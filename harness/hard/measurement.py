@@ -20,7 +20,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, truth_of
-from harness.crosscheck.tasks import Note
 from harness.engines import EQUATIONS, NotOffered, Subject, Unsupported, load_engine
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
@@ -33,6 +32,7 @@ from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.results.atlas import HardPoint, HardRow
 from harness.results.records import ACCELERATIONS, quantity_words
+from harness.study import Note
 from harness.truth.compare import Certified, Comparison, compare, farthest_block
 from harness.truth.quantities import Truth, find_quantities
 from harness.truth.quantities.accelerations import AccelerationTruth, reference_kernel

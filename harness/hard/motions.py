@@ -23,7 +23,6 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.tasks import Note
 from harness.hard.cases import decades, hard_cases
 from harness.library import Library
 from harness.motion.integrators import Advance, select_integrators
@@ -32,6 +31,7 @@ from harness.motion.trajectories import Metric, Start
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.atlas import Parting, StableStep
+from harness.study import Note
 from harness.verdict import AGREEMENT, Verdict
 
 # Of distances relative to the motion: between these they grow as theory has it, and at the last one motions have parted.

@@ -19,11 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.crosscheck.assignment import Assignment, judge_of, refuse_robots
+from harness.crosscheck.assignment import Assignment, refuse_robots
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one
-from harness.crosscheck.tasks import Note
 from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
@@ -44,7 +43,7 @@ from harness.results.hard_states import (
     worst_of_each,
 )
 from harness.results.records import ACCELERATIONS, quantity_options
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Note, Part, Study, ask
 from harness.truth.quantities import find_quantities, require_quantity
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
@@ -264,7 +263,7 @@ def read(library: Library, name: str, subjects: Sequence[Subject], quantity: str
 
 def examine(assignment: Assignment, states: States, note: Note) -> list[tuple[FoundState, str]]:
     """Each state shrunk and explained, with its reproducer; of states with one verdict and term the worst."""
-    judge = judge_of(assignment)
+    judge = assignment.judge
 
     def noted(batch: States) -> Any:
         note(note_of(str(assignment.subject), batch))

@@ -29,8 +29,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, frame_of, judge_of, load_audited, reference_kernel_of
-from harness.crosscheck.tasks import Note
+from harness.crosscheck.assignment import Assignment, frame_of, load_audited, reference_kernel_of
 from harness.engines import Subject, select_subjects
 from harness.files.text.scan import compact
 from harness.library import Library
@@ -39,6 +38,7 @@ from harness.programs.program import OUTPUTS, right_hand_side
 from harness.programs.states import States
 from harness.results.hard_states import RankedCase, worst_cases
 from harness.results.records import Record
+from harness.study import Note
 from harness.truth.compare import compare, farthest_block
 from harness.truth.reference import Reference
 from harness.verdict import Verdict
@@ -84,7 +84,7 @@ def locate(assignment: Assignment, state: States) -> Loss:
     if not assignment.asked.is_default:
         return _farthest(assignment, state)
     kernel = reference_kernel_of(assignment)
-    reference, comparison = kernel.evaluate(state), judge_of(assignment)(state)
+    reference, comparison = kernel.evaluate(state), assignment.judge(state)
     error, verdict = float(comparison.backward_error[0]), str(comparison.verdicts[0])
     if not math.isfinite(error):
         return Loss(NONE, "the answer is not finite" if verdict == Verdict.ERROR else f"{verdict}: no backward error is known")
@@ -159,7 +159,7 @@ def _at_rest(
     total = np.array(right_hand_side({name: held[name][0] for name in OUTPUTS}, stand_in[0]))[None]
     still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)
     reference = reference_kernel_of(assignment).evaluate(still)
-    error = judge_of(assignment)(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load
+    error = assignment.judge(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load
     return float(error) if math.isfinite(error) else None
 
 

@@ -15,18 +15,18 @@ from markupsafe import Markup
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.held import held_by, soundness
-from harness.crosscheck.tasks import derive, read
 from harness.engines import EQUATIONS, HeldModel, LoadedModel, Subject, asked_of, engine_files, is_native, load_model, subjects
 from harness.engines.interface import audit
 from harness.errors import InvalidInput
-from harness.files.model_file import ModelFile
+from harness.files.model_file import ModelFile, read_model
 from harness.files.text.joint_table import COLUMNS, JointRow, constraint_texts, joint_rows, point_springs
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, member_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.table import Column, Table, number_text
 from harness.show.picture import draw
 from harness.show.placement import Pose, choose_view, place
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Part, Study, ask, call
 from harness.trees.constraints.rows import rows_of, untied
 from harness.trees.nodes import kinematics
 from harness.trees.robot import tree_of
@@ -118,8 +118,8 @@ class Exhibition(Study):
     def _read(self) -> Inquiry[None]:
         """The mechanism, and each model as a file says it."""
         library, name = self._library, self._name
-        reading = {one: Task(None, read, (library.model_path(name, one), one)) for one in library.formats_of(name)}
-        derived, *models = yield [Task(None, derive, (library, name)), *reading.values()]
+        reading = {one: Task(None, call, (read_model, library.model_path(name, one), one)) for one in library.formats_of(name)}
+        derived, *models = yield [Task(None, call, (load_mechanism, library, name)), *reading.values()]
         if derived.crash is not None:
             raise InvalidInput(library.system_path(name), None, str(derived.crash))
         if derived.exception is not None:

@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, load_audited
 from harness.crosscheck.held import differences, held_by, written
@@ -18,7 +18,7 @@ from harness.explain.terms import compare_terms
 from harness.library import Library
 from harness.results.records import Record
 from harness.results.run_changes import READING, TERMS, RunChange, run_changes
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Note, Part, Study, ask
 from harness.truth.sampling import generic_sample
 from harness.verdict import SEVERITY, Verdict
 
@@ -26,14 +26,15 @@ from harness.verdict import SEVERITY, Verdict
 STATES = 16
 
 
-def explain_changes(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> list[RunChange]:
+def explain_changes(library: Library, system: str, subject: str, versions: tuple[str, str], seed: int, note: Note) -> list[RunChange]:
     """Differences of what two versions read and compute, of one system from one file; nothing where one of them cannot say.
 
     Raises:
         Exception: whatever an engine raises.
     """
+    before, after = (Assignment.of(library, system, Subject(version, subject.partition("/")[2])) for version in versions)
     note("reading")
-    return [*_readings(before, after), *_terms(before, after, seed, note)]
+    return [replace(change, system=system) for change in (*_readings(before, after), *_terms(before, after, seed, note))]
 
 
 def _readings(before: Assignment, after: Assignment) -> Iterator[RunChange]:
@@ -59,7 +60,7 @@ def _change(of: Assignment, what: str, before: str, now: str, is_worse: bool = F
     return RunChange(system=name, subject=subject, what=what, before=before, now=now, is_worse=is_worse)
 
 
-def _terms(before: Assignment, after: Assignment, seed: int, note: Callable[[str], None]) -> Iterator[RunChange]:
+def _terms(before: Assignment, after: Assignment, seed: int, note: Note) -> Iterator[RunChange]:
     states = generic_sample(after.mechanism, STATES, seed)
     found = []
     for one in (before, after):
@@ -137,7 +138,7 @@ class Explanations(Study):
         yield [self._explained(*key) for key in self._keys]
 
     def _explained(self, system: str, subject: str) -> Inquiry[None]:
-        outcome = yield from ask(_explain, self._library, system, subject, self._versions, self._seed, affinity=system)
+        outcome = yield from ask(explain_changes, self._library, system, subject, self._versions, self._seed, affinity=system)
         found = outcome.value
         if failure := self.failure(outcome):
             found = [RunChange(system=system, subject=subject, what=TERMS, before="not compared", now=failure)]
@@ -150,12 +151,6 @@ class Explanations(Study):
 
 def _answered(records: Iterable[Record]) -> Iterator[Record]:
     return (record for record in records if record.verdict in _ANSWERED)
-
-
-def _explain(library: Library, system: str, subject: str, versions: tuple[str, str], seed: int, note: Any) -> list[RunChange]:
-    model_format = subject.partition("/")[2]
-    old, new = (Assignment.of(library, system, Subject(version, model_format)) for version in versions)
-    return [replace(change, system=system) for change in explain_changes(old, new, seed, note)]
 
 
 _Answer = TypeVar("_Answer")

@@ -124,7 +124,7 @@ def test_a_model_file_that_cannot_be_used_ends_the_run_at_once(
     def never(*arguments: object, **named: object) -> None:
         raise AssertionError("something was computed")
 
-    for place in ("harness.crosscheck.tasks.load_mechanism", "harness.crosscheck.run.compare_all"):
+    for place in ("harness.crosscheck.loading.load_mechanism", "harness.crosscheck.run.compare_all"):
         monkeypatch.setattr(place, never)
     path = tmp_path / "stand_in.xml"
     if text is not None:

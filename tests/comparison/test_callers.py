@@ -12,7 +12,7 @@ import toy_engine
 from comparison.robots import FILES
 from support import BUILT_IN, InThisProcess
 
-from harness.comparison.robot_library import FilesLibrary, RobotLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
+from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
 from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.engines import describe_engines, load_engine, runs_elsewhere
 from harness.engines.adapters.pinocchio.robot import PinocchioRun
@@ -86,15 +86,15 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     (root / "engines" / "toy.py").write_text(ADAPTER)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARNESS_CACHE", str(root / "cache"))
-        without_files = FilesLibrary.without_files.__func__  # type: ignore[attr-defined]
+        without_files = RobotLibrary.without_files.__func__  # type: ignore[attr-defined]
         planted = classmethod(lambda cls: replace(without_files(cls), engines=root / "engines"))
-        patch.setattr(FilesLibrary, "without_files", planted)
+        patch.setattr(RobotLibrary, "without_files", planted)
         patch.setattr(readings, "__path__", [*readings.__path__, str(root / "readings")])
         for version, source in VERSIONS.items():
             toy_engine.plant(version, source)
-        describe_engines(FilesLibrary.without_files(), Workers)
+        describe_engines(RobotLibrary.without_files(), Workers)
         yield root / "readings"
-    describe_engines(FilesLibrary.without_files(), Workers)
+    describe_engines(RobotLibrary.without_files(), Workers)
 
 
 def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]:
@@ -107,7 +107,7 @@ def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]
 
 def test_an_adapter_is_a_file_and_its_engine_is_asked_in_its_environment(toy: Path) -> None:
     assert "toy" in engines_of_files()
-    assert runs_elsewhere(load_engine(FilesLibrary.without_files(), "toy@1.0"))
+    assert runs_elsewhere(load_engine(RobotLibrary.without_files(), "toy@1.0"))
     records = compared(BAR, "toy@1.0/urdf", "pinocchio/urdf")
     assert list(records) == [(engine, kind) for engine in ("pinocchio/urdf", "toy@1.0/urdf") for kind in ("plain", "aided")]
     assert {records["toy@1.0/urdf", kind].outcome for kind in ("plain", "aided")} == {"agrees"}
@@ -147,11 +147,11 @@ def test_by_default_every_engine_is_asked_that_is_installed_anywhere(toy: Path, 
     with pytest.raises(InvalidRequest, match=r"harness engines add toy==9\.0"):
         robot_subjects(["toy@9.0/urdf"])
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
-    describe_engines(FilesLibrary.without_files(), Workers)
+    describe_engines(RobotLibrary.without_files(), Workers)
     assert not any(str(one).startswith("toy") for one in robot_subjects())
     assert "not installed; harness engines add toy" in ask_engine("toy", None).refusal  # type: ignore[arg-type]
     monkeypatch.undo()
-    describe_engines(FilesLibrary.without_files(), Workers)
+    describe_engines(RobotLibrary.without_files(), Workers)
 
 
 def test_no_engines_presence_changes_what_another_is_asked_and_answers(toy: Path) -> None:

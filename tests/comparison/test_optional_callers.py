@@ -14,7 +14,7 @@ from comparison.robots import FILES, edited, meant_by
 from robot_files import EVERYTHING
 
 from harness.comparison import judgement
-from harness.comparison.robot_library import FilesLibrary, ask_engine, engines_of_files
+from harness.comparison.robot_library import RobotLibrary, ask_engine, engines_of_files
 from harness.comparison.truth import question_of
 from harness.engines import describe_engines
 from harness.engines.adapters.adam import with_origins
@@ -35,7 +35,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARNESS_CACHE", str(tmp_path_factory.getbasetemp() / "environments"))
         yield
-    describe_engines(FilesLibrary.without_files(), Workers)
+    describe_engines(RobotLibrary.without_files(), Workers)
     _install.cache_clear()
 
 

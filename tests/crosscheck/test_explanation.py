@@ -11,7 +11,7 @@ import pytest
 from catalogue import BUILT_IN
 from support import cross_checked
 
-from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.explanation import explain_lost_digits, written_columns
 from harness.crosscheck.settings import Settings
@@ -122,7 +122,7 @@ def test_a_parameter_of_the_equations_is_named(tmp_path: Path) -> None:
     assert explain_lost_digits(sound, SEED) is None
     (tmp_path / "wrong.py").write_text(WRONG_ENGINE)
     wrong = replace(sound, library=replace(BUILT_IN, engines=tmp_path), subject=Subject("wrong", EQUATIONS))
-    assert "unstable" in judge_of(wrong)(diagnostic_states(sound.mechanism, SEED)).verdicts
+    assert "unstable" in wrong.judge(diagnostic_states(sound.mechanism, SEED)).verdicts
     found = explain_lost_digits(wrong, SEED)
     assert found is not None
     name, value, unit = sound.mechanism.parameters[1]

@@ -17,7 +17,7 @@ from support import InThisProcess, completed, cross_checked, make_library
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
-from harness.crosscheck.tasks import find_superfluous
+from harness.crosscheck.superfluous import find_superfluous
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import Record
@@ -132,7 +132,7 @@ class CutOff(InThisProcess):
 
     def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:
         for outcome in super().run(tasks, further):
-            late = outcome.task.function is find_superfluous
+            late = find_superfluous in outcome.task.arguments
             yield Outcome(outcome.task, crash=Crash("exceeded its time limit of 60 s; more", "", "")) if late else outcome
 
 
@@ -287,7 +287,7 @@ def test_what_fails_while_it_is_measured_costs_the_number_alone(tmp_path: Path, 
     def fail(*arguments: Any) -> float:
         raise RuntimeError("the solver gave up")
 
-    monkeypatch.setattr("harness.crosscheck.tasks.componentwise_error", fail)
+    monkeypatch.setattr("harness.crosscheck.stages.componentwise_error", fail)
     settings = Settings(library=library(tmp_path), subjects=["mujoco/mjcf"], states=20, examples=None, componentwise=True)
     records, study = cross_checked(settings)
     assert [(record.verdict, record.componentwise_error) for record in records] == [("agrees", None)]

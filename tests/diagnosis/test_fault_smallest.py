@@ -22,7 +22,7 @@ from msgspec.structs import replace
 from support import cross_checked, make_library
 
 from harness.cli import main
-from harness.crosscheck import tasks
+from harness.crosscheck import run
 from harness.crosscheck.expected import AGREES
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
@@ -109,7 +109,7 @@ def check(name: str, subject: Subject, path: Path) -> tuple[CrossCheck, Record]:
 @pytest.fixture(autouse=True)
 def without_superfluous_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every changed model would be searched for them again."""
-    monkeypatch.setattr(tasks, "find_superfluous", lambda assignment, note: [])
+    monkeypatch.setattr(run, "find_superfluous", lambda assignment: [])
 
 
 @pytest.mark.parametrize(("name", "subject", "most"), WALKS)

@@ -14,7 +14,7 @@ import pytest
 from support import InThisProcess, completed, make_library
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, judge_of, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.variation import KEPT, shrink
 from harness.engines import select_subjects
 from harness.errors import InvalidRequest
@@ -47,7 +47,7 @@ def worst_of_hunts(assignment: Assignment, budget: int, seed: int) -> float:
 
 
 def best_of_random(assignment: Assignment, count: int, seed: int) -> float:
-    return float(judge_of(assignment)(generic_sample(assignment.mechanism, count, seed)).backward_error.max())
+    return float(assignment.judge(generic_sample(assignment.mechanism, count, seed)).backward_error.max())
 
 
 # The bars.
@@ -434,7 +434,7 @@ def test_an_unknown_name_is_refused(library: Library, workers: Workers) -> None:
 def test_a_found_state_repeats(library: Library) -> None:
     """Its backward error is that of the state as stored, not of the one it was shrunk from."""
     assignment = assignment_of("arm_2r")
-    judge = judge_of(assignment)
+    judge = assignment.judge
     shrunk, error = shrink(judge, assignment.mechanism, evolve(assignment, 400, 20, 0).worst)
     again = States.at(**shrunk.as_json(0))
     assert judge(again).backward_error[0] == error == judge(replace(shrunk)).backward_error[0]

@@ -14,7 +14,7 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed
 
-from harness.crosscheck import hypothesis_search, stages, tasks
+from harness.crosscheck import hypothesis_search, stages, superfluous
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.truth.compare import Comparison
@@ -41,7 +41,7 @@ def agreement(task: Task) -> Any:
         none = np.zeros(examples, dtype=bool)
         comparison = Comparison(*np.ones((2, examples)), none, np.full(examples, "agrees"), none, np.zeros(examples))
         return {str(assignment.subject): hypothesis_search.Found(states, comparison, None) for assignment in assignments}
-    return [] if task.function is tasks.find_superfluous else task.function(*task.arguments, lambda text: None)
+    return [] if superfluous.find_superfluous in task.arguments else task.function(*task.arguments, lambda text: None)
 
 
 class Agreeing(InThisProcess):

@@ -47,12 +47,12 @@ def errors_of(name: str, subject: str, count: int, seed: int) -> np.ndarray:
     """Backward errors of an engine at sampled states, as a cross-check has them."""
     from catalogue import BUILT_IN
 
-    from harness.crosscheck.assignment import Assignment, judge_of
+    from harness.crosscheck.assignment import Assignment
     from harness.explain.pattern import subject_named
     from harness.truth.sampling import random_sample
 
     assignment = Assignment.of(BUILT_IN, name, subject_named(subject))
-    errors: np.ndarray = judge_of(assignment)(random_sample(assignment.mechanism, count, seed)).known("backward_error")
+    errors: np.ndarray = assignment.judge(random_sample(assignment.mechanism, count, seed)).known("backward_error")
     return errors
 
 
