@@ -69,9 +69,9 @@ def test_every_contract_is_kept() -> None:
         ("A room imports only rooms below it", "files.facts", "lagrange.system", "harness.files.facts -> harness.lagrange.system"),
         (
             "An engine imports nothing of the equations",
-            "engines.adapters.mjx",
+            "engines.adapters.pybullet",
             "programs.states",
-            "harness.engines.adapters.mjx -> harness.programs.states",
+            "harness.engines.adapters.pybullet -> harness.programs.states",
         ),
         (
             "The report imports nothing that computes",

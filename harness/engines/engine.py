@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Self, cast
 from harness.arithmetic import Arithmetic
 from harness.engines.interface import InvalidAnswer, Unsupported
 from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
+from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
 from harness.files.equalities import Equality
-from harness.files.model_file import ModelFile
+from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import ConstraintLaw, StepRule
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class Engine:
         supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.truth.far_links``.
         why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
+        why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
     """
 
@@ -62,6 +64,7 @@ class Engine:
     supplied: Mapping[str, str] = {}
     takes_inertias_about_tree = False
     why_no_equalities = ""
+    why_no_constraints = ""
     reader = ""
 
     def read(self, request: Request) -> LoadedFile:
@@ -95,6 +98,8 @@ class Engine:
 
     def refuse(self, file: ModelFile) -> None:
         """Raises Unsupported, with lines, for what a model holds that the engine cannot and that the harness does not supply."""
+        if self.why_no_constraints:
+            refuse_unexpressed(file, self.why_no_constraints)
 
     def _aided(self, request: Request) -> Model:
         try:
@@ -122,7 +127,7 @@ class Engine:
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""
-        return {}
+        return self.laws(document_of(file).root, file.format, file.constraints) if file.constraints else {}
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
         """The same of constraints of any file with this root element."""

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines.interface import METHODS, NotOffered, Unsupported
-from harness.engines.request import AskedJoint, Refused, Request
+from harness.engines.request import AskedJoint, Refused, Request, by_joint, projected
 from harness.files.rules import StepRule
-
-
-class EngineRun(Protocol):
-    """States in an engine's own conventions."""
-
-    def compute(self) -> None:
-        """Let the engine compute all states: nothing is converted."""
-
-    def accelerations(self) -> Array:
-        """(n, velocities of the loaded joints): what the last ``compute`` found."""
 
 
 class LoadedFile:
@@ -32,9 +22,12 @@ class LoadedFile:
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         further: joints that it has and that the file does not name.
         couplings: of the request, of the joints found.
+        applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
     """
 
     notes: tuple[str, ...] = ()
+    applies_dampers = False
+    applies_springs = False
 
     def __init__(self, request: Request, names: Collection[str]) -> None:
         self.request = request
@@ -61,6 +54,12 @@ class LoadedFile:
         """q (nq,) and v (nv,) over the joints of the request after so many of the engine's own steps, without applied forces."""
         raise NotOffered("its users step by themselves")
 
+    def of_leaders(self, mass: Array, force: Array) -> Array:
+        """Accelerations of the joints that move by themselves, from the engine's own M (nv, nv) and forces (nv,)."""
+        velocities = self.addresses[1]
+        assert self.couplings is not None
+        return projected(mass[np.ix_(velocities, velocities)], force[velocities], self.couplings)
+
     @property
     def model(self) -> Any:
         """The engine's own; raises ``Unsupported`` where none can be asked by itself."""
@@ -69,7 +68,20 @@ class LoadedFile:
     @property
     def is_supplied_with_forces(self) -> bool:
         """True where forces that its reader leaves out are applied to it."""
-        return False
+        aid = self.request.aid
+        if aid is None:
+            return False
+        springs = bool(aid.forces.springs or aid.springs) and not self.applies_springs
+        return springs or (bool(aid.forces.damping.any()) and not self.applies_dampers)
+
+    def supplied(self, q: Array, v: Array) -> Array:
+        """(n, nv) forces [N or N m] of the springs and dampers of joints that the engine does not apply itself, over the file's joints."""
+        found = np.zeros_like(v)
+        if self.request.aid is not None:
+            forces = self.request.aid.forces
+            found = found if self.applies_springs else found + forces.of_springs(q)
+            found = found if self.applies_dampers else found + forces.of_dampers(v)
+        return found
 
     @property
     def addresses(self) -> tuple[list[int], list[int]]:
@@ -80,6 +92,40 @@ class LoadedFile:
     def quantities(self) -> Any:
         """An object with methods of ``harness.engines.interface``, whose q and v are of the joints found."""
         raise NotOffered("robots' files are asked about accelerations alone")
+
+
+class EngineRun:
+    """States in an engine's own conventions: q, v and forces, (n, ...) each, which ``evaluate`` gives the accelerations of, one by one.
+
+    ``in_file`` takes accelerations of a joint from the engine's conventions to those of the request.
+
+    Attributes:
+        found: (n, velocities of the engine), or with couplings those of the joints that move by themselves.
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedFile,
+        own: tuple[Array, Array, Array],
+        evaluate: Callable[..., Array],
+        in_file: Callable[[AskedJoint, Array], Array],
+    ) -> None:
+        self.loaded, self.own, self.evaluate, self.in_file = loaded, own, evaluate, in_file
+        self._rows = list(zip(*own, strict=True))
+        couplings = loaded.couplings
+        self.found = np.full((len(own[1]), own[1].shape[1] if couplings is None else couplings.shape[1]), np.nan)
+
+    def compute(self) -> None:
+        """Let the engine compute all states: nothing is converted."""
+        evaluate, found = self.evaluate, self.found
+        for state, row in enumerate(self._rows):
+            found[state] = evaluate(*row)
+
+    def accelerations(self) -> Array:
+        """(n, velocities of the loaded joints): what the last ``compute`` found."""
+        joints = self.loaded.joints
+        columns = by_joint(joints, self.found if self.loaded.couplings is not None else self.found[:, self.loaded.addresses[1]])
+        return np.hstack([np.empty((len(self.found), 0)), *(self.in_file(joint, columns[joint.name]) for joint in joints)])
 
 
 def refuse_joints(request: Request, engine: str, floating: Collection[str]) -> None:

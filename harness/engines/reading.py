@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TypeVar
 
@@ -16,34 +16,59 @@ from lxml import etree
 
 from harness.engines.interface import Unsupported
 from harness.engines.request import Refused, Request
-from harness.files.document.xml import describe, literal_tag, parse_document
-from harness.files.model_file import ROOT_TAGS, ModelFile
+from harness.files.document.xml import Document, describe, literal_tag, parse_any
+from harness.files.model_file import ModelFile
 from harness.files.tree import WORLD
+from harness.files.urdf.kinds import DRAKE_JOINT, JOINT_TAGS
 
 Found = TypeVar("Found")
 SHAPES = ("visual", "collision")
 
 
+def document_of(request: Request) -> Document:
+    """The elements of the file, by their tags without a default namespace; whoever asks may change them."""
+    document = parse_any(request.path, request.content.decode(), "a model", any_prefix=True)
+    for element in document.root.iter("*"):
+        if element.prefix is None and element.tag.startswith("{"):
+            element.tag = etree.QName(element).localname
+    etree.cleanup_namespaces(document.root)
+    return document
+
+
 def elements_of(request: Request) -> etree._Element:
-    """The root element of the file."""
-    return etree.fromstring(request.content, etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
+    """The root element of the file, as of ``document_of``."""
+    return document_of(request).root
 
 
-def root_link(request: Request) -> str:
+def carriers(root: etree._Element, tags: Collection[str] = JOINT_TAGS) -> dict[str, etree._Element]:
+    """The joint that carries each link of a URDF that is carried, by the link's name."""
+    joints = [joint for joint in root.iterchildren("*") if literal_tag(joint) in tags]
+    return {str(child.get("link")): joint for joint in joints for child in joint.iterfind("child")}
+
+
+def parent_of(joint: etree._Element) -> str:
+    """The name of the link that a joint hangs on."""
+    return str(joint.find("parent").get("link"))
+
+
+def is_displaced(joint: etree._Element) -> bool:
+    """True for a joint with an origin other than that of its parent."""
+    return any(float(word) for origin in joint.iterfind("origin") for text in origin.attrib.values() for word in str(text).split())
+
+
+def root_link(root: etree._Element, tags: Collection[str] = JOINT_TAGS) -> str:
     """The name of the link of a URDF that no joint carries; "" where Drake's ball joint carries the first."""
-    root = elements_of(request)
-    joints = (joint for joint in root.iterchildren("*") if literal_tag(joint) in ("joint", "drake:joint"))
-    carried = {child.get("link") for joint in joints for child in joint.iterfind("child")}
+    carried = carriers(root, tags)
     return next((str(link.get("name")) for link in root.iterfind("link") if link.get("name") not in carried), "")
 
 
-def links_without_inertia(request: Request) -> set[str]:
+def links_without_inertia(root: etree._Element) -> list[etree._Element]:
     """The links that have no inertia in the file, for which engines have one of their own."""
-    return {str(link.get("name")) for link in elements_of(request).iterfind("link") if link.find("inertial") is None}
+    return [link for link in root.iterfind("link") if link.find("inertial") is None]
 
 
-def take_root_off(request: Request, engine: str) -> tuple[bytes | None, str]:
-    """The text of a URDF without a free or ball joint from the world to its root link, and without that world; and the joint's name.
+def without_root_joint(request: Request, engine: str) -> tuple[etree._Element | None, str]:
+    """A URDF without a free or ball joint from the world to its root link, and without that world; and the joint's name.
 
     None and the name of the floating base, where there is one, of a file that is read as it is.
 
@@ -52,54 +77,33 @@ def take_root_off(request: Request, engine: str) -> tuple[bytes | None, str]:
     """
     if request.aid is None or request.floating_base:
         return None, request.floating_base
-    document = parse_document(request.path, request.content.decode(), ROOT_TAGS["urdf"])
-    root = document.root
-    carried = {joint.find("child").get("link") for joint in root.iterfind("joint")}
-    name = ""
+    document = document_of(request)
+    root, name = document.root, ""
+    carried = carriers(root, ["joint"])
     for joint in list(root.iterfind("joint")):
-        kind, parent, origin = joint.get("type"), joint.find("parent").get("link"), joint.find("origin")
-        moved = origin is not None and any(float(word) for text in origin.attrib.values() for word in text.split())
+        kind, parent = joint.get("type"), parent_of(joint)
         alone = len(root.findall(f"joint/parent[@link='{parent}']")) == 1
-        if kind == "floating" and parent == WORLD and parent not in carried and alone and not moved:
+        if kind == "floating" and parent == WORLD and parent not in carried and alone and not is_displaced(joint):
             name = str(joint.get("name"))
             (world,) = (link for link in root.iterfind("link") if link.get("name") == WORLD)
             root.remove(joint)
             root.remove(world)
         elif request.text is not None and kind not in ("fixed", "revolute", "continuous", "prismatic"):
             raise Unsupported(f"line {document.lines[joint]}: {describe(joint)} is {kind}, which {engine} has at the root of a model alone")
-    for joint in [element for element in root.iterchildren("*") if literal_tag(element) == "drake:joint"]:
+    for joint in [element for element in root.iterchildren("*") if literal_tag(element) == DRAKE_JOINT]:
         name = str(joint.get("name"))
         root.remove(joint)
-    if name:
-        return text_of(root), name
-    return (None if request.text is None else request.content), name
-
-
-def refuse_constraints(file: ModelFile, engine: str) -> None:
-    """Raises Unsupported for what closes loops and couples joints in a mechanism's model, and for forces that nobody can supply."""
-    if file.constraints:
-        shown = "; ".join(f"line {one.line}: {one.couples} constraint {one.name!r}" for one in file.constraints)
-        raise Unsupported(f"{engine} reads no constraints and couples no joints: {shown}")
-    refuse_unexpressed(file)
-
-
-def refuse_unexpressed(file: ModelFile) -> None:
-    """Raises Unsupported for forces and inertias of a model that no force element expresses."""
-    if file.unexpressed:
-        raise Unsupported("; ".join(f"line {one.line}: {one.what}, which the harness cannot supply" for one in file.unexpressed))
+    return root if name else None, name
 
 
 def moving_mass(request: Request, masses: Mapping[str, float]) -> float:
     """The mass of the links that move, of an engine's ``masses`` by link [kg]: those behind a joint that is not fixed."""
-    root = elements_of(request)
-    joints = [joint for joint in root.iterchildren("*") if literal_tag(joint) in ("joint", "drake:joint")]
-    parents = {joint.find("child").get("link"): joint.find("parent").get("link") for joint in joints}
-    fixed = {joint.find("child").get("link") for joint in joints if joint.get("type") == "fixed"}
+    carried = carriers(elements_of(request))
 
     def moves(link: str) -> bool:
-        while link in fixed:
-            link = parents[link]
-        return link in parents
+        while link in carried and carried[link].get("type") == "fixed":
+            link = parent_of(carried[link])
+        return link in carried
 
     return sum(mass for link, mass in masses.items() if moves(link))
 
@@ -113,11 +117,11 @@ def without_shapes(root: etree._Element, meshes_alone: bool = False) -> etree._E
     return root
 
 
-def text_of(root: etree._Element) -> bytes:
-    return bytes(etree.tostring(root))
+def text_of(root: etree._Element) -> str:
+    return str(etree.tostring(root, encoding="unicode"))
 
 
-def read_without_meshes(request: Request, read: Callable[[bytes], Found]) -> tuple[Found, tuple[str, ...]]:
+def read_without_meshes(request: Request, read: Callable[[str], Found]) -> tuple[Found, tuple[str, ...]]:
     """What ``read`` returns of the file; without its meshes where it refuses it with them, which a note says.
 
     Engines refuse a file whose meshes are not where they look for them.
@@ -126,7 +130,7 @@ def read_without_meshes(request: Request, read: Callable[[bytes], Found]) -> tup
         Refused: from ``read``, with the meshes, where it refuses the file without them too.
     """
     try:
-        return read(request.content), ()
+        return read(request.content.decode()), ()
     except Refused as refusal:
         if elements_of(request).find(".//geometry/mesh") is None:
             raise
@@ -135,6 +139,15 @@ def read_without_meshes(request: Request, read: Callable[[bytes], Found]) -> tup
         except Refused:
             raise refusal from None
         return found, (f"refused with its meshes, and read without them: {refusal}",)
+
+
+def refuse_unexpressed(file: ModelFile, no_constraints: str) -> None:
+    """Raises Unsupported for the constraints of a model, with the reason, and for forces that no force element expresses."""
+    if file.constraints:
+        shown = "; ".join(f"line {one.line}: {one.couples} constraint {one.name!r}" for one in file.constraints)
+        raise Unsupported(f"{no_constraints}: {shown}")
+    if file.unexpressed:
+        raise Unsupported("; ".join(f"line {one.line}: {one.what}, which the harness cannot supply" for one in file.unexpressed))
 
 
 @contextmanager

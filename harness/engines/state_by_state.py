@@ -32,13 +32,10 @@ class StateByState(LoadedFile):
     Attributes:
         places: the engine's first velocity of each joint. sizes: its numbers of positions and velocities. width: number of all velocities.
         rotation_first: whether it has the angular velocity of a base that floats before the linear one; both are along the world's axes.
-        applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
         turn: takes the engine's velocities, accelerations and forces to the harness's at the last state, (nv, width).
     """
 
     rotation_first = False
-    applies_dampers = False
-    applies_springs = False
 
     def __init__(self, request: Request, places: Mapping[str, int], width: int) -> None:
         super().__init__(request, places)
@@ -75,23 +72,6 @@ class StateByState(LoadedFile):
         """A link: the rotation of its frame to the world (3, 3), its origin (3,), and the Jacobian (6, width) of the origin's velocity and
         the angular velocity, along the world's axes."""
         raise NotOffered("the engine gives no places of links")
-
-    @property
-    def is_supplied_with_forces(self) -> bool:
-        aid = self.request.aid
-        if aid is None:
-            return False
-        springs = bool(aid.forces.springs or aid.springs) and not self.applies_springs
-        return springs or (bool(aid.forces.damping.any()) and not self.applies_dampers)
-
-    def supplied(self, q: Array, v: Array) -> Array:
-        """(n, nv) forces [N or N m] of the springs and dampers of joints that the engine does not apply itself, over the file's joints."""
-        found = np.zeros_like(v)
-        if self.request.aid is not None:
-            forces = self.request.aid.forces
-            found = found if self.applies_springs else found + forces.of_springs(q)
-            found = found if self.applies_dampers else found + forces.of_dampers(v)
-        return found
 
     def _point(self, body: str, local: Array) -> tuple[Array, Array]:
         """World position (3,) of a point of a body, given in the body's frame, and its Jacobian (3, nv)."""

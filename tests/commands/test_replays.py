@@ -24,7 +24,8 @@ STALE = FoundState(
 # No number for a few of the fastest states.
 ENGINE = """
 import numpy as np
-from harness.engines.adapters.mujoco import MujocoEngine, MujocoModel
+from harness.engines.adapters.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco.model import MujocoModel
 
 
 class Model(MujocoModel):

@@ -15,7 +15,7 @@ from support import BUILT_IN, InThisProcess
 from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
 from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.engines import describe_engines, load_engine, runs_elsewhere
-from harness.engines.adapters.pinocchio.robot import PinocchioRun
+from harness.engines.loaded_file import EngineRun
 from harness.engines.request import Refused
 from harness.errors import InvalidRequest
 from harness.explain.changes import readings
@@ -175,6 +175,6 @@ def test_a_refusal_at_a_state_is_an_answer(monkeypatch: pytest.MonkeyPatch) -> N
     def refuse(self: object) -> None:
         raise Refused("not in continuous time")
 
-    monkeypatch.setattr(PinocchioRun, "compute", refuse)
+    monkeypatch.setattr(EngineRun, "compute", refuse)
     answers = {kind: record for (_, kind), record in compared(FILES / "arm.urdf", "pinocchio/urdf").items()}
     assert {one.message for one in answers.values()} == {"not in continuous time"}

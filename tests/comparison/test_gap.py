@@ -142,13 +142,13 @@ def test_no_gap_has_no_shares(two_links: Path) -> None:
 
 def test_an_engine_that_leaves_its_rule_shows_in_its_own_share(two_links: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Planted: MuJoCo's Euler with explicit dampers, which its declared rule takes implicitly."""
-    from harness.engines.adapters.mujoco import steps
+    from harness.engines.adapters.mujoco import law
 
     def wrong(rule: StepRule) -> StepRule:
         return replace(rule, implicit=rule.implicit | {ImplicitPart.VELOCITY_TERMS}) if rule.name == "Euler" else rule
 
-    plain = steps.rules_in
-    monkeypatch.setattr(steps, "rules_in", lambda root: tuple(map(wrong, plain(root))))
+    plain = law.rules_in
+    monkeypatch.setattr(law, "rules_in", lambda root: tuple(map(wrong, plain(root))))
     gap = gap_of(two_links, two_links, "mujoco/Euler", "mujoco/RK4")
     found = shares(gap)
     assert abs(found[BESIDE[0]][0]) > 0.05 and abs(found[BESIDE[1]][0]) < 1e-9

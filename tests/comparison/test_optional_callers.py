@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from comparison.robots import FILES, edited, meant_by
+from lxml import etree
 from robot_files import EVERYTHING
 
 from harness.comparison import judgement
@@ -56,7 +57,7 @@ def record_of(engine: str, path: Path, asked: Path | None = None, aided: bool = 
 def arm(folder: Path, changes: tuple[tuple[str, str], ...] = ()) -> Path:
     """A copy of the arm's URDF with every origin written out, without which adam reads no file."""
     path = edited(FILES / "arm.urdf", folder, *changes)
-    path.write_text(with_origins(path.read_bytes()))
+    path.write_text(with_origins(etree.fromstring(path.read_bytes())))
     return path
 
 

@@ -12,7 +12,7 @@ from support import InThisProcess, completed
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.engines.adapters.mujoco import MujocoModel
+from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
 from harness.truth.quantities import Quantity, find_quantities, generalised_forces, motion

@@ -239,7 +239,7 @@ def test_pinocchio_s_mjcf_reader_is_as_wrong_as_the_entry_says(name: str, low: f
 
 def test_pinocchio_s_mjcf_reader_passes_over_what_stands_in_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pinocchio_mjcf, "_refuse_ignored", lambda file, document: None)
-    loaded, _ = pinocchio_mjcf.read(read_model(BUILT_IN.model_path("acrobot.frames", "mjcf"), "mjcf"))
+    loaded = pinocchio_mjcf.read(read_model(BUILT_IN.model_path("acrobot.frames", "mjcf"), "mjcf"))
     assert list(loaded.names) == ["universe", "shoulder"]
 
 

@@ -15,8 +15,9 @@ from planar_loops import FOUR_BAR, LOOPS, Answer, Loop, Softened, four_bar_gap
 
 from harness.arrays import Array
 from harness.engines import ConstraintLaw, InverseWeight, Unsupported, load_engine
-from harness.engines.adapters.pinocchio import PinocchioModel
-from harness.engines.adapters.pinocchio.constraints import LoopConstraints, Solver
+from harness.engines.adapters.pinocchio.constraints import LoopConstraints
+from harness.engines.adapters.pinocchio.model import PinocchioModel
+from harness.engines.adapters.pinocchio.solver import Solver
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.library import Library
 from harness.trees.inverse_weights import inverse_weights

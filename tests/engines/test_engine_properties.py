@@ -23,7 +23,7 @@ from catalogue import TREES
 
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, load_engine
-from harness.engines.adapters.pinocchio.forces import ForceElements, joint_places
+from harness.engines.adapters.pinocchio.forces import ForceElements
 from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.lagrange.euler_angles import sines_and_cosines
@@ -143,9 +143,7 @@ class PinocchioProbe:
         return ordered
 
     def _of_elements(self, elements: Sequence[Any], position: Array, rate: Array) -> Array:
-        return ForceElements(self._model, elements, joint_places(self._model, {})).generalised_forces(position[:, None], rate[:, None])[
-            :, 0
-        ]
+        return ForceElements(self._model, elements, self._loaded.force_elements.places).at(position, rate)
 
     def applied_forces(self, q: Array, v: Array, qdd: Array) -> Array:
         position, rate = self._engine_order(self._positions, q), self._engine_order(self._rates, v)

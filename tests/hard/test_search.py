@@ -322,7 +322,8 @@ def test_shares_are_what_rounding_really_does() -> None:
 ENGINE = """
 import os
 import numpy as np
-from harness.engines.adapters.mujoco import MujocoEngine, MujocoModel
+from harness.engines.adapters.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco.model import MujocoModel
 
 class Model(MujocoModel):
     def forward_dynamics(self, q, v, tau):

@@ -35,7 +35,8 @@ FOUND = FoundState(
 # Right everywhere but at one state, which no sample meets.
 ENGINE = """
 import numpy as np
-from harness.engines.adapters.mujoco import MujocoEngine, MujocoModel
+from harness.engines.adapters.mujoco import MujocoEngine
+from harness.engines.adapters.mujoco.model import MujocoModel
 
 class Model(MujocoModel):
     def forward_dynamics(self, q, v, tau):

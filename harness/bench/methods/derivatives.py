@@ -13,7 +13,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,9 +21,11 @@ from harness.arrays import Array
 from harness.bench.methods import DERIVATIVES, Method
 from harness.crosscheck.scene import Scene
 from harness.engines import EQUATIONS, Subject, Unsupported, installed_version, load_engine
-from harness.engines.adapters.mujoco import MujocoModel
-from harness.engines.adapters.pinocchio import PinocchioModel
 from harness.programs.states import States
+
+if TYPE_CHECKING:
+    from harness.engines.adapters.mujoco.model import MujocoModel
+    from harness.engines.adapters.pinocchio.model import PinocchioModel
 
 Compute = Callable[[], Array]
 # By q and by v, at the state that an engine's data hold.

@@ -17,6 +17,7 @@ import copy
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,11 +25,13 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared, reproducer_of, truth_of_engine
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
-from harness.engines.adapters.mujoco import MujocoModel
 from harness.files.model_file import Attributes, with_attributes
 from harness.library import CONSTRAINED, MECHANISMS
 from harness.programs.states import States
 from harness.truth.quantities.accelerations import AccelerationTruth
+
+if TYPE_CHECKING:
+    from harness.engines.adapters.mujoco.model import MujocoModel
 
 
 def _forward(scene: Scene, states: States) -> Prepared:

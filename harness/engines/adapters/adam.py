@@ -19,10 +19,9 @@ from lxml import etree
 from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.reading import captured_output, moving_mass, refuse_constraints, take_root_off
+from harness.engines.reading import captured_output, elements_of, moving_mass, text_of, without_root_joint
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
-from harness.files.model_file import ModelFile
 
 
 class AdamModel(StateByState):
@@ -77,17 +76,15 @@ class AdamEngine(Engine):
         )
     }
     why_no_equalities = "its KinDynComputations couple no joints"
+    why_no_constraints = "adam reads no constraints and couples no joints"
     call: Mapping[str, str] = {
         "urdf": "k = KinDynComputations(PATH, joints); k.mass_matrix(base, q); k.bias_force(base, q, base_velocity, v)"
     }
 
-    def refuse(self, file: ModelFile) -> None:
-        refuse_constraints(file, "adam")
-
     def read(self, request: Request) -> AdamModel:
         from adam.numpy import KinDynComputations
 
-        text, root = take_root_off(request, "adam")
+        elements, root = without_root_joint(request, "adam")
         refuse_joints(request, "adam", [root])
         own_joints = [joint.name for joint in request.joints if joint.name != root]
         # It prints the elements that it does not know.
@@ -96,7 +93,7 @@ class AdamEngine(Engine):
                 if request.aid is None:
                     return AdamModel(KinDynComputations(str(request.path), own_joints), request, own_joints, root)
                 gravity = np.concatenate([request.aid.gravity, np.zeros(3)])
-                content = with_origins(request.content if text is None else text)
+                content = with_origins(elements_of(request) if elements is None else elements)
                 return AdamModel(KinDynComputations(content, own_joints, gravity=gravity), request, own_joints, root)
             except Exception as error:
                 # Of a prismatic joint it puts numbers of other shapes together than of a revolute one.
@@ -106,10 +103,9 @@ class AdamEngine(Engine):
                 raise Refused(" ".join(f"{type(error).__name__}: {error}".split())) from error
 
 
-def with_origins(content: bytes) -> str:
+def with_origins(root: etree._Element) -> str:
     """The links and joints of a URDF alone, every frame with its origin and turn written out: adam takes no default for them, and its
     parser raises an error at elements that it does not know."""
-    root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True))
     for element in list(root.iterchildren("*")):
         if element.tag not in ("link", "joint"):
             root.remove(element)
@@ -118,7 +114,7 @@ def with_origins(content: bytes) -> str:
         origin = etree.SubElement(framed, "origin") if origin is None else origin
         for name in ("xyz", "rpy"):
             origin.set(name, origin.get(name, "0 0 0"))
-    return str(etree.tostring(root, encoding="unicode"))
+    return text_of(root)
 
 
 ENGINE = AdamEngine()

@@ -21,7 +21,7 @@ from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.coordinates import FREE, rotation
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.reading import captured_standard_error, links_without_inertia, read_without_meshes
+from harness.engines.reading import captured_standard_error, elements_of, links_without_inertia, read_without_meshes
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
 from harness.files.joint_kinds import JointKind
@@ -133,10 +133,10 @@ class DartEngine(Engine):
         loader.setOptions(dartpy.utils.DartLoaderOptions(defaultRootJointType=kinds.FLOATING if request.floating_base else kinds.FIXED))
         place = request.path.resolve().as_uri() if request.text is None else ""
 
-        def read(content: bytes) -> Any:
+        def read(content: str) -> Any:
             # The reasons go to standard error alone.
             with captured_standard_error() as captured:
-                skeleton = loader.parseSkeletonString(content.decode(), dartpy.common.Uri(place))
+                skeleton = loader.parseSkeletonString(content, dartpy.common.Uri(place))
                 if skeleton is None:
                     raise Refused(_COLOURS.sub("", " ".join((captured() or "its loader refuses the file without a reason").split())))
             return skeleton
@@ -147,7 +147,7 @@ class DartEngine(Engine):
                 raise Refused("its algorithm knows no rotor inertias of joints, which no force supplies")
             skeleton.setGravity(request.aid.gravity)
             skeleton.setTimeStep(0.0)
-            empty = links_without_inertia(request)
+            empty = {link.get("name") for link in links_without_inertia(elements_of(request))}
             # It warns of a body without mass, and computes with one.
             with captured_standard_error():
                 for body in skeleton.getBodyNodes():

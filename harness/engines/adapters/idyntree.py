@@ -18,10 +18,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import Engine, LoadedModel
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.reading import captured_standard_error, moving_mass, refuse_constraints, root_link, take_root_off
+from harness.engines.reading import captured_standard_error, elements_of, moving_mass, root_link, text_of, without_root_joint
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
-from harness.files.model_file import ModelFile
 
 _GRAVITY = (0.0, 0.0, -9.81)
 
@@ -49,7 +48,7 @@ class IdyntreeModel(StateByState):
 
     def _place_base(self) -> None:
         """Put the base where the root link of the file is in the world's origin: it is another where the parser leaves out that link."""
-        root, base = root_link(self.request), self._model.getLinkName(self._model.getDefaultBaseLink())
+        root, base = root_link(elements_of(self.request)), self._model.getLinkName(self._model.getDefaultBaseLink())
         if root != base and self.request.floating_base:
             raise Refused(f"its base is link {base!r}, not the root {root!r}, of whose motion the harness asks", root)
         if root != base:
@@ -101,6 +100,7 @@ class IdyntreeEngine(Engine):
         "urdf": "dampers, springs and rotor inertias of joints, and springs between points, are supplied from the file"
     }
     why_no_equalities = "KinDynComputations couples no joints"
+    why_no_constraints = "iDynTree reads no constraints and couples no joints"
     call: Mapping[str, str] = {
         "urdf": (
             "loader.loadModelFromFile(PATH); k.loadRobotModel(loader.model()); k.setRobotState(base, q, base_velocity, v, gravity); "
@@ -108,18 +108,16 @@ class IdyntreeEngine(Engine):
         )
     }
 
-    def refuse(self, file: ModelFile) -> None:
-        refuse_constraints(file, "iDynTree")
-
     def read(self, request: Request) -> IdyntreeModel:
         import idyntree.bindings as idyntree
 
-        text, root = take_root_off(request, "iDynTree")
+        elements, root = without_root_joint(request, "iDynTree")
+        text = request.text if elements is None else text_of(elements)
         refuse_joints(request, "iDynTree", [root])
         loader = idyntree.ModelLoader()
         # The reasons go to standard error alone.
         with captured_standard_error() as captured:
-            read = loader.loadModelFromFile(str(request.path)) if text is None else loader.loadModelFromString(text.decode(), "urdf")
+            read = loader.loadModelFromFile(str(request.path)) if text is None else loader.loadModelFromString(text, "urdf")
             if not read:
                 raise Refused(" ".join((captured() or "its parser refuses the file without a reason").split()))
         return IdyntreeModel(loader.model().copy(), request, root)

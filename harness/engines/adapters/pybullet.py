@@ -22,10 +22,17 @@ from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.coordinates import rotation
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.reading import captured_output, elements_of, moving_mass, refuse_constraints, take_root_off, text_of, without_shapes
+from harness.engines.reading import (
+    captured_output,
+    elements_of,
+    links_without_inertia,
+    moving_mass,
+    text_of,
+    without_root_joint,
+    without_shapes,
+)
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.files.model_file import ModelFile
 
 _GRAVITY = (0.0, 0.0, -9.81)
 # pybullet.URDF_USE_INERTIA_FROM_FILE.
@@ -132,6 +139,7 @@ class PybulletEngine(Engine):
         )
     }
     why_no_equalities = "its mass matrix and inverse dynamics hold no joints together"
+    why_no_constraints = "PyBullet reads no constraints and couples no joints"
     call: Mapping[str, str] = {
         "urdf": (
             "b = p.loadURDF(PATH, useFixedBase=True); p.setGravity(0, 0, -9.81); p.calculateMassMatrix(b, q); "
@@ -139,12 +147,9 @@ class PybulletEngine(Engine):
         )
     }
 
-    def refuse(self, file: ModelFile) -> None:
-        refuse_constraints(file, "PyBullet")
-
     def read(self, request: Request) -> PybulletModel:
         if request.text is not None:
-            _, root = take_root_off(request, "PyBullet")
+            _, root = without_root_joint(request, "PyBullet")
             if root:
                 line = next(joint.line for joint in request.joints if joint.name == root)
                 raise Unsupported(f"line {line}: joint {root!r} is free or a ball joint, for which its inverse dynamics have no place in q")
@@ -164,11 +169,11 @@ def _notes(request: Request) -> tuple[str, ...]:
     )
 
 
-def _read(flags: int, content: bytes) -> tuple[int, int]:
+def _read(flags: int, content: str) -> tuple[int, int]:
     """A body in a physics server of its own, and that server before it."""
     # The reasons go to standard output and error alone; it keeps files by their names.
     with captured_output() as captured, tempfile.NamedTemporaryFile(suffix=".urdf") as file:
-        file.write(content)
+        file.write(content.encode())
         file.flush()
         import pybullet
 
@@ -180,12 +185,11 @@ def _read(flags: int, content: bytes) -> tuple[int, int]:
             raise Refused(" ".join((captured() or str(error)).split())) from error
 
 
-def _with_inertias(request: Request) -> bytes:
+def _with_inertias(request: Request) -> str:
     """The text with an inertia of nothing where a link has none, for which PyBullet has one of its own, and without shapes."""
     root = without_shapes(elements_of(request))
-    for link in root.iterfind("link"):
-        if link.find("inertial") is None:
-            link.append(etree.fromstring(_NOTHING))
+    for link in links_without_inertia(root):
+        link.append(etree.fromstring(_NOTHING))
     return text_of(root)
 
 

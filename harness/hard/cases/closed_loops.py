@@ -8,13 +8,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
-from harness.engines.adapters.pinocchio import PinocchioModel
-from harness.engines.adapters.pinocchio.constraints import Solver
+from harness.engines.adapters.pinocchio.solver import Solver
 from harness.hard.cases import STATES, HardCase, Theory, anywhere, at_each_seed, decades, of_sizes, posed, shares, with_columns
 from harness.hard.cases.long_chains import bar_inertias
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+
+if TYPE_CHECKING:
+    from harness.engines.adapters.pinocchio.model import PinocchioModel
 
 _HIGHAM = "Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., sections 7.1 and 10.1"
 _HUNT = "Hunt, Kinematic Geometry of Mechanisms, section 2.1; Bayo, Avello, Nonlinear Dynamics 5 (1994), on chains of four-bars"

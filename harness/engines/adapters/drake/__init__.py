@@ -20,7 +20,7 @@ from harness.arrays import Array
 from harness.engines import Engine, ImplicitPart, LoadedModel, NotOffered, StepRule, Terms, Unsupported
 from harness.engines.adapters.drake.building import CONTINUOUS, FINALIZE, Building, building, built
 from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
-from harness.engines.adapters.drake.files import floating_bodies, refuse
+from harness.engines.adapters.drake.files import floating_bodies
 from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request
@@ -195,6 +195,7 @@ class DrakeEngine(Engine):
         "gravity, springs and rotor inertias of joints, and springs between points, are supplied from the file; dampers are its own",
     )
     why_no_equalities = "it holds equalities in discrete time steps alone, and has no acceleration at a state with them"
+    why_no_constraints = "Drake holds constraints in discrete time steps alone, and has no acceleration at a state with them"
     call: Mapping[str, str] = {
         "urdf": f"{_PLANT}p.WeldFrames(p.world_frame(), p.GetFrameByName(ROOT)); {_ACCELERATIONS}",
         "mjcf": _PLANT + _ACCELERATIONS,
@@ -210,9 +211,6 @@ class DrakeEngine(Engine):
         is periodic and gives no formula.
         """
         return (StepRule("discrete", _TIME_STEP, frozenset({ImplicitPart.JOINT_DAMPERS})),)
-
-    def refuse(self, file: ModelFile) -> None:
-        refuse(file)
 
     def read(self, request: Request) -> DrakeModel:
         floating = floating_bodies(request)

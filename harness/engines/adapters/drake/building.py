@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.engines.adapters.drake.files import armatures_passed_over, refused_warnings, silent, springs_at_world, text_for_parser
-from harness.engines.reading import root_link
+from harness.engines.reading import elements_of, root_link
 from harness.engines.request import Aid, Request
 from harness.files.tree import WORLD
 
@@ -51,7 +51,7 @@ def _reading(request: Request, text: str | None) -> Iterator[str]:
     kind = "urdf" if request.format == "urdf" else "xml"
     read = f"AddModels({str(request.path)!r})" if text is None else f"AddModelsFromString(x, {kind!r})"
     yield f"p = {CONTINUOUS}; Parser(p).{read}"
-    root = root_link(request) if request.format == "urdf" and not request.floating_base else WORLD
+    root = root_link(elements_of(request)) if request.format == "urdf" and not request.floating_base else WORLD
     if root not in ("", WORLD):
         yield f"p.WeldFrames(p.world_frame(), p.GetFrameByName({root!r}))"
 

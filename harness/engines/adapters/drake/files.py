@@ -14,15 +14,13 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from lxml import etree
-
 from harness.engines import Unsupported
-from harness.engines.reading import refuse_unexpressed, root_link
+from harness.engines.reading import carriers, document_of, is_displaced, parent_of, root_link, text_of
 from harness.engines.request import Refused, Request
-from harness.files.document.xml import Document, describe, literal_tag, parse_document
+from harness.files.document.xml import Document, describe, literal_tag
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import resolved, resolved_text
-from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring
+from harness.files.model_file import PointSpring
 from harness.files.tree import WORLD
 from harness.files.urdf.kinds import POINT_SPRING
 
@@ -43,12 +41,12 @@ def text_for_parser(request: Request) -> str | None:
     """
     if request.format != "urdf" or not springs_at_world(request):
         return request.text
-    document = parse_document(request.path, request.content.decode(), ROOT_TAGS["urdf"])
+    document = document_of(request)
     lines = {spring.line for spring in springs_at_world(request)}
     for element in list(document.root.iterchildren("*")):
         if literal_tag(element) == POINT_SPRING and document.lines[element] in lines:
             document.root.remove(element)
-    return str(etree.tostring(document.root, encoding="unicode"))
+    return text_of(document.root)
 
 
 def springs_at_world(request: Request) -> list[PointSpring]:
@@ -62,9 +60,9 @@ def floating_bodies(request: Request) -> dict[str, str]:
         Unsupported: such a joint floats from another link than the root at the world's origin, or its body has no name.
         Refused: a joint of a user's MJCF has no name.
     """
+    document = document_of(request)
     if request.floating_base:
-        return {request.floating_base: root_link(request)}
-    document = parse_document(request.path, request.content.decode(), ROOT_TAGS[request.format])
+        return {request.floating_base: root_link(document.root)}
     return _floating_in_mjcf(request, document) if request.format == "mjcf" else _floating_in_urdf(request, document)
 
 
@@ -86,13 +84,11 @@ def _floating_in_mjcf(request: Request, document: Document) -> dict[str, str]:
 
 
 def _floating_in_urdf(request: Request, document: Document) -> dict[str, str]:
-    found = {}
-    carried = {joint.find("child").get("link") for joint in document.root.iterfind("joint")}
+    found, carried = {}, carriers(document.root, ["joint"])
     for joint in document.root.iterfind("joint[@type='floating']") if request.aid is not None else ():
-        parent, origin = joint.find("parent").get("link"), joint.find("origin")
-        moved = origin is not None and any(float(word) for text in origin.attrib.values() for word in text.split())
-        if parent != WORLD or parent in carried or moved:
-            where = "an origin of its own" if moved else f"link {parent!r}"
+        parent, displaced = parent_of(joint), is_displaced(joint)
+        if parent != WORLD or parent in carried or displaced:
+            where = "an origin of its own" if displaced else f"link {parent!r}"
             problem = f"floats from {where}, and Drake leaves its link free of the world; float from the link 'world' at its origin"
             raise Unsupported(f"line {document.lines[joint]}: {describe(joint)} {problem}")
         found[str(joint.get("name"))] = str(joint.find("child").get("link"))
@@ -107,7 +103,7 @@ def armatures_passed_over(request: Request) -> dict[str, float]:
     """
     if request.format == "urdf" or request.text is None:
         return {}
-    document, names = parse_document(request.path, request.text, ROOT_TAGS["mjcf"]), {joint.name for joint in request.joints}
+    document, names = document_of(request), {joint.name for joint in request.joints}
     found = {}
     for joint in document.root.iter("joint"):
         written = resolved(joint, "armature") if joint.get("name") in names else None
@@ -123,14 +119,6 @@ def armatures_passed_over(request: Request) -> dict[str, float]:
         if value:
             found[str(joint.get("name"))] = value
     return found
-
-
-def refuse(file: ModelFile) -> None:
-    """Raises Unsupported for what Drake cannot hold, and what nobody can supply."""
-    if file.constraints:
-        shown = "; ".join(f"line {one.line}: {one.couples} constraint {one.name!r}" for one in file.constraints)
-        raise Unsupported(f"Drake holds constraints in discrete time steps alone, and has no acceleration at a state with them: {shown}")
-    refuse_unexpressed(file)
 
 
 @contextmanager

@@ -13,14 +13,17 @@ Source: MuJoCo documentation, Computation; Python bindings, ``mujoco.batch``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Engine, StepRule
-from harness.engines.adapters.mujoco import law, robot, steps, urdf, versions
-from harness.engines.adapters.mujoco.model import MujocoModel as MujocoModel
+from harness.engines.adapters.mujoco import law
 from harness.engines.request import Request
 from harness.files.equalities import Equality
-from harness.files.model_file import ModelFile
+from harness.files.model_file import ModelFile, document_of
+
+if TYPE_CHECKING:
+    from harness.engines.adapters.mujoco.model import MujocoModel
+    from harness.engines.adapters.mujoco.robot import MujocoFile
 
 
 class MujocoEngine(Engine):
@@ -42,28 +45,19 @@ class MujocoEngine(Engine):
         "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",
     )
 
-    def read(self, request: Request) -> robot.MujocoFile:
-        return robot.read(request)
+    def read(self, request: Request) -> MujocoFile:
+        from harness.engines.adapters.mujoco.robot import read
+
+        return read(request)
 
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
-        import mujoco
+        from harness.engines.adapters.mujoco.model import load
 
-        # The default handler writes a log file into the current directory.
-        mujoco.set_mju_user_warning(lambda message: None)
-        if file.format == "urdf":
-            compiled, building = urdf.read(file, gravity, joints)
-            return MujocoModel(compiled, joints, building)
-        model = versions.read_mjcf(file)
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        return MujocoModel(model, joints)
-
-    def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
-        """See ``harness.engines.adapters.mujoco.law``."""
-        return law.constraint_laws(file)
+        return load(file, joints, gravity)
 
     def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
-        """See ``harness.engines.adapters.mujoco.steps``."""
-        return steps.step_rules(file)
+        """See ``harness.engines.adapters.mujoco.law``."""
+        return self.own_rules(document_of(file).root, file.format)
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
         return law.laws_in(law.settings(root, model_format), constraints)
@@ -71,8 +65,8 @@ class MujocoEngine(Engine):
     def fuses(self, root: Any, model_format: str) -> bool:
         return law.fuses(root, model_format)
 
-    def own_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:
-        return steps.rules_in(law.settings(root, model_format))
+    def own_rules(self, root: Any, model_format: str) -> tuple[StepRule, ...]:
+        return law.rules_in(law.settings(root, model_format))
 
 
 ENGINE = MujocoEngine()

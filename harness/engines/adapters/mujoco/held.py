@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from harness.arrays import Array
@@ -21,8 +22,6 @@ KINDS: dict[str, JointKind] = {kind.value: kind for kind in JointKind}
 
 def gravity_of(model: Any) -> Array:
     """(3,) gravity [m/s^2] that an ``MjModel`` applies: zero where it switches it off."""
-    import mujoco
-
     is_off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     return np.zeros(3) if is_off else np.array(model.opt.gravity)
 
@@ -33,8 +32,6 @@ def held(model: Any, positions: Mapping[str, float], steps: Mapping[str, Sequenc
     Bodies welded together are one. Of several joints of one body the last carries it, and each the next. Stiffness and
     damping are the linear coefficients, and 0 where the model switches them off.
     """
-    import mujoco
-
     data = mujoco.MjData(model)
     kinds = [KINDS[mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()] for kind in model.jnt_type]
     data.qpos[:] = 0.0

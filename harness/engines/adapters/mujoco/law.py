@@ -1,11 +1,18 @@
-"""The law of each constraint that MuJoCo documents, from the model file alone.
+"""The law of each constraint that MuJoCo documents, and the rules of its integrators, from the model file alone.
 
 Stiffness and damping follow from ``solref``, the impedance from ``solimp``. Two things stand in the program alone: couplings of joints
 and tendons leave J' v out, so that a coupling that is not linear is wrong by it however stiff it is; and a body that only slides along
 its axes, and carries none, has for its inverse weight 1/m instead of a mean over three directions.
 
-Source: MuJoCo documentation, Computation, section Solver parameters; Modeling, URDF extensions; XML reference,
-``compiler/fusestatic``; MuJoCo 4.0, engine_core_constraint.c (getsolparam, mj_makeImpedance, mj_diagApprox, mj_Jdotv).
+The steps of its integrators: ``Euler`` takes the dampers in joints implicitly, unless ``eulerdamp`` is disabled; ``implicit`` and
+``implicitfast`` all dampers on lengths too, and ``implicit`` all velocity terms, where ``implicitfast`` takes those of bodies that float
+alone. Both leave out what a damper on a length does across branches of the tree. ``discrete`` takes dampers and springs in joints and on
+lengths. ``RK4`` is the classical method. Two things stand in the program alone: ``discrete`` takes the velocity terms of bodies that float
+alone too, and ``RK4`` works in the coordinates of the exponential map.
+
+Source: MuJoCo documentation, Computation, sections Solver parameters and Numerical integration; Modeling, URDF extensions; XML reference,
+``compiler/fusestatic``; release notes of 3.13.0, ``discrete``; MuJoCo 4.0, engine_core_constraint.c (getsolparam, mj_makeImpedance,
+mj_diagApprox, mj_Jdotv), mj_step and engine_metric.c (springs on lengths count by the first derivatives of these).
 """
 
 from __future__ import annotations
@@ -18,13 +25,18 @@ from lxml import etree
 
 from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
 from harness.files.mjcf.attributes import is_on
-from harness.files.model_file import ModelFile, document_of
-from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
+from harness.files.rules import ConstraintLaw, Impedance, ImplicitPart, InverseWeight, StepRule
 
 # mjMINIMP, mjMAXIMP and mjMINVAL.
 LEAST_IMPEDANCE, MOST_IMPEDANCE, LEAST_NUMBER = 0.0001, 0.9999, 1e-15
-_TIMESTEP = 0.002
 _OF_BODIES: tuple[Literal["translation", "rotation"], ...] = ("translation", "rotation")
+# Of a file that does not say [s].
+_TIMESTEP = 0.002
+_HALF, _ONE, _NONE = Fraction(1, 2), Fraction(1), Fraction(0)
+_STAGES = ((_HALF,), (_NONE, _HALF), (_NONE, _NONE, _ONE))
+_WEIGHTS = (Fraction(1, 6), Fraction(1, 3), Fraction(1, 3), Fraction(1, 6))
+_DAMPERS = frozenset({ImplicitPart.JOINT_DAMPERS, ImplicitPart.LINE_DAMPERS})
+_SPRINGS = frozenset({ImplicitPart.JOINT_SPRINGS, ImplicitPart.LINE_SPRINGS})
 
 
 def settings(root: etree._Element, model_format: str) -> etree._Element:
@@ -39,13 +51,6 @@ def fuses(root: etree._Element, model_format: str) -> bool:
     return told[-1] == "true" if told else model_format == "urdf"
 
 
-def constraint_laws(file: ModelFile) -> dict[str, ConstraintLaw]:
-    """The law of each constraint by name; those of a URDF, which says nothing of it, are as soft as MuJoCo's defaults."""
-    if not file.constraints:
-        return {}
-    return laws_in(document_of(file).root, file.constraints)
-
-
 def laws_in(root: etree._Element, constraints: Iterable[Equality]) -> dict[str, ConstraintLaw]:
     """The law of each of some constraints of the file with this root element."""
     least_time = _least_time_constant(root)
@@ -55,8 +60,12 @@ def laws_in(root: etree._Element, constraints: Iterable[Equality]) -> dict[str, 
 
 def _least_time_constant(root: etree._Element) -> Fraction:
     """What ``solref`` is raised to: two steps, unless the flag "refsafe" is off."""
+    return 2 * Fraction(_time_step(root)) if is_on(root, "refsafe") else Fraction(0)
+
+
+def _time_step(root: etree._Element) -> float:
     written = [option.get("timestep") for option in root.iterfind("option[@timestep]")]
-    return 2 * Fraction(float(written[-1]) if written else _TIMESTEP) if is_on(root, "refsafe") else Fraction(0)
+    return float(written[-1]) if written else _TIMESTEP
 
 
 def _law(constraint: Equality, least_time: Fraction, exact: bool) -> ConstraintLaw:
@@ -98,3 +107,20 @@ def _weights(constraint: Equality) -> tuple[tuple[InverseWeight, ...], ...]:
         return (tuple(InverseWeight("joint", name) for name in (says.joint, says.leader) if name is not None),)
     assert isinstance(says, TendonLinkage)
     return (tuple(InverseWeight("tendon", one.name) for one in says.tendons),)
+
+
+def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
+    """The rules of all integrators by the options of a file with this root element."""
+    length = _time_step(root)
+    euler = frozenset({ImplicitPart.JOINT_DAMPERS} if is_on(root, "eulerdamp") else ())
+    return (
+        StepRule("Euler", length, euler),
+        StepRule("RK4", length, stages=_STAGES, weights=_WEIGHTS),
+        StepRule("implicit", length, _DAMPERS | {ImplicitPart.VELOCITY_TERMS}, along_branches=True),
+        StepRule("implicitfast", length, _DAMPERS | {ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES}, along_branches=True),
+        StepRule(
+            "discrete",
+            length,
+            _DAMPERS | _SPRINGS | {ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES},
+        ),
+    )

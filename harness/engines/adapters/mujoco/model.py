@@ -10,12 +10,30 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms
-from harness.engines.adapters.mujoco import held, steps, versions
+from harness.engines.adapters.mujoco import held, urdf, versions
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
+from harness.engines.interface import NotOffered
+from harness.files.model_file import ModelFile
+
+# Of an iteration of a step, relative.
+_TOLERANCE = 2.0**-53
+
+
+def load(file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
+    """See ``harness.engines.Engine.load``."""
+    # The default handler writes a log file into the current directory.
+    mujoco.set_mju_user_warning(lambda message: None)
+    if file.format == "urdf":
+        compiled, building = urdf.read(file, gravity, joints)
+        return MujocoModel(compiled, joints, building)
+    model = versions.read_mjcf(file)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    return MujocoModel(model, joints)
 
 
 class MujocoModel(MujocoQuantities):
@@ -51,6 +69,14 @@ class MujocoModel(MujocoQuantities):
             velocities += range(v, v + nv)
         return positions, velocities
 
+    def own(self, q: Array, *vectors: Array) -> list[Array]:
+        """Positions (n, nq), and vectors over the velocities (n, nv), in MuJoCo's order."""
+        positions, velocities = self.addresses
+        found = [np.zeros((len(q), size)) for size in (self.model.nq, *[self.model.nv] * len(vectors))]
+        for values, places, given in zip(found, (positions, *[velocities] * len(vectors)), (q, *vectors), strict=True):
+            values[:, places] = given
+        return found
+
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         if self._batch is None or self._batch.nsim != len(q):
             self._batch = versions.batch(self.model, len(q))
@@ -67,8 +93,6 @@ class MujocoModel(MujocoQuantities):
 
     def gaps(self, q: Array) -> dict[str, Array]:
         """``efc_pos`` of each equality; see ``harness.engines``."""
-        import mujoco
-
         # A diagnosis asks hundreds of models; of those without equalities positions would be computed for nothing.
         if not self.model.neq:
             return {}
@@ -89,16 +113,11 @@ class MujocoModel(MujocoQuantities):
         light bodies by up to 4600 data roundoffs (Andrews' squeezer).
         Source: MuJoCo documentation, API reference, ``mj_rnePostConstraint``, and ``mjData.cfrc_int``; XML reference, option, tolerance.
         """
-        import mujoco
-
-        model, (positions, velocities) = copy.copy(self.model), self.addresses
+        other = copy.copy(self)
+        other.model = model = copy.copy(self.model)
         model.opt.tolerance = 0.0
-        data = mujoco.MjData(model)
-        bodies = self._bodies
-        found = np.empty((len(q), len(bodies), 6))
-        for state in range(len(q)):
-            data.qpos[positions], data.qvel[velocities], data.qfrc_applied[velocities] = q[state], v[state], tau[state]
-            mujoco.mj_forward(model, data)
+        bodies, found = self._bodies, np.empty((len(q), len(self._bodies), 6))
+        for state, data in enumerate(other._placed(q, v, tau)):
             mujoco.mj_rnePostConstraint(model, data)
             moments, forces = np.split(data.cfrc_int[bodies], 2, axis=1)
             found[state, :, :3] = forces
@@ -106,8 +125,8 @@ class MujocoModel(MujocoQuantities):
         return found
 
     def step(self, q: Array, v: Array, tau: Array, length: float, integrator: str) -> Array:
-        """See ``harness.engines.interface`` and ``harness.engines.adapters.mujoco.steps``."""
-        return steps.step(copy.copy(self.model), self.addresses, (q, v, tau), length, integrator, 1)
+        """See ``harness.engines.interface``; the rules are in ``harness.engines.adapters.mujoco.law``."""
+        return step(copy.copy(self.model), self.addresses, (q, v, tau), length, integrator, 1)
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
@@ -116,33 +135,21 @@ class MujocoModel(MujocoQuantities):
         Gravity is the bias force at rest, velocity the bias force without gravity, so that neither is what is left of a difference.
         Source: MuJoCo documentation, Computation, general framework: M v' + c = tau + J' f; API reference, ``mj_fullM``.
         """
-        import mujoco
-
-        model, (positions, velocities) = self.model, self.addresses
-        weightless = copy.copy(model)
-        weightless.opt.gravity[:] = 0.0
-        data, without_gravity = mujoco.MjData(model), mujoco.MjData(weightless)
-        mass, (velocity, gravity, passive, applied) = np.empty((len(q), model.nv, model.nv)), np.empty((4, len(q), model.nv))
-        for state in range(len(q)):
-            for each in (data, without_gravity):
-                each.qpos[positions], each.qvel[velocities], each.qfrc_applied[velocities] = q[state], v[state], tau[state]
-                mujoco.mj_forward(each.model, each)
-            versions.fill_mass_matrix(model, data, mass[state])
-            applied[state], velocity[state] = data.qfrc_applied, without_gravity.qfrc_bias
-            passive[state] = data.qfrc_passive + data.qfrc_constraint
+        weightless, velocities = copy.copy(self), self.addresses[1]
+        weightless.model = copy.copy(self.model)
+        weightless.model.opt.gravity[:] = 0.0
+        gravity, passive, applied = np.empty((3, len(q), self.model.nv))
+        for state, data in enumerate(self._placed(q, v, tau)):
+            applied[state], passive[state] = data.qfrc_applied, data.qfrc_passive + data.qfrc_constraint
             data.qvel[:] = 0.0
-            mujoco.mj_forward(model, data)
+            mujoco.mj_forward(self.model, data)
             gravity[state] = data.qfrc_bias
-        vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (velocity, gravity, passive, applied))
-        return Terms(np.ascontiguousarray(mass[:, velocities][:, :, velocities]), *vectors)
+        vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (gravity, passive, applied))
+        return Terms(self.mass_matrix(q), weightless.bias(q, v), *vectors)
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.hard.worst_cases``."""
-        positions, velocities = self.addresses
-        own = [np.zeros(size) for size in (self.model.nq, *[self.model.nv] * 3)]
-        for values, places, given in zip(own, (positions, *[velocities] * 3), (q, v, tau, certified), strict=True):
-            values[places] = given
-        qpos, qvel, applied, expected = (values.tolist() for values in own)
+        qpos, qvel, applied, expected = (values[0].tolist() for values in self.own(q[None], v[None], tau[None], certified[None]))
         read = f"m = mujoco.MjModel.from_xml_string({source})"
         if self._building is not None:
             # The reader of URDF passes over springs, armatures and more; they are set in its spec.
@@ -152,6 +159,39 @@ class MujocoModel(MujocoQuantities):
             f"d.qpos[:], d.qvel[:], d.qfrc_applied[:] = {qpos}, {qvel}, {applied}\n"
             f"mujoco.mj_forward(m, d); print(d.qacc.tolist(), {expected}, sep='\\n')  # engine, certified\n"
         )
+
+
+def step(
+    model: Any,
+    addresses: tuple[Sequence[int], Sequence[int]],
+    states: tuple[Array, Array, Array],
+    length: float,
+    integrator: str,
+    steps: int,
+) -> Array:
+    """See ``harness.engines.interface``; ``addresses`` of positions and velocities in MuJoCo's own order. The model's options change.
+
+    ``discrete`` solves with springs and dampers on lengths by iteration, here to rounding. By the default tolerance of 1e-8 it leaves
+    velocities off by up to 20,000 data roundoffs (the governor at a step of 1e-5 s); by one of 0 it goes on until it divides zero by
+    zero, and velocities are not finite at 1 % of the governor's states (MuJoCo 4.0).
+
+    Raises:
+        NotOffered: this version has no such integrator, or has rules of its own.
+    """
+    versions.require_declared_steps()
+    (q, v, tau), (positions, velocities) = states, addresses
+    number = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}", None)
+    if number is None:
+        raise NotOffered(f"MuJoCo {mujoco.mj_versionString()} has no integrator {integrator}")
+    model.opt.timestep, model.opt.integrator, model.opt.tolerance = length, number, _TOLERANCE
+    data = mujoco.MjData(model)
+    after: Array = np.empty((len(q), q.shape[1] + v.shape[1]))
+    for state in range(len(q)):
+        mujoco.mj_resetData(model, data)
+        data.qpos[positions], data.qvel[velocities], data.qfrc_applied[velocities] = q[state], v[state], tau[state]
+        mujoco.mj_step(model, data, nstep=steps)
+        after[state] = [*data.qpos[positions], *data.qvel[velocities]]
+    return after
 
 
 def sizes_of(joint: Any) -> tuple[int, int]:

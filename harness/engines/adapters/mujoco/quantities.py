@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from harness.arrays import Array
@@ -46,8 +47,6 @@ class MujocoQuantities:
 
     def inverse_dynamics(self, q: Array, v: Array, qdd: Array) -> Array:
         """``mj_inverse``."""
-        import mujoco
-
         velocities, found = self.addresses[1], np.empty_like(v)
         for state, data in enumerate(self._placed(q, v)):
             data.qacc[velocities] = qdd[state]
@@ -65,8 +64,6 @@ class MujocoQuantities:
 
     def energies(self, q: Array, v: Array) -> Array:
         """``mj_energyVel`` and ``mj_energyPos``."""
-        import mujoco
-
         found = np.empty((len(q), 2))
         for state, data in enumerate(self._placed(q, v)):
             mujoco.mj_energyPos(self.model, data)
@@ -76,8 +73,6 @@ class MujocoQuantities:
 
     def momenta(self, q: Array, v: Array) -> Array:
         """``mj_subtreeVel`` of the world, whose centre of mass includes that of bodies which stand still."""
-        import mujoco
-
         model, found = self.model, np.empty((len(q), 9))
         moving = model.body_weldid != 0
         masses = np.where(moving, model.body_mass, 0.0)
@@ -102,8 +97,6 @@ class MujocoQuantities:
 
     def velocities(self, q: Array, v: Array) -> Array:
         """``mj_objectVelocity``, moved from the origin of the body to the anchor."""
-        import mujoco
-
         bodies, found, velocity = self._bodies, np.empty((len(q), len(self._bodies), 6)), np.empty(6)
         for state, data in enumerate(self._placed(q, v)):
             for place, (body, anchor) in enumerate(zip(bodies, self.anchors(data), strict=True)):
@@ -114,8 +107,6 @@ class MujocoQuantities:
 
     def jacobians(self, q: Array) -> Array:
         """``mj_jac``."""
-        import mujoco
-
         model, velocities = self.model, self.addresses[1]
         found, linear, angular = np.empty((len(q), len(self._bodies), 6, len(velocities))), *np.empty((2, 3, model.nv))
         for state, data in enumerate(self._placed(q)):
@@ -136,12 +127,12 @@ class MujocoQuantities:
         """The body of each joint."""
         return np.array([self.model.joint(parts[0]).bodyid[0] for parts in self._joints])
 
-    def _placed(self, q: Array, v: Array | None = None) -> Iterator[Any]:
+    def _placed(self, q: Array, v: Array | None = None, tau: Array | None = None) -> Iterator[Any]:
         """The same ``MjData`` after ``mj_forward`` at each state."""
-        import mujoco
-
         data, (positions, velocities) = mujoco.MjData(self.model), self.addresses
         for state in range(len(q)):
             data.qpos[positions], data.qvel[velocities] = q[state], 0.0 if v is None else v[state]
+            if tau is not None:
+                data.qfrc_applied[velocities] = tau[state]
             mujoco.mj_forward(self.model, data)
             yield data

@@ -1,43 +1,51 @@
 """MuJoCo as its user calls it: ``mujoco.MjModel.from_xml_path``, then ``mujoco.mj_forward``.
 
 What acts by constraints (limits, contacts, friction loss, and equalities that are not asked for) is off, and so are actuators and the
-fluid. Meshes that are not beside the file are taken out with their geoms, and the answer says so.
+fluid. Meshes that are not beside the file are taken out with their geoms, and the answer says so. An aided MuJoCo has what it leaves out of
+a URDF besides.
 
-Source: MuJoCo documentation, Modeling, URDF extensions; API reference, ``mjtDisableBit``.
+Source: MuJoCo documentation, Modeling, URDF extensions; API reference, ``mjtDisableBit`` and ``MjSpec``.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
+import mujoco
 import numpy as np
+from lxml import etree
 
 from harness.arrays import Array
-from harness.engines.adapters.mujoco.model import MujocoModel
-from harness.engines.adapters.mujoco.robot_model import PARTS, aided, places_of, plain
-from harness.engines.adapters.mujoco.steps import step
-from harness.engines.adapters.mujoco.versions import fill_mass_matrix
+from harness.engines.adapters.mujoco.model import MujocoModel, step
+from harness.engines.adapters.mujoco.urdf import supplied, turn_of
+from harness.engines.adapters.mujoco.versions import fill_mass_matrix, stages_off
 from harness.engines.coordinates import multiplied, of_linear, rotations
-from harness.engines.loaded_file import LoadedFile
-from harness.engines.request import AskedJoint, Refused, Request, by_joint, projected
+from harness.engines.loaded_file import EngineRun, LoadedFile
+from harness.engines.reading import elements_of, root_link, text_of
+from harness.engines.request import Aid, AskedJoint, BodyInertia, Refused, Request
+from harness.files.facts import ForceElement, JointSpring
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import StepRule
 
 # Tags of a file by the names of MuJoCo's types of equality, where they are others.
 _TYPES = {"mimic": "joint"}
 _ELEMENT = re.compile(r"Element name '([^']*)'")
+# What MuJoCo says where a file of an asset is missing or cannot be read.
+_MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
+# Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
+_PARTS = {JointKind.PLANAR: 3}
 
 
 def read(request: Request) -> MujocoFile:
     """A file as its user loads it, or aided; see ``harness.engines.Engine``."""
-    import mujoco
-
     # The default handler writes a log file into the current directory.
     mujoco.set_mju_user_warning(lambda message: None)
     try:
-        model, notes = plain(request) if request.aid is None else aided(request, request.aid)
+        model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
         if request.held is not None:
             switch_on(model, request.held.kinds, request.held.switched_on)
     except ValueError as error:
@@ -47,14 +55,132 @@ def read(request: Request) -> MujocoFile:
     return MujocoFile(model, request, notes)
 
 
+def _spec(request: Request, at_the_top: bool = False) -> Any:
+    """The model; ``at_the_top`` takes the root link for the world where links float from it, so that these are at the top of the tree."""
+    if request.floating_base:
+        return mujoco.MjSpec.from_string(_floating(request))
+    if at_the_top and any(joint.kind == JointKind.FREE for joint in request.joints):
+        return mujoco.MjSpec.from_string(_from_the_root(request))
+    return mujoco.MjSpec.from_file(str(request.path))
+
+
+def _from_the_root(request: Request) -> str:
+    """The text of a URDF whose root link has the name of MuJoCo's world; its inertia moves nothing."""
+    root = elements_of(request)
+    base = root_link(root, ["joint"])
+    if root.find("link[@name='world']") is None:
+        for link in [*root.iterfind("link"), *root.iterfind("joint/parent"), *root.iterfind("joint/child")]:
+            attribute = "name" if link.tag == "link" else "link"
+            if link.get(attribute) == base:
+                link.set(attribute, "world")
+    return text_of(root)
+
+
+def _floating(request: Request) -> str:
+    """The text of a URDF with a link that the root floats from; MuJoCo fixes the root of a URDF to the world."""
+    root = elements_of(request)
+    # A link of this name is MuJoCo's world itself, so that the joint is at the top.
+    ground = "world" if root.find("link[@name='world']") is None else f"{request.floating_base} ground"
+    etree.SubElement(root, "link", name=ground)
+    joint = etree.SubElement(root, "joint", name=request.floating_base, type="floating")
+    etree.SubElement(joint, "parent", link=ground)
+    etree.SubElement(joint, "child", link=root_link(root, ["joint"]))
+    return text_of(root)
+
+
+def _plain(request: Request) -> tuple[Any, list[str]]:
+    """The model as MuJoCo compiles it; without meshes where it finds them not."""
+    try:
+        if request.floating_base:
+            return _spec(request).compile(), []
+        return mujoco.MjModel.from_xml_path(str(request.path)), []
+    except ValueError as error:
+        if not _MISSING.search(str(error)):
+            raise
+        spec = _spec(request)
+        return _without_meshes(spec).compile(), [f"refused with its meshes, and read without them: {' '.join(str(error).split())}"]
+
+
+def _without_meshes(spec: Any) -> Any:
+    shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
+    for part in [*(geom for geom in spec.geoms if geom.type in shapes or geom.meshname), *spec.meshes, *spec.materials, *spec.textures]:
+        spec.delete(part)
+    return spec
+
+
+def _aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
+    """The model with the inertias of the file written into it; a URDF's links stay apart and have no geoms."""
+    if request.format == "mjcf":
+        model, notes = _plain(request)
+        model.opt.gravity[:] = aid.gravity
+        return model, notes
+    spec = _spec(request, at_the_top=True)
+    for part in [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures]:
+        spec.delete(part)
+    spec.compiler.fusestatic = False
+    own = {body.name: aid.inertias.get(body.name) for body in spec.bodies if body.name != "world"}
+    principal = {name: _principal(inertia) for name, inertia in own.items()}
+    for name, (_, centre, _, axes) in principal.items():
+        body = spec.body(name)
+        # Any inertia that the compiler accepts; those of the file are written into the compiled model, where nothing is refused.
+        body.explicitinertial, body.mass, body.ipos, body.iquat = True, 1.0, centre, axes
+        body.fullinertia, body.inertia = [math.nan, *[0.0] * 5], [1.0, 1.0, 1.0]
+    _supply_springs(spec, request, aid)
+    model = spec.compile()
+    for name, (mass, _, moments, _) in principal.items():
+        body = model.body(name)
+        body.mass[0], body.inertia[:] = mass, moments
+    model.opt.gravity[:] = aid.gravity
+    for asked, joint in _places(model, request.joints).items():
+        model.dof_armature[joint.dofadr[0]] += aid.armature[next(one.velocities[0] for one in request.joints if one.name == asked)]
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model, []
+
+
+def _supply_springs(spec: Any, request: Request, aid: Aid) -> None:
+    """The springs of joints and between points, and a ball joint at the root; the reader passes over all of them."""
+    if request.supplied_ball_joint:
+        spec.body(root_link(elements_of(request), ["joint"])).add_joint(name=request.supplied_ball_joint, type=mujoco.mjtJoint.mjJNT_BALL)
+    joints, bodies = {joint.velocities[0]: joint.name for joint in request.joints}, {body.name for body in spec.bodies}
+    elements: list[ForceElement] = [JointSpring(joints[v], stiffness, relaxed, 0) for _, v, stiffness, relaxed in aid.forces.springs]
+    for spring in aid.springs:
+        # The root link is the world where links float from it.
+        body_a, body_b = (body if body in bodies else "world" for body, _ in spring.ends)
+        elements.append(replace(spring, body_a=body_a, body_b=body_b))
+    exec("\n".join(supplied(elements)), {"mujoco": mujoco, "s": spec})
+
+
+def _principal(inertia: BodyInertia | None) -> tuple[float, Sequence[float], Sequence[float], Sequence[float]]:
+    """Mass, centre, principal moments and the quaternion of their axes, of a body without inertia too."""
+    if inertia is None:
+        return 0.0, [0.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0]
+    matrix = inertia.matrix
+    if not (matrix - np.diag(np.diag(matrix))).any():
+        return inertia.mass, inertia.centre.tolist(), np.diag(matrix).tolist(), [1.0, 0.0, 0.0, 0.0]
+    moments, axes = np.linalg.eigh(matrix)
+    return inertia.mass, inertia.centre.tolist(), moments.tolist(), turn_of(axes).tolist()
+
+
+def _places(model: Any, joints: Sequence[AskedJoint]) -> dict[str, Any]:
+    """MuJoCo's joint for each of the request's by name, the first of several; those that have none there by their place in the file."""
+    by_name = {model.joint(number).name: model.joint(number) for number in range(model.njnt)}
+    own = {joint.name: f"{joint.name}_TX" if joint.kind == JointKind.PLANAR else joint.name for joint in joints}
+    found = {name: by_name[own_name] for name, own_name in own.items() if own_name in by_name}
+    if model.njnt == len(joints):
+        found |= {
+            joint.name: model.joint(number)
+            for number, joint in enumerate(joints)
+            if joint.name not in found and not model.joint(number).name
+        }
+    return found
+
+
 def switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
     """Let the equalities of these numbers act and no other; ``kinds`` are the tags of all that the file holds.
 
     Raises:
         ValueError: the compiled model has others.
     """
-    import mujoco
-
     found = [mujoco.mjtEq(int(one)).name.removeprefix("mjEQ_").lower() for one in model.eq_type]
     wanted = [_TYPES.get(kind, kind) for kind in kinds]
     if found != wanted:
@@ -66,19 +192,16 @@ def switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
 class MujocoFile(LoadedFile):
     """An ``MjModel`` with the joints of a request."""
 
-    def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
-        import mujoco
+    applies_dampers = True
+    applies_springs = True
 
-        flags = mujoco.mjtDisableBit
-        for flag in (flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET):
-            model.opt.disableflags |= flag
-        others = flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
-        model.opt.disableflags |= flags.mjDSBL_CONSTRAINT if request.held is None else others
+    def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
+        model.opt.disableflags |= stages_off(request.held is not None)
         model.opt.density = model.opt.viscosity = 0.0
-        places = places_of(model, request.joints)
+        places = _places(model, request.joints)
         super().__init__(request, places)
         self.notes = tuple(notes)
-        parts = [range(places[joint.name].id, places[joint.name].id + PARTS.get(joint.kind, 1)) for joint in self.found]
+        parts = [range(places[joint.name].id, places[joint.name].id + _PARTS.get(joint.kind, 1)) for joint in self.found]
         self.compiled = MujocoModel(model, parts)
         read = {number for numbers in parts for number in numbers}
         self.further = tuple(f"joint {number}" for number in range(model.njnt) if number not in read)
@@ -102,47 +225,27 @@ class MujocoFile(LoadedFile):
         q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
         return q, v
 
-    def prepare(self, q: Array, v: Array, tau: Array) -> MujocoRun:
+    def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
         q, v, tau = _in_the_world(self.request.joints, q, v, tau)
-        return MujocoRun(self, q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns])
+        model, data, is_coupled = self.model, mujoco.MjData(self.model), self.couplings is not None
+        # Joints that the request does not name are where they stand by default.
+        configuration, (positions, velocities) = np.tile(data.qpos, (len(q), 1)), self.addresses
+        velocity, force = np.zeros((2, len(q), model.nv))
+        configuration[:, positions], velocity[:, velocities] = q[:, self.q_columns], v[:, self.v_columns]
+        force[:, velocities] = tau[:, self.v_columns]
+        accelerations: Array = data.qacc
+        qpos, qvel, applied, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart
 
-
-class MujocoRun:
-    """States in MuJoCo's own q and v; of joints that the request does not name, those of its default state.
-
-    Attributes:
-        rows: q, v and forces of each state. found: accelerations of each, (n, nv), or with couplings of the joints that move by themselves.
-    """
-
-    def __init__(self, loaded: MujocoFile, q: Array, v: Array, tau: Array) -> None:
-        import mujoco
-
-        model = loaded.model
-        self._loaded, self._data = loaded, mujoco.MjData(model)
-        configuration = np.tile(self._data.qpos, (len(q), 1))
-        velocity, force = np.zeros((len(q), model.nv)), np.zeros((len(q), model.nv))
-        positions, self._velocities = loaded.addresses
-        configuration[:, positions], velocity[:, self._velocities], force[:, self._velocities] = q, v, tau
-        self.rows = list(zip(configuration, velocity, force, strict=True))
-        couplings = loaded.couplings
-        self.found = np.full((len(q), model.nv if couplings is None else couplings.shape[1]), np.nan)
-
-    def compute(self) -> None:
-        import mujoco
-
-        model, data, found, couplings = self._loaded.model, self._data, self.found, self._loaded.couplings
-        qpos, qvel, applied, accelerations = data.qpos, data.qvel, data.qfrc_applied, data.qacc
-        for state, (q, v, force) in enumerate(self.rows):
-            qpos[:], qvel[:], applied[:] = q, v, force
+        def evaluate(q: Array, v: Array, force: Array) -> Array:
             # A solver that starts from the last answer would make this one depend on it.
-            data.qacc_warmstart[:] = 0.0
+            qpos[:], qvel[:], applied[:], warm_start[:] = q, v, force, 0.0
             mujoco.mj_forward(model, data)
-            found[state] = accelerations if couplings is None else _coupled(model, data, self._velocities, couplings)
+            if not is_coupled:
+                return accelerations
+            fill_mass_matrix(model, data, mass := np.empty((model.nv, model.nv)))
+            return self.of_leaders(mass, data.qfrc_passive + data.qfrc_applied - data.qfrc_bias)
 
-    def accelerations(self) -> Array:
-        found = self.found[:, self._velocities] if self._loaded.couplings is None else self.found
-        columns = by_joint(self._loaded.joints, found)
-        return np.hstack([np.empty((len(found), 0)), *(_from_the_world(joint, columns[joint.name]) for joint in self._loaded.joints)])
+        return EngineRun(self, (configuration, velocity, force), evaluate, _from_the_world)
 
 
 def _in_the_world(joints: Sequence[AskedJoint], q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
@@ -163,12 +266,3 @@ def _from_the_world(joint: AskedJoint, accelerations: Array) -> Array:
     if joint.kind != JointKind.FREE:
         return accelerations
     return np.asarray(of_linear(rotations(np.array([joint.turn]))[0].T, accelerations))
-
-
-def _coupled(model: Any, data: Any, velocities: Sequence[int], couplings: Array) -> Array:
-    """Accelerations of the joints that move by themselves, from MuJoCo's own M and forces."""
-
-    mass = np.empty((model.nv, model.nv))
-    fill_mass_matrix(model, data, mass)
-    force = data.qfrc_passive + data.qfrc_applied - data.qfrc_bias
-    return projected(mass[np.ix_(velocities, velocities)], force[velocities], couplings)

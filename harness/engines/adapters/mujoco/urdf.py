@@ -13,21 +13,23 @@ Source: MuJoCo documentation, Modeling, section URDF extensions, and Programming
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
 from harness.engines import Unsupported
-from harness.engines.adapters.mujoco.versions import coefficients
+from harness.engines.adapters.mujoco.versions import coefficients, stages_off
+from harness.engines.reading import carriers, is_displaced, parent_of
 from harness.files.document.xml import Document, describe, literal_tag
 from harness.files.equalities import Meeting
 from harness.files.facts import point_of
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
-from harness.files.model_file import JointSpring, ModelFile, PointSpring, document_of
+from harness.files.model_file import ForceElement, JointSpring, ModelFile, PointSpring, document_of
 
 # mjEPS: the principal inertia below which MuJoCo refuses the six numbers of an inertia matrix, though not the three principal ones.
 LEAST_OF_SIX = 1e-14
@@ -37,8 +39,6 @@ _WITHOUT_DECORATION = "[s.delete(part) for part in [*s.geoms, *s.meshes, *s.mate
 
 
 def _text(value: Any) -> str:
-    import mujoco
-
     if isinstance(value, list):
         return f"[{', '.join(map(_text, value))}]"
     if isinstance(value, float):
@@ -62,8 +62,6 @@ def read(file: ModelFile, gravity: float, joints: Collection[str] = ()) -> tuple
     Raises:
         Unsupported: the file holds what the reader takes otherwise than other readers, or the reader refuses it.
     """
-    import mujoco
-
     document = document_of(file)
     refused = sorted((document.lines[element], f"{describe(element)} {why}") for element, why in _ignored(document.root, joints))
     if refused:
@@ -83,7 +81,7 @@ def read(file: ModelFile, gravity: float, joints: Collection[str] = ()) -> tuple
 
 
 def _ignored(root: etree._Element, joints: Collection[str]) -> Iterator[tuple[etree._Element, str]]:
-    carried = {joint.find("child").get("link"): joint for joint in root.iterfind("joint")}
+    carried = carriers(root, ["joint"])
     if "world" in carried:
         yield carried["world"], "carries the link 'world', which MuJoCo takes for the world itself; give it another name"
     for joint in root.iterfind("joint"):
@@ -94,23 +92,17 @@ def _ignored(root: etree._Element, joints: Collection[str]) -> Iterator[tuple[et
         if joint.get("type") == "floating":
             above: etree._Element | None = joint
             while above is not None:
-                origin = above.find("origin")
-                if origin is not None and any(float(word) for text in origin.attrib.values() for word in text.split()):
+                if is_displaced(above):
                     where = "" if above is joint else f" behind {describe(above)}"
                     yield joint, f"floats from another origin than the world's{where}, from which MuJoCo counts its position; remove it"
                     break
-                above = carried.get(above.find("parent").get("link"))
+                above = carried.get(parent_of(above))
 
 
 def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> tuple[list[str], list[str]]:
     """Statements that change the spec ``s``, and those that then write masses and inertias back into the model ``m``."""
-    import mujoco
-
-    flags = mujoco.mjtDisableBit
     # What is left of the constraints are those of the file.
-    unused = (flags.mjDSBL_LIMIT, flags.mjDSBL_FRICTIONLOSS) if file.constraints else (flags.mjDSBL_CONSTRAINT,)
-    off = (*unused, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
-    edits = [_set("s.option", {"gravity": [0.0, 0.0, -gravity], "disableflags": sum(int(flag) for flag in off)})]
+    edits = [_set("s.option", {"gravity": [0.0, 0.0, -gravity], "disableflags": stages_off(bool(file.constraints))})]
     root_of_ball = None
     if file.ball_joint is not None:
         (joint,) = (element for element in document.root.iterchildren("*") if literal_tag(element) == "drake:joint")
@@ -129,12 +121,7 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
         edits.append(_set("s.compiler", {"fusestatic": False}))
     for joint in file.armatures:
         edits.append(_set(f"s.joint({joint.name!r})", {"armature": float(joint.armature)}))
-    for number, element in enumerate(file.force_elements):
-        if isinstance(element, JointSpring):
-            spring = {"stiffness": coefficients(element.stiffness), "springref": element.reference}
-            edits.append(_set(f"s.joint({element.joint!r})", spring))
-        elif isinstance(element, PointSpring):
-            edits += tendon_of(element, f"spring {number}")
+    edits += supplied(file.force_elements)
     if len(spec.equalities) < len(file.mimics):
         named = ", ".join(f"line {one.line}: joint {one.name!r}" for one in file.mimics)
         raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} passes over <mimic>: {named}")
@@ -146,11 +133,23 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
     return edits, [statement for statements in written_back.values() for statement in statements]
 
 
-def tendon_of(spring: PointSpring, name: str) -> Iterator[str]:
-    """Statements that make a spring between points a tendon of the spec ``s``."""
-    sites = (f"{name} A", f"{name} B")
-    for site, (body, point) in zip(sites, spring.ends, strict=True):
-        yield _add(f"s.body({body!r})", "site", {"name": site, "pos": list(point)})
+def supplied(elements: Iterable[ForceElement]) -> Iterator[str]:
+    """Statements that add the springs of joints to the spec ``s``, and those between points as tendons; the reader has the dampers."""
+    for number, element in enumerate(elements):
+        if isinstance(element, JointSpring):
+            yield _set(f"s.joint({element.joint!r})", {"stiffness": coefficients(element.stiffness), "springref": element.reference})
+        elif isinstance(element, PointSpring):
+            yield from _tendon(element, f"spring {number}")
+
+
+def _sites(name: str, ends: Iterable[tuple[str, Sequence[float]]]) -> Iterator[str]:
+    """Statements that make a site of each of two points of bodies, called after ``name``."""
+    for letter, (body, point) in zip("AB", ends, strict=True):
+        yield _add(f"s.body({body!r})", "site", {"name": f"{name} {letter}", "pos": list(point)})
+
+
+def _tendon(spring: PointSpring, name: str) -> Iterator[str]:
+    yield from _sites(name, spring.ends)
     values = {
         "name": name,
         "stiffness": coefficients(spring.stiffness),
@@ -158,29 +157,23 @@ def tendon_of(spring: PointSpring, name: str) -> Iterator[str]:
         "springlength": [spring.free_length] * 2,
     }
     yield f"t = {_add('s', 'tendon', values)}"
-    yield from (f"t.wrap_site({site!r})" for site in sites)
+    yield from (f"t.wrap_site({f'{name} {letter}'!r})" for letter in "AB")
 
 
 def _connect(name: str, meeting: Meeting) -> Iterator[str]:
-    import mujoco
-
-    sites = (f"{name} A", f"{name} B")
-    for site, (body, pose) in zip(sites, meeting.ends, strict=True):
-        yield _add(f"s.body({body!r})", "site", {"name": site, "pos": list(point_of(pose))})
+    yield from _sites(name, [(body, point_of(pose)) for body, pose in meeting.ends])
     values = {
         "name": name,
         "type": mujoco.mjtEq.mjEQ_CONNECT,
         "objtype": mujoco.mjtObj.mjOBJ_SITE,
-        "name1": sites[0],
-        "name2": sites[1],
+        "name1": f"{name} A",
+        "name2": f"{name} B",
     }
     yield _add("s", "equality", values)
 
 
 def _orientation(document: Document, link: str) -> Array:
     """Quaternion of a link's inertial frame in the link's, as the file has it; older readers leave that of the principal axes."""
-    import mujoco
-
     quaternion = np.empty(4)
     origins = (origin for one in document.root.iterfind("link") if one.get("name") == link for origin in one.iterfind("inertial/origin"))
     turns = [float(word) for origin in origins for word in origin.get("rpy", "0 0 0").split()] or [0.0] * 3
@@ -193,8 +186,6 @@ def _accepted_inertia(body: Any, file_orientation: Array, moves: bool) -> tuple[
 
     The former are attributes in the spec, with principal inertias; the latter, numbers of the compiled body to be written back.
     """
-    import mujoco
-
     mass = float(body.mass)
     xx, yy, zz, xy, xz, yz = (0.0 if np.isnan(body.fullinertia[0]) else float(number) for number in body.fullinertia)
     moments, axes, rounding = np.array([xx, yy, zz]), np.eye(3), 0.0
@@ -206,11 +197,17 @@ def _accepted_inertia(body: Any, file_orientation: Array, moves: bool) -> tuple[
     own = [0.0 if moment <= rounding else moment for moment in moments.tolist()]
     # The rounding of the axes must not make the two larger moments differ by more than the least one.
     compiled = [max(moment, LEAST, rounding) if moves else moment for moment in own]
-    turn, quaternion = np.empty(4), np.empty(4)
-    mujoco.mju_mat2Quat(turn, (axes * np.sign(np.linalg.det(axes))).ravel())
-    mujoco.mju_mulQuat(quaternion, file_orientation, turn)
+    quaternion = np.empty(4)
+    mujoco.mju_mulQuat(quaternion, file_orientation, turn_of(axes))
     written = {"iquat": quaternion.tolist()} if (quaternion != body.iquat).any() else {}
     least_mass = {"mass": LEAST} if moves and mass < LEAST else {}
     written_back = {"mass[0]": mass} if least_mass else {}
     written_back |= {f"inertia[{axis}]": moment for axis, moment in enumerate(own) if moment != compiled[axis]}
     return {**least_mass, "fullinertia": [math.nan, *[0.0] * 5], "inertia": compiled, **written}, written_back
+
+
+def turn_of(axes: Array) -> Array:
+    """Quaternion of principal axes, by columns, of which one is reversed where they are left-handed."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, (axes * np.sign(np.linalg.det(axes))).ravel())
+    return quaternion

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 from lxml import etree
 
@@ -25,8 +26,6 @@ _FLAGS = {"spring": "stiffness", "damper": "damping"}
 
 def batch(model: Any, count: int) -> Any:
     """A ``mujoco.batch.Batch`` of ``count`` states on one thread; for versions without that module, the same by a loop."""
-    import mujoco
-
     try:
         import mujoco.batch
     except ModuleNotFoundError:
@@ -36,8 +35,6 @@ def batch(model: Any, count: int) -> Any:
 
 def coefficients(linear: float) -> Any:
     """A stiffness or damping as ``MjSpec`` takes it: the coefficients of a polynomial, and a number before it had these."""
-    import mujoco
-
     takes_number = isinstance(mujoco.MjSpec().worldbody.add_body().add_joint().stiffness, float)
     return linear if takes_number else [linear, 0.0, 0.0]
 
@@ -49,8 +46,6 @@ def read_mjcf(file: ModelFile) -> Any:
         Unsupported: the file has an element or attribute that this version does not know, and newer ones do.
         ValueError: MuJoCo refuses it.
     """
-    import mujoco
-
     try:
         return mujoco.MjModel.from_xml_string(_without_unknown_flags(file))
     except ValueError as error:
@@ -61,23 +56,25 @@ def read_mjcf(file: ModelFile) -> Any:
 
 def require_declared_steps() -> None:
     """Raises NotOffered where the rules that are declared for integrators are not of this version."""
-    import mujoco
-
     if mujoco.mj_version() < _DECLARES_STEPS:
         raise NotOffered(f"no rules of integrators are declared for MuJoCo {mujoco.mj_versionString()}")
 
 
+def stages_off(holds_constraints: bool) -> int:
+    """The bits that switch off all stages but passive forces, and the constraints of a file where it holds some."""
+    flags = mujoco.mjtDisableBit
+    unused = (flags.mjDSBL_LIMIT, flags.mjDSBL_FRICTIONLOSS) if holds_constraints else (flags.mjDSBL_CONSTRAINT,)
+    off = (*unused, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
+    return sum(int(one) for one in off)
+
+
 def flag(stage: str) -> int:
     """The bit that switches springs or dampers off, "spring" or "damper"; where they have none, that of both together."""
-    import mujoco
-
     flags = mujoco.mjtDisableBit
     return int(getattr(flags, f"mjDSBL_{stage.upper()}", None) or flags.mjDSBL_PASSIVE)
 
 
 def _without_unknown_flags(file: ModelFile) -> str:
-    import mujoco
-
     unknown = {flag: what for flag, what in _FLAGS.items() if not hasattr(mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}")}
     if not unknown:
         return file.text
@@ -91,8 +88,6 @@ def _without_unknown_flags(file: ModelFile) -> str:
 
 def fill_mass_matrix(model: Any, data: Any, mass: Array) -> None:
     """Write M, (nv, nv), into ``mass``: ``mj_fullM``, which took the sparse matrix before it took the data."""
-    import mujoco
-
     try:
         mujoco.mj_fullM(model, data, mass)
     except TypeError:
@@ -103,8 +98,6 @@ class _Loop:
     """``mj_forward`` at one state after another, behind the two methods of a batch that the harness calls."""
 
     def __init__(self, model: Any, count: int) -> None:
-        import mujoco
-
         self.nsim = count
         self._model, self._data = model, mujoco.MjData(model)
         self._fields: dict[str, Array] = {}
@@ -116,8 +109,6 @@ class _Loop:
         return self._fields[name]
 
     def forward(self) -> None:
-        import mujoco
-
         answers = self.bind("qacc")
         inputs = [(getattr(self._data, name), values) for name, values in self._fields.items() if name != "qacc"]
         for state, answer in enumerate(answers):

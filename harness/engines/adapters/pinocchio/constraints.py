@@ -20,50 +20,28 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
+import pinocchio
 
 from harness.arrays import Array
 from harness.engines import Unsupported
-from harness.engines.adapters.pinocchio.versions import parent_joint, ready_for_constraints, require
+from harness.engines.adapters.pinocchio.solver import Solver
+from harness.engines.adapters.pinocchio.versions import (
+    Columns,
+    carrier,
+    mass_matrix,
+    read_mimics,
+    ready_for_constraints,
+    reasons,
+    require,
+    states,
+)
 from harness.files.equalities import Equality, Meeting, Weld
 from harness.files.facts import UNTURNED, point_of, turn_of
-from harness.files.tree import WORLD, Pose
-
-_UNIVERSE = 0
-
-Columns = tuple[Array, Array, Array]
-
-
-@dataclass(frozen=True)
-class Solver:
-    """One of Pinocchio's algorithms for constraints, and what it is told.
-
-    Attributes:
-        algorithm: the function of ``pinocchio``. ``lcaba`` wants a mu above 0.
-        mu: proximal parameter; None for a call without settings, which ``lcaba`` does not take.
-        iterations: at most so many. accuracy: residual at which they end; with 0, where it no longer changes.
-    """
-
-    algorithm: Literal["constraintDynamics", "lcaba"] = "constraintDynamics"
-    mu: float | None = 1e-12
-    iterations: int = 100
-    accuracy: float = 0.0
-
-    def settings(self) -> tuple[Any, ...]:
-        """The last arguments of the call, into which the algorithm writes its counts and residuals."""
-        import pinocchio
-
-        return () if self.mu is None else (pinocchio.ProximalSettings(self.accuracy, self.mu, self.iterations),)
-
-    def written(self) -> tuple[str, str]:
-        """Python text: a statement that readies the data ``d``, and the call."""
-        last = "" if self.mu is None else f", pin.ProximalSettings({self.accuracy}, {self.mu}, {self.iterations})"
-        ready = "computeJointMinimalOrdering(m, d, cs)" if self.algorithm == "lcaba" else "initConstraintDynamics(m, d, cs, cd)"
-        return f"pin.{ready}", f"pin.{self.algorithm}(m, d, q, v, tau, cs, cd{last})"
-
+from harness.files.model_file import ModelFile
+from harness.files.tree import Pose
 
 ACCURATE = Solver()
 
@@ -78,8 +56,6 @@ class LoopConstraints:
     """
 
     def __init__(self, model: Any, constraints: Sequence[Equality]) -> None:
-        import pinocchio
-
         require("constraints", "StdVec_RigidConstraintModel")
         self._model, self._names = model, [constraint.name for constraint in constraints]
         self.models, self.data = pinocchio.StdVec_RigidConstraintModel(), pinocchio.StdVec_RigidConstraintData()
@@ -105,8 +81,6 @@ class LoopConstraints:
         return other
 
     def _ready(self) -> Any:
-        import pinocchio
-
         memory = self._model.createData()
         ready_for_constraints(self._model, memory, self.models, self.data)
         if self.solver.algorithm == "lcaba":
@@ -117,31 +91,27 @@ class LoopConstraints:
         """(n, nv) accelerations at ``PinocchioModel.columns`` with all forces added; NaN where the solver fails."""
         found = np.empty((columns[0].shape[1], self._model.nv))
         settings = self.solver.settings()
-        for state, inputs in enumerate(zip(*(each.T for each in columns), strict=True)):
+        for state, inputs in enumerate(states(*columns)):
             found[state] = self._solve(inputs, settings)
         return found
 
     def residuals(self, columns: Columns) -> Array:
         """(n,) what ``ProximalSettings.absolute_residual`` reads after each solution; NaN of a call without settings."""
         found = np.full(columns[0].shape[1], np.nan)
-        for state, inputs in enumerate(zip(*(each.T for each in columns), strict=True)):
+        for state, inputs in enumerate(states(*columns)):
             settings = self.solver.settings()
             self._solve(inputs, settings)
             found[state] = settings[0].absolute_residual if settings else np.nan
         return found
 
     def _solve(self, inputs: tuple[Array, ...], settings: tuple[Any, ...]) -> Array:
-        import pinocchio
-
         function = getattr(pinocchio, self.solver.algorithm)
         return np.asarray(function(self._model, self._memory, *inputs, self.models, self.data, *settings))
 
     def generalised_forces(self, columns: Columns) -> Array:
         """J' f of the constraint forces, (n, nv) [N or N m], at the same columns."""
-        import pinocchio
-
         found = np.empty((columns[0].shape[1], self._model.nv))
-        for state, inputs in enumerate(zip(*(each.T for each in columns), strict=True)):
+        for state, inputs in enumerate(states(*columns)):
             pinocchio.constraintDynamics(self._model, self._memory, *inputs, self.models, self.data, *ACCURATE.settings())
             jacobian = pinocchio.getConstraintsJacobian(self._model, self._memory, self.models, self.data)
             found[state] = jacobian.T @ self._memory.lambda_c
@@ -153,8 +123,6 @@ class LoopConstraints:
         ``lambda_c`` has the force on the first end and then, of frames, the moment, in the frame of that end; the second end bears
         the opposite.
         """
-        import pinocchio
-
         answer = pinocchio.constraintDynamics(self._model, self._memory, *inputs, self.models, self.data, *ACCURATE.settings())
         accelerations = np.array(answer)
         found, multipliers, first = [pinocchio.Force.Zero() for _ in range(self._model.njoints)], self._memory.lambda_c, 0
@@ -177,8 +145,6 @@ class LoopConstraints:
 
     def gaps(self, configuration: Array) -> dict[str, Array]:
         """What each constraint's rows leave, (n, 3) [m] of points and (n, 6) [m and rad] of frames, at q (nq, n)."""
-        import pinocchio
-
         found: dict[str, list[Array]] = {name: [] for name in self._names}
         for position in configuration.T:
             pinocchio.forwardKinematics(self._model, self._memory, position)
@@ -210,12 +176,86 @@ class LoopConstraints:
 
     def _place(self, body: str, pose: Pose, turned: bool) -> tuple[int, Any]:
         """The joint that carries a body, and a frame of the body in that of the joint."""
-        import pinocchio
-
         w, x, y, z = turn_of(pose) if turned else UNTURNED
         turn = pinocchio.Quaternion(w, x, y, z).normalized().toRotationMatrix() if any((x, y, z)) else np.eye(3)
         local = pinocchio.SE3(turn, np.array(point_of(pose)))
-        if body == WORLD and not self._model.existFrame(WORLD, pinocchio.FrameType.BODY):
-            return _UNIVERSE, local
-        frame = self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)]
-        return parent_joint(frame), frame.placement * local
+        joint, frame = carrier(self._model, body)
+        return joint, frame * local
+
+
+class MimicJoints:
+    """The coupled model of a file beside ``tree``, the same with each follower as a joint of its own; ``root`` as the reader takes it.
+
+    All forward dynamics refuse such a model. Its ``crba`` and ``rnea`` accept it, so that M and the bias are the engine's, of the joints
+    that move by themselves; what is left is one solve. Forces on a follower reach its leader through the engine's own ratio.
+
+    Source: Pinocchio 4.1, JointModelMimic; Featherstone, Rigid Body Dynamics Algorithms, section 3.2 (explicit constraints).
+
+    Raises:
+        Unsupported: the reader refuses it, as where a follower is in another branch, and before its leader by name.
+    """
+
+    def __init__(self, tree: Any, file: ModelFile, root: Sequence[Any]) -> None:
+        self._tree, self._tree_data = tree, tree.createData()
+        # It takes joints by name, children and all, and wants a leader to come first.
+        with reasons(lambda words: Unsupported(f"Pinocchio's reader of joints that mimic: {' '.join(words.split())}")):
+            self.model = model = read_mimics(file.text, *root)
+        self._data = model.createData()
+        model.gravity.linear = tree.gravity.linear
+        # Velocities of the tree by those of the coupled model, and the tree's positions that the coupled model has.
+        self.ratios = np.zeros((tree.nv, model.nv))
+        self.positions, self.velocities = np.zeros(model.nq, dtype=int), np.zeros(model.nv, dtype=int)
+        # Follower to its place in q, that of its leader, ratio and offset.
+        self._followers: dict[str, tuple[int, int, float, float]] = {}
+        for name in list(tree.names)[1:]:
+            own, coupled = tree.joints[tree.getJointId(name)], model.joints[model.getJointId(name)]
+            if coupled.shortname() == "JointModelMimic":
+                mimic = coupled.extract()
+                leader = tree.joints[tree.getJointId(model.names[self._leader(name)])]
+                self.ratios[own.idx_v, coupled.idx_v] = mimic.scaling
+                self._followers[name] = own.idx_q, leader.idx_q, float(mimic.scaling), float(mimic.offset)
+                continue
+            self.positions[coupled.idx_q : coupled.idx_q + own.nq] = range(own.idx_q, own.idx_q + own.nq)
+            self.velocities[coupled.idx_v : coupled.idx_v + own.nv] = range(own.idx_v, own.idx_v + own.nv)
+            self.ratios[own.idx_v : own.idx_v + own.nv, coupled.idx_v : coupled.idx_v + own.nv] = np.eye(own.nv)
+        model.armature = tree.armature[self.velocities]
+
+    def _leader(self, follower: str) -> int:
+        place = list(self.model.mimicking_joints).index(self.model.getJointId(follower))
+        return int(self.model.mimicked_joints[place])
+
+    def accelerations(self, columns: Columns) -> Array:
+        """(n, nv) accelerations of the tree at ``PinocchioModel.columns`` with all forces added."""
+        found, still = np.empty((columns[0].shape[1], self._tree.nv)), np.zeros(self.model.nv)
+        for state, (q, v, tau) in enumerate(states(*columns)):
+            q, v = q[self.positions], v[self.velocities]
+            mass = mass_matrix(self.model, self._data, q)
+            found[state] = self.ratios @ np.linalg.solve(mass, self.ratios.T @ tau - pinocchio.rnea(self.model, self._data, q, v, still))
+        return found
+
+    def with_forces_on_bodies(self, inputs: tuple[Array, ...]) -> tuple[Array, list[Any]]:
+        """Accelerations of the tree, (nv,), at one q, v and tau, and no forces: couplings act through the joints."""
+        [accelerations] = self.accelerations((inputs[0][:, None], inputs[1][:, None], inputs[2][:, None]))
+        return accelerations, [pinocchio.Force.Zero() for _ in range(self._tree.njoints)]
+
+    def generalised_forces(self, columns: Columns) -> Array:
+        """What the couplings exert on the joints of the tree, (n, nv) [N or N m]: its inverse dynamics without the forces given."""
+        moved = states(*columns, self.accelerations(columns).T)
+        return np.array([pinocchio.rnea(self._tree, self._tree_data, q, v, a) - tau for q, v, tau, a in moved])
+
+    def gaps(self, configuration: Array) -> dict[str, Array]:
+        """Follower's position beyond what its leader says, (n, 1) [m or rad], by the follower's name."""
+        return {
+            name: (configuration[own] - ratio * configuration[leader] - offset)[:, None]
+            for name, (own, leader, ratio, offset) in self._followers.items()
+        }
+
+    def reproducer(self, source: str) -> tuple[str, str]:
+        """Python text that makes the coupled model of the tree ``m``, and that evaluates the tree's accelerations at q, v and tau."""
+        made = (
+            f"r = pin.buildModelFromXML({source}, mimic=True); r.gravity.linear = m.gravity.linear\n"
+            f"r.armature = m.armature[{self.velocities.tolist()}]; G = np.array({self.ratios.tolist()})\n"
+            f"a, b = q[{self.positions.tolist()}], v[{self.velocities.tolist()}]\n"
+            "M = np.triu(pin.crba(r, r.createData(), a)); M = M + np.triu(M, 1).T\n"
+        )
+        return made, "(G @ np.linalg.solve(M, G.T @ tau - pin.rnea(r, r.createData(), a, b, 0 * b)))"

@@ -3,31 +3,50 @@
 Pinocchio's dynamics apply none of them. They are computed from the file and the engine's own
 kinematics, never from the symbolic potential, so that the comparison stays independent.
 
+Forces of springs between points are differentiated by hand, in Pinocchio's own frames and Jacobians: column i of the Jacobian of a point
+is turned by a joint before it, and moved by a joint behind it,
+
+    dJ_i/dq_j = w_j x J_i for j before i or of the same joint, else w_i x J_j,
+
+where w are the angular velocities of the columns.
+
 Sources: SDFormat specification, joint ``dynamics``, for joint springs and dampers; Drake
-documentation, ``LinearSpringDamper``, for springs between points.
+documentation, ``LinearSpringDamper``, for springs between points; Bruyninckx, De Schutter, Symbolic differentiation of the velocity
+mapping for a serial kinematic chain, Mechanism and Machine Theory 31 (1996), for derivatives of Jacobians.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio
 
 from harness.arrays import Array
-from harness.engines.adapters.pinocchio.versions import parent_joint
+from harness.engines.adapters.pinocchio.versions import carrier
+from harness.engines.request import AskedJoint
+from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ForceElement, JointDamper, JointSpring, PointSpring
-from harness.files.tree import WORLD
+
+# Several joints of one body; its first gives the name. A joint without name, as the tree names it.
+_COMPOSITE, _UNNAMED = "Composite_", re.compile(r"\(joint (\d+) of (.+)\)")
 
 
 class JointPlace(NamedTuple):
-    """First index and number of a joint's positions and velocities, and the number of the joint of the model that it is, or a part of."""
+    """First index and number of a joint's positions and velocities, and the number of the joint of the model that it is, or a part of.
+
+    Attributes:
+        kind: of the joint in the file.
+    """
 
     idx_q: int
     nq: int
     idx_v: int
     nv: int
     joint: int
+    kind: JointKind
 
     @property
     def positions(self) -> range:
@@ -56,20 +75,43 @@ class Pull(NamedTuple):
     tension: float
 
 
-def joint_places(model: Any, composites: Mapping[str, Sequence[str]]) -> dict[str, JointPlace]:
-    """The joints of a file by name, in Pinocchio's order: several joints of one body are one composite joint of another name."""
-    places: dict[str, JointPlace] = {}
-    for number, (name, joint) in enumerate(zip(list(model.names)[1:], list(model.joints)[1:], strict=True), start=1):
-        parts = [(name, joint)] if name not in composites else zip(composites[name], joint.extract().joints, strict=True)
-        places |= {part: JointPlace(one.idx_q, one.nq, one.idx_v, one.nv, number) for part, one in parts}
-    return places
+def places_of(model: Any, joints: Sequence[AskedJoint]) -> dict[str, JointPlace]:
+    """The places of the joints that the model has; one of several in a body is part of a composite."""
+    found, names = dict[str, JointPlace](), _names_of_reader(joints)
+    kinds = {joint.name: joint.kind for joint in joints}
+    for number in range(1, model.njoints):
+        joint, name = model.joints[number], model.names[number]
+        parts = _parts(joint, names.get(name.removeprefix(_COMPOSITE), name), name.startswith(_COMPOSITE), joints)
+        q, v = joint.idx_q, joint.idx_v
+        for part, nq, nv in parts:
+            if part in kinds:
+                found[part] = JointPlace(q, nq, v, nv, number, kinds[part])
+            q, v = q + nq, v + nv
+    return found
 
 
-def has_body(model: Any, body: str) -> bool:
-    """True for a body of the model, and for the world."""
-    import pinocchio
+def _names_of_reader(joints: Sequence[AskedJoint]) -> dict[str, str]:
+    """Names of joints by those that the MJCF reader gives them: a joint without one is called after its body."""
+    found: dict[str, str] = {}
+    for joint in joints:
+        names = [joint.name]
+        if unnamed := _UNNAMED.fullmatch(joint.name):
+            number, body = unnamed.groups()
+            names = [f"{body}Joint_{int(number) - 1}", f"{body}_free"]
+        found |= dict.fromkeys(names, joint.name)
+    return found
 
-    return body == WORLD or bool(model.existFrame(body, pinocchio.FrameType.BODY))
+
+def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[AskedJoint]) -> list[tuple[str, int, int]]:
+    """Name, positions and velocities of a joint, or of those that a composite of the MJCF reader is made of, in their order."""
+    names = [one.name for one in joints]
+    if not is_composite or name not in names:
+        return [(name, joint.nq, joint.nv)]
+    found: list[tuple[str, int, int]] = []
+    for one in joints[names.index(name) :]:
+        if sum(nv for _, _, nv in found) < joint.nv:
+            found.append((one.name, len(one.positions), len(one.velocities)))
+    return found
 
 
 class ForceElements:
@@ -80,7 +122,7 @@ class ForceElements:
     """
 
     def __init__(self, model: Any, elements: Sequence[ForceElement], places: Mapping[str, JointPlace]) -> None:
-        self._model = model
+        self.model = model
         self._data = model.createData()
         self.elements = tuple(elements)
         self.places = places
@@ -107,7 +149,7 @@ class ForceElements:
 
     def at(self, configuration: Array, velocity: Array) -> Array:
         """(nv,) forces [N or N m] at one configuration (nq,) and velocity (nv,), without the overhead of a batch."""
-        forces = self._of_point_springs(configuration, velocity) if self._point_springs else np.zeros(self._model.nv)
+        forces = self._of_point_springs(configuration, velocity) if self._point_springs else np.zeros(self.model.nv)
         self._add_of_joints(forces, configuration, velocity)
         return forces
 
@@ -126,44 +168,48 @@ class ForceElements:
 
     def ends_of_point_springs(self, configuration: Array) -> list[tuple[PointSpring, Array]]:
         """Each spring between points with its ends in the world at one configuration (nq,) [m], (2, 3)."""
-        import pinocchio
-
-        pinocchio.computeJointJacobians(self._model, self._data, configuration)
+        pinocchio.computeJointJacobians(self.model, self._data, configuration)
         return [
             (spring, np.array([self._point(body, np.array(point))[0] for body, point in spring.ends])) for spring in self._point_springs
         ]
 
     def _of_point_springs(self, configuration: Array, velocity: Array) -> Array:
-        total = np.zeros(self._model.nv)
+        total = np.zeros(self.model.nv)
         for pull in self.pulls(configuration, velocity):
             total -= pull.tension * pull.gradient
         return total
 
     def pulls(self, configuration: Array, velocity: Array) -> list[Pull]:
         """The springs between points at one configuration (nq,) and velocity (nv,)."""
-        import pinocchio
-
         if self._point_springs:
-            pinocchio.computeJointJacobians(self._model, self._data, configuration)
+            pinocchio.computeJointJacobians(self.model, self._data, configuration)
         return [self._pull(spring, velocity) for spring in self._point_springs]
 
-    def stiffness_and_damping(self) -> tuple[Array, Array]:
-        """By how much the forces of springs and dampers in joints fall with positions and with velocities, (nv, nv) each."""
-        stiffness, damping = np.zeros((self._model.nv, self._model.nv)), np.zeros((self._model.nv, self._model.nv))
-        for _, row, of_spring, _ in self._joint_springs:
-            stiffness[row, row] += of_spring
-        for rows, of_damper in self._joint_dampers:
-            damping[rows, rows] += of_damper * np.eye(rows.stop - rows.start)
-        return stiffness, damping
+    def derivatives(self, configuration: Array, velocity: Array) -> tuple[Array, Array]:
+        """Of the forces at one configuration (nq,) and velocity (nv,), by q and by v, (nv, nv) each."""
+        by_position, by_velocity = np.zeros((2, len(velocity), len(velocity)))
+        for _, row, stiffness, _ in self._joint_springs:
+            by_position[row, row] -= stiffness
+        for rows, damping in self._joint_dampers:
+            by_velocity[rows, rows] -= damping * np.eye(rows.stop - rows.start)
+        owners = _owners(self.places, len(velocity))
+        for pull in self.pulls(configuration, velocity):
+            # Of the length, whose gradient is g: by rows, the derivatives of g.
+            between = (pull.jacobians[1] - pull.jacobians[0])[:3]
+            hessian = between.T @ (between - np.outer(pull.along, pull.gradient)) / pull.length
+            first, second = (_change_of_jacobian(jacobian, owners) for jacobian in pull.jacobians)
+            hessian += np.einsum("c,cij->ij", pull.along, second - first)
+            of_tension = pull.spring.stiffness * pull.gradient + pull.spring.damping * (velocity @ hessian)
+            by_position -= np.outer(pull.gradient, of_tension) + pull.tension * hessian
+            by_velocity -= pull.spring.damping * np.outer(pull.gradient, pull.gradient)
+        return by_position, by_velocity
 
     def on_bodies(self, configuration: Array, velocity: Array) -> list[Any]:
         """What springs between points do to the body of each joint, as a ``pinocchio.Force`` in the frame of the joint, at one state."""
-        import pinocchio
-
-        found = [pinocchio.Force.Zero() for _ in range(self._model.njoints)]
+        found = [pinocchio.Force.Zero() for _ in range(self.model.njoints)]
         for pull in self.pulls(configuration, velocity):
             for (body, _), point, sign in zip(pull.spring.ends, pull.points, (1.0, -1.0), strict=True):
-                if joint := self._joint_of(body):
+                if joint := carrier(self.model, body)[0]:
                     place = self._data.oMi[joint]
                     force = sign * pull.tension * pull.along
                     turn = place.rotation.T
@@ -182,27 +228,29 @@ class ForceElements:
         tension = spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ velocity)
         return Pull(spring, points, jacobians, length, along, gradient, float(tension))
 
-    def _joint_of(self, body: str) -> int:
-        """The joint of the model that carries a body; 0 for the world."""
-        import pinocchio
-
-        if body == WORLD and not self._model.existFrame(body, pinocchio.FrameType.BODY):
-            return 0
-        return parent_joint(self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)])
-
     def _point(self, body: str, local: Array) -> tuple[Array, Array]:
         """World position (3,) of a point fixed in ``body``; Jacobian (6, nv) of its velocity and of the body's angular velocity."""
-        import pinocchio
-
-        if body == WORLD and not self._model.existFrame(body, pinocchio.FrameType.BODY):
-            return local, np.zeros((6, self._model.nv))
-        frame = self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)]
-        joint = parent_joint(frame)
-        placement = self._data.oMi[joint] * frame.placement
-        position = placement.act(local)
+        joint, frame = carrier(self.model, body)
+        position = (self._data.oMi[joint] * frame).act(local)
         if joint == 0:
-            return position, np.zeros((6, self._model.nv))
+            return position, np.zeros((6, self.model.nv))
         # A single column comes back with one axis.
-        jacobian = pinocchio.getJointJacobian(self._model, self._data, joint, pinocchio.LOCAL_WORLD_ALIGNED).reshape(6, -1)
+        jacobian = pinocchio.getJointJacobian(self.model, self._data, joint, pinocchio.LOCAL_WORLD_ALIGNED).reshape(6, -1)
         arm = position - self._data.oMi[joint].translation
         return position, np.concatenate([jacobian[:3] - pinocchio.skew(arm) @ jacobian[3:], jacobian[3:]])
+
+
+def _owners(places: Mapping[str, JointPlace], nv: int) -> Array:
+    """For each velocity, the number of its joint in the order of the tree."""
+    owners = np.zeros(nv)
+    for number, place in enumerate(sorted(places.values(), key=lambda place: place.idx_v)):
+        owners[place.idx_v : place.idx_v + place.nv] = number
+    return owners
+
+
+def _change_of_jacobian(jacobian: Array, owners: Array) -> Array:
+    """d J_i / d q_j of the Jacobian (6, nv) of a point, (3, i, j); see above."""
+    turned = np.cross(jacobian[3:].T[None, :, :], jacobian[:3].T[:, None, :])
+    # turned[i, j] is w_j x J_i.
+    is_before = owners[None, :] <= owners[:, None]
+    return np.asarray(np.where(is_before[:, :, None], turned, turned.transpose(1, 0, 2)).transpose(2, 0, 1))

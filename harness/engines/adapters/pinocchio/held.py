@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pinocchio
 
 from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring, Unsupported
 from harness.engines.adapters.pinocchio.forces import ForceElements
@@ -24,8 +25,6 @@ def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps
 
     ``added`` is what the harness adds to ABA.
     """
-    import pinocchio
-
     elements, places, data = added.elements, added.places, model.createData()
     if not hasattr(data, "joints"):
         raise Unsupported(f"Pinocchio {pinocchio.__version__} does not show how its joints move")
@@ -84,8 +83,6 @@ def held(model: Any, added: ForceElements, positions: Mapping[str, float], steps
 
 def _parts(joint: Any) -> Iterator[tuple[Any, Any]]:
     """The joints that make up one of Pinocchio's, each with its frame in the one before at zero."""
-    import pinocchio
-
     if joint.shortname() != "JointModelComposite":
         yield joint, pinocchio.SE3.Identity()
         return

@@ -13,10 +13,11 @@ import tempfile
 from collections.abc import Iterator
 from typing import Any
 
+import pinocchio
 from lxml import etree
 
 from harness.engines import Unsupported
-from harness.engines.reading import captured_standard_error
+from harness.engines.adapters.pinocchio.versions import reasons
 from harness.files.document.xml import Document, describe, shorten
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import ORIENTATIONS, childclass_of, of_class, resolved
@@ -29,31 +30,19 @@ _FROM_DEFAULTS = ("type", "axis", "armature", "ref")
 _UNIT = 4 * 2.0**-53
 
 
-def read(file: ModelFile) -> tuple[Any, dict[str, tuple[str, ...]]]:
-    """The ``pinocchio.Model``, without gravity and forces, and the joints that each composite joint is made of.
+def read(file: ModelFile) -> Any:
+    """The ``pinocchio.Model``, without gravity and forces.
 
     Raises:
         Unsupported: the file holds what the reader passes over or reads otherwise, or the reader refuses it.
     """
-    import pinocchio
-
-    document = document_of(file)
-    _refuse_ignored(file, document)
+    _refuse_ignored(file, document_of(file))
     # The reader wants a path. This one has no name that could outlive a process which the reader aborts.
-    with tempfile.TemporaryFile() as content, captured_standard_error() as captured:
+    refused = "Pinocchio's MJCF reader refuses it: "
+    with tempfile.TemporaryFile() as content, reasons(lambda words: Unsupported(refused + " ".join(words.split()))):
         content.write(file.text.encode())
         content.seek(0)
-        try:
-            model = pinocchio.buildModelFromMJCF(f"/dev/fd/{content.fileno()}")
-        except Exception as error:
-            raise Unsupported(f"Pinocchio's MJCF reader refuses it: {' '.join((captured() or str(error)).split())}") from error
-    return model, _composites(document)
-
-
-def _composites(document: Document) -> dict[str, tuple[str, ...]]:
-    """Name of each composite joint that the reader makes to the joints it is made of, in their order."""
-    joints = {body: [str(joint.get("name")) for joint in body.iterchildren("joint")] for body in document.root.iter("body")}
-    return {f"Composite_{names[0]}": tuple(names) for names in joints.values() if len(names) > 1}
+        return pinocchio.buildModelFromMJCF(f"/dev/fd/{content.fileno()}")
 
 
 def _refuse_ignored(file: ModelFile, document: Document) -> None:

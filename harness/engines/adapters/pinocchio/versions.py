@@ -1,22 +1,65 @@
-"""What differs between the versions of Pinocchio that the harness knows, from 2.7 on.
+"""What the adapter's modules share of Pinocchio, and what differs between the versions that the harness knows, from 2.7 on.
 
 Source: Pinocchio's changelog, and the versions themselves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+import pinocchio
 
 from harness.arrays import Array
 from harness.engines import Unsupported
+from harness.engines.reading import captured_standard_error
+from harness.files.tree import WORLD
+
+# Pinocchio's own q, v and tau, (nq, n), (nv, n) and (nv, n), one contiguous column a state.
+Columns = tuple[Array, Array, Array]
 
 
 def parent_joint(frame: Any) -> int:
     """Index of the joint that carries a frame, which was its ``parent``."""
     return int(frame.parentJoint if hasattr(frame, "parentJoint") else frame.parent)
+
+
+@contextmanager
+def reasons(refusal: Callable[[str], Exception]) -> Iterator[None]:
+    """Raises ``refusal`` of the words of a reader that refuses a file; its exceptions do not hold them, file descriptor 2 does."""
+    with captured_standard_error() as captured:
+        try:
+            yield
+        except Unsupported:
+            raise
+        except Exception as error:
+            raise refusal(captured() or str(error)) from error
+
+
+def states(*columns: Array) -> Iterator[tuple[Array, ...]]:
+    """The columns of each state. Rows of a transpose cost half of what columns cost."""
+    return zip(*(each.T for each in columns), strict=True)
+
+
+def mass_matrix(model: Any, data: Any, configuration: Array) -> Array:
+    """M, (nv, nv), by ``crba``, whose lower triangle is not written."""
+    upper = np.triu(pinocchio.crba(model, data, configuration))
+    return np.asarray(upper + np.triu(upper, 1).T)
+
+
+def has_body(model: Any, body: str) -> bool:
+    """True for a body of the model, and for the world."""
+    return body == WORLD or bool(model.existFrame(body, pinocchio.FrameType.BODY))
+
+
+def carrier(model: Any, body: str) -> tuple[int, Any]:
+    """The joint that carries a body, 0 for the world, and the body's frame in that of the joint."""
+    if body == WORLD and not model.existFrame(body, pinocchio.FrameType.BODY):
+        return 0, pinocchio.SE3.Identity()
+    frame = model.frames[model.getFrameId(body, pinocchio.FrameType.BODY)]
+    return parent_joint(frame), frame.placement
 
 
 def armature(model: Any) -> Array:
@@ -38,8 +81,6 @@ def set_armature(model: Any, velocities: Sequence[int], reflected_inertias: Sequ
 
 def read_urdf(text: str, *root: Any) -> Any:
     """The model of a URDF, its root link on the world, or by the joint model and name given; older readers take no name."""
-    import pinocchio
-
     try:
         return pinocchio.buildModelFromXML(text, *root)
     except TypeError:
@@ -54,8 +95,6 @@ def read_mimics(text: str, *root: Any) -> Any:
     Raises:
         Unsupported: this version has no such joints.
     """
-    import pinocchio
-
     if not hasattr(pinocchio, "JointModelMimic"):
         raise Unsupported(f"{_this_version()} has no joints that mimic others")
     return pinocchio.buildModelFromXML(text, *root, mimic=True)
@@ -63,16 +102,12 @@ def read_mimics(text: str, *root: Any) -> Any:
 
 def require(what: str, *names: str) -> None:
     """Raises ``Unsupported`` where this version has not every one of ``names``, without which it has no ``what``."""
-    import pinocchio
-
     if missing := [name for name in names if not hasattr(pinocchio, name)]:
         raise Unsupported(f"{_this_version()} has no {' and no '.join(missing)}, so that it has no {what}")
 
 
 def ready_for_constraints(model: Any, data: Any, constraints: Any, memories: Any) -> None:
     """``initConstraintDynamics``, which took no memories of the constraints before it did."""
-    import pinocchio
-
     try:
         pinocchio.initConstraintDynamics(model, data, constraints, memories)
     except TypeError:
@@ -80,6 +115,4 @@ def ready_for_constraints(model: Any, data: Any, constraints: Any, memories: Any
 
 
 def _this_version() -> str:
-    import pinocchio
-
     return f"Pinocchio {pinocchio.__version__}"

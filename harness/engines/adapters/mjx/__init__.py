@@ -1,0 +1,70 @@
+"""MuJoCo XLA, ``mujoco.mjx``, on an MJCF model: ``mjx.forward`` on many states at once, in float64 or in float32.
+
+JAX computes in float32 unless its 64 bits are switched on, so that each precision is an engine of its own. States go through one compiled
+function in blocks, see its module ``device``.
+
+Its constraints are MuJoCo's, soft by the law that the file declares (``harness.engines.adapters.mujoco.law``).
+
+Source: MuJoCo documentation, MuJoCo XLA (MJX), with its table of what is not implemented.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from harness.engines import ConstraintLaw, Engine
+from harness.engines.adapters.mujoco import law
+from harness.engines.request import Request
+from harness.files.equalities import Equality
+from harness.files.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from harness.engines.adapters.mjx.device import MjxFile, MjxModel
+
+FLOAT32 = 2.0**-24
+
+
+class MjxEngine(Engine):
+    """The engine in float64, or else in float32."""
+
+    requires = ("mujoco.mjx", "mujoco-mjx")
+    formats = ("mjcf",)
+    optional = True
+    factorises_mass_matrix = True
+    has_soft_constraints = True
+    reader = "mujoco"
+    takes_inertias_about_tree = True
+    supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
+    why_no_equalities = "the harness asks it without the file's equalities"
+    call: Mapping[str, str] = {
+        "mjcf": (
+            "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; "
+            "mjx.forward(mjx.put_model(m), mjx.make_data(m).replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc"
+        )
+    }
+
+    def __init__(self, in_float64: bool) -> None:
+        self._in_float64 = in_float64
+        if not in_float64:
+            # No user's file is handed over in float32.
+            self.unit_roundoff, self.call = FLOAT32, {}
+
+    def read(self, request: Request) -> MjxFile:
+        from harness.engines.adapters.mjx.device import read
+
+        return read(request)
+
+    def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MjxModel:
+        from harness.engines.adapters.mjx.device import load
+
+        return load(file, joints, self._in_float64)
+
+    def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
+        """See ``harness.engines.adapters.mujoco.law``; MJX has no term for how the rows turn with the motion, which MuJoCo has."""
+        own = law.laws_in(law.settings(root, model_format), constraints)
+        return {name: replace(one, has_curvature=False) for name, one in own.items()}
+
+
+ENGINE = MjxEngine(in_float64=True)

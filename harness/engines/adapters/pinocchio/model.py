@@ -1,0 +1,177 @@
+"""A mechanism's model in Pinocchio: accelerations by ``aba``, or by what holds its constraints, and what a reproducer prints of it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio
+
+from harness.arrays import Array
+from harness.engines import HeldModel, LoadedModel, Terms, Unsupported
+from harness.engines.adapters.pinocchio import held, mjcf
+from harness.engines.adapters.pinocchio.constraints import LoopConstraints, MimicJoints
+from harness.engines.adapters.pinocchio.forces import ForceElements, places_of
+from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
+from harness.engines.adapters.pinocchio.solver import Solver
+from harness.engines.adapters.pinocchio.versions import armature, read_urdf, reasons, set_armature, states
+from harness.engines.tree_request import asked_joints
+from harness.errors import InvalidModel
+from harness.files.equalities import Linkage
+from harness.files.model_file import ModelFile, meaning_of
+
+
+def load(file: ModelFile, joints: Sequence[str], gravity: float) -> PinocchioModel:
+    """See ``harness.engines.Engine.load``."""
+    if file.format == "mjcf":
+        model = mjcf.read(file)
+        model.gravity.linear = np.array(file.gravity)
+        return PinocchioModel(model, joints, file)
+    _refuse_mimics(file, joints)
+    # Pinocchio passes over Drake's ball joint, and hangs the root link by whatever joint it is given.
+    root = () if file.ball_joint is None else (pinocchio.JointModelSpherical(), file.ball_joint)
+    with reasons(ValueError):
+        model = read_urdf(file.text, *root)
+    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    velocities = [model.joints[model.getJointId(one.name)].idx_v for one in file.armatures]
+    set_armature(model, velocities, [float(one.armature) for one in file.armatures])
+    return PinocchioModel(model, joints, file, MimicJoints(model, file, root) if file.mimics else None)
+
+
+def _refuse_mimics(file: ModelFile, joints: Sequence[str]) -> None:
+    """Raises Unsupported for followers that nobody asks the accelerations of, and for those beside a loop."""
+    for one in file.mimics:
+        assert isinstance(one.says, Linkage)
+        who = f"line {one.line}: joint {one.name!r} mimics {one.says.leader!r}"
+        if one.name not in joints:
+            raise Unsupported(f"{who}, and aba refuses such a model")
+        if len(file.constraints) > len(file.mimics):
+            raise Unsupported(f"{who} in a model with a loop, and constraintDynamics refuses that")
+
+
+class PinocchioModel(PinocchioQuantities):
+    """A ``pinocchio.Model`` with the force elements and the constraints of its file, which are None where it has none."""
+
+    def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, mimics: MimicJoints | None = None) -> None:
+        elements = ForceElements(model, file.force_elements, places_of(model, asked_joints(meaning_of(file).tree)))
+        super().__init__(model, joints, elements, mimics or (LoopConstraints(model, file.constraints) if file.constraints else None))
+        self._file = file
+        # What both solve with.
+        self.factorises_mass_matrix = self.constraints is not None
+
+    def solved_by(self, solver: Solver) -> PinocchioModel:
+        """The same model whose constraints another solver holds.
+
+        Raises:
+            Unsupported: the model has no constraints that a solver holds.
+        """
+        if not isinstance(self.constraints, LoopConstraints):
+            raise Unsupported("no constraint of the model is left to a solver")
+        other = copy.copy(self)
+        other.constraints = self.constraints.solved_by(solver)
+        return other
+
+    def loaded(self) -> LoadedModel:
+        model = self.model
+        joints = {name: (place.nq, place.nv) for name, place in self.force_elements.places.items()}
+        x, y, z = map(float, model.gravity.linear)
+        return LoadedModel(joints, (x, y, z), float(sum(inertia.mass for inertia in list(model.inertias)[1:])))
+
+    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
+        """See ``harness.engines``; springs and dampers are those the harness adds."""
+        return held.held(self.model, self.force_elements, positions or {}, steps or {})
+
+    @cached_property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        """Places of the joints, in their order.
+
+        Raises:
+            InvalidModel: a joint stands in Pinocchio's q as the cosine and sine of its position.
+        """
+        for name in self._joints:
+            place = self.force_elements.places[name]
+            if (place.nq, place.nv) == (2, 1):
+                problem = f"joint {name!r} is continuous, which Pinocchio gives two positions, expected one; make it revolute"
+                raise InvalidModel(self._file.path, self._file.joint_lines.get(name, self._file.root_line), problem)
+        return super().addresses
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        columns = self.pulled(q, v, tau)
+        if self.constraints is not None:
+            return self._vectors(self.constraints.accelerations(columns))
+        accelerations = np.empty((len(q), self.model.nv))
+        for state, inputs in enumerate(states(*columns)):
+            accelerations[state] = pinocchio.aba(self.model, self._data, *inputs)
+        return self._vectors(accelerations)
+
+    def gaps(self, q: Array) -> dict[str, Array]:
+        """See ``harness.engines``; of the frames where Pinocchio has its constraints."""
+        still = np.zeros((len(q), self.model.nv))
+        return {} if self.constraints is None else self.constraints.gaps(self.columns(q, still, still)[0])
+
+    def reactions(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``harness.engines.interface``: ``data.f`` of ``rnea`` at the accelerations of ``aba``.
+
+        It is what a joint transmits to its body, in the frame of the joint. Springs between points, which neither algorithm knows,
+        are added to the forces on joints for ``aba``, and are external forces on bodies for ``rnea``, as are those of constraints.
+        Source: Pinocchio documentation, ``rnea`` and ``Data::f``; Featherstone, section 5.3.
+        """
+        model, data, found = self.model, self._data, np.empty((len(q), len(self.numbers), 6))
+        for state, inputs in enumerate(states(*self.pulled(q, v, tau))):
+            outside = self.force_elements.on_bodies(*inputs[:2])
+            if self.constraints is None:
+                accelerations = pinocchio.aba(model, data, *inputs)
+            else:
+                accelerations, of_constraints = self.constraints.with_forces_on_bodies(inputs)
+                outside = [one + other for one, other in zip(outside, of_constraints, strict=True)]
+            pinocchio.rnea(model, data, *inputs[:2], accelerations, outside)
+            pinocchio.updateGlobalPlacements(model, data)
+            for place, joint in enumerate(self.numbers):
+                turn, transmitted = data.oMi[joint].rotation, data.f[joint]
+                found[state, place] = *(turn @ transmitted.linear), *(turn @ transmitted.angular)
+        return found
+
+    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
+        """Terms as Pinocchio computes them: M of composite rigid bodies with armature, velocity by inverse dynamics without gravity.
+
+        Passive are the force elements that the harness adds to ABA, which applies none, and the forces of constraints.
+        Source: Featherstone, Rigid Body Dynamics Algorithms, chapters 5 (inverse dynamics) and 6 (composite rigid bodies).
+        """
+        weightless = copy.copy(self)
+        weightless.model = self.model.copy()
+        weightless.model.gravity.linear = np.zeros(3)
+        configuration, velocity, force = self.columns(q, v, tau)
+        passive = self.force_elements.generalised_forces(configuration, velocity)
+        if self.constraints is not None:
+            passive = passive + self.constraints.generalised_forces((configuration, velocity, force + passive)).T
+        return Terms(self.mass_matrix(q), weightless.bias(q, v), self.gravity(q), self._vectors(passive.T), self._vectors(force.T))
+
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
+        """See ``harness.hard.worst_cases``; what the harness adds for ABA is part of tau."""
+        configuration, velocity, force = self.columns(q[None], v[None], tau[None])
+        added = self.force_elements.generalised_forces(configuration, velocity)
+        expected = np.zeros(self.model.nv)
+        expected[self.addresses[1]] = certified
+        inputs = ", ".join(str(column[:, 0].tolist()) for column in (configuration, velocity, force + added))
+        inertias = armature(self.model)
+        added_inertia = f"; m.armature[:] = {inertias.tolist()}" if inertias.any() else ""
+        made, call = ("", "pin.aba(m, m.createData(), q, v, tau)") if self.constraints is None else self.constraints.reproducer(source)
+        remark = "  # springs and dampers, which ABA does not apply, are in tau" if added.any() else ""
+        return (
+            f"{self._reading(source)}; m.gravity.linear = np.array({self.model.gravity.linear.tolist()}){added_inertia}\n"
+            f"q, v, tau = map(np.array, ({inputs})){remark}\n"
+            f"{made}print({call}.tolist(), {expected.tolist()}, sep='\\n')  # engine, certified\n"
+        )
+
+    def _reading(self, source: str) -> str:
+        """Python text that reads the model into ``m``."""
+        if self._file.format == "mjcf":
+            # This reader takes files only.
+            write = f"f = tempfile.NamedTemporaryFile('w'); f.write({source}); f.flush()"
+            return f"import numpy as np, pinocchio as pin, tempfile; {write}; m = pin.buildModelFromMJCF(f.name)"
+        # Only the harness puts a ball joint at the root; see ``load``.
+        ball = f", pin.JointModelSpherical(), {self.model.names[1]!r}" if self.model.joints[1].shortname() == "JointModelSpherical" else ""
+        return f"import numpy as np, pinocchio as pin; m = pin.buildModelFromXML({source}{ball})"
