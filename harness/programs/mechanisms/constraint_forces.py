@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
-from harness.programs.program import OUTPUTS, StraightLineProgram, position_count, right_hand_side, without_unused
+from harness.programs.program import OUTPUTS, StraightLineProgram, position_count, without_unused
 from harness.programs.terms import Builder, Matrix, Term, Vector, dot, length, matrix, symmetric, vector
 
 MULTIPLIERS, ACCELERATIONS = "multipliers", "accelerations"
@@ -140,12 +140,13 @@ def tied_equations(constraints: Constraints, more: Sequence[str] = (), independe
     equations, rows = builder.append(constraints.tree), builder.append(constraints.program)
     chosen = list(constraints.independent if independent_only else range(len(constraints.rows)))
     first = position_count(constraints.tree) + nv
+    terms = zip(builder.inputs[first : first + nv], *(equations[name] for name in ("passive", "velocity", "gravity")), strict=True)
     return Tied(
         builder,
         constraints,
         equations,
         mass=symmetric(equations["mass"], nv),
-        force=vector(right_hand_side(equations, builder.inputs[first : first + nv])),
+        force=vector([(tau + p) - (c + g) for tau, p, c, g in terms]),
         jacobian=np.array(rows[JACOBIAN], dtype=object).reshape(-1, nv)[chosen],
         residual=[rows[RESIDUAL][row] for row in chosen if row < constraints.holonomic],
         rate=vector(rows[RATE])[chosen],
