@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from harness.programs.program import StraightLineProgram, earlier_results, without_unused
+from harness.programs.program import Instruction, StraightLineProgram, earlier_results, without_unused
 from harness.programs.terms import Builder, Term
 
 # A function of one value by its name, as "sin" or "inverse"; and "ratio", the quotient of two.
@@ -84,17 +84,19 @@ def depending_on(builder: Builder, inputs: Iterable[Term]) -> list[bool]:
 
 def _partials(builder: Builder, place: int, depends: Sequence[bool]) -> list[tuple[int, Term]]:
     """Operands of an instruction that depend on the variables, each with the derivative by it."""
-    instruction = builder.instructions[place]
-    operation, *operands = instruction
-    if operation == "input":
-        return []
+    operation, *operands = instruction = builder.instructions[place]
     if operation == "mul" and operands[0] == operands[1]:
         return [(operands[0], builder.number(2) * builder.terms[operands[0]])]
+    pairs = partial_derivatives(_write, instruction, place, builder.terms)
+    terms = [(operand, slope if isinstance(slope, Term) else builder.number(slope)) for operand, slope in pairs]
+    return [pair for pair in terms if depends[pair[0]]]
+
+
+def partial_derivatives(apply: Apply, instruction: Instruction, place: int, values: Sequence[Any]) -> list[tuple[int, Any]]:
+    """The operands of the instruction at ``place`` that are earlier results, each with the derivative by it; ``values`` are all results."""
     earlier = earlier_results(instruction)
-    arguments = [*(builder.terms[operand] for operand in earlier), *operands[len(earlier) :]]
-    slopes = PARTIAL_DERIVATIVES[operation](_write, *arguments, builder.terms[place])
-    terms = [slope if isinstance(slope, Term) else builder.number(slope) for slope in slopes]
-    return [pair for pair in zip(earlier, terms, strict=True) if depends[pair[0]]]
+    arguments = [*(values[operand] for operand in earlier), *instruction[1 + len(earlier) :]]
+    return list(zip(earlier, PARTIAL_DERIVATIVES[instruction[0]](apply, *arguments, values[place]), strict=True)) if earlier else []
 
 
 def _write(name: str, value: Term, divisor: Term | None = None) -> Term:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.programs.derivatives import PARTIAL_DERIVATIVES
+from harness.programs.derivatives import partial_derivatives
 from harness.programs.program import StraightLineProgram, earlier_results
 from harness.programs.terms import symmetric
 
@@ -74,13 +74,7 @@ class Arithmetic:
 
     def partial_derivatives(self, program: StraightLineProgram, place: int, values: Sequence[Any]) -> list[tuple[int, Any]]:
         """The operands of an instruction that are earlier results, each with the derivative by it."""
-        instruction = program.instructions[place]
-        earlier = earlier_results(instruction)
-        if not earlier:
-            return []
-        arguments = [*(values[operand] for operand in earlier), *instruction[1 + len(earlier) :]]
-        partials = PARTIAL_DERIVATIVES[instruction[0]](self.apply, *arguments, values[place])
-        return list(zip(earlier, partials, strict=True))
+        return partial_derivatives(self.apply, program.instructions[place], place, values)
 
 
 def _floats(count: int) -> Arithmetic:
@@ -93,13 +87,14 @@ def _floats(count: int) -> Arithmetic:
     )
 
 
+@np.errstate(all="ignore")
 def values(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
     """The outputs, (outputs of that name, n), for inputs (number of inputs, n), one column a state; nothing is compiled or raised."""
     n = inputs.shape[1]
-    with np.errstate(all="ignore"):
-        return _gathered(program, _floats(n).values(program, inputs), (n,))
+    return _gathered(program, _floats(n).values(program, inputs), (n,))
 
 
+@np.errstate(all="ignore")
 def values_and_spread(program: StraightLineProgram, inputs: Array, scales: Array) -> tuple[dict[str, Array], dict[str, Array]]:
     """``values``, and how far each output moves, to first order, when every use of every input moves by up to its scale.
 
@@ -107,27 +102,21 @@ def values_and_spread(program: StraightLineProgram, inputs: Array, scales: Array
     |derivative times scale|. A length that stands twice in a file is rounded twice, where a derivative sees its two parts cancel.
     """
     n = inputs.shape[1]
-    with np.errstate(all="ignore"):
-        found = _floats(n).values(program, inputs)
-        spread = _forward(program, found, scales.__getitem__, lambda known, partial: known * np.abs(partial))
-        return _gathered(program, found, (n,)), _gathered(program, spread, (n,))
+    found = _floats(n).values(program, inputs)
+    spread = _forward(program, found, scales.__getitem__, lambda known, partial: known * np.abs(partial))
+    return _gathered(program, found, (n,)), _gathered(program, spread, (n,))
 
 
+@np.errstate(all="ignore")
 def jacobians(program: StraightLineProgram, inputs: Array) -> dict[str, Array]:
     """d(output)/d(input), (outputs of that name, number of inputs, n), for inputs (number of inputs, n), one column a state.
 
     Not finite where an output is not differentiable; nothing is raised.
     """
     count, n = inputs.shape
-
-    def alone(place: int) -> Array:
-        slope = np.zeros((count, n))
-        slope[place] = 1.0
-        return slope
-
-    with np.errstate(all="ignore"):
-        slopes = _forward(program, _floats(n).values(program, inputs), alone, operator.mul)
-        return _gathered(program, slopes, (count, n))
+    units = np.eye(count)[:, :, None] * np.ones(n)
+    slopes = _forward(program, _floats(n).values(program, inputs), units.__getitem__, operator.mul)
+    return _gathered(program, slopes, (count, n))
 
 
 def _forward(

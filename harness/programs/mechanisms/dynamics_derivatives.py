@@ -19,7 +19,7 @@ theory for state estimation in robotics, 2018 (right Jacobians).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -39,7 +39,6 @@ TERMS = ("inertial forces", "velocity terms", "gravity terms", "springs and damp
 _FORCES = "forces"
 
 
-@dataclass(frozen=True)
 class _Arguments:
     """A program of q, v, a vector of nv more, time and parameters, which begins with these inputs alone.
 
@@ -47,19 +46,10 @@ class _Arguments:
         third: the accelerations, or the applied forces.
     """
 
-    mechanism: Mechanism
-    builder: Builder
-    is_in_body: bool
-
-    @property
-    def velocities(self) -> Vector:
-        nq, nv = self.mechanism.nq, self.mechanism.nv
-        return self.builder.inputs_at(range(nq, nq + nv))
-
-    @property
-    def third(self) -> Vector:
-        first, nv = self.mechanism.nq + self.mechanism.nv, self.mechanism.nv
-        return self.builder.inputs_at(range(first, first + nv))
+    def __init__(self, mechanism: Mechanism, inputs: Sequence[str], is_in_body: bool) -> None:
+        self.mechanism, self.builder, self.is_in_body = mechanism, Builder(inputs), is_in_body
+        nq, nv = mechanism.nq, mechanism.nv
+        self.velocities, self.third = (self.builder.inputs_at(range(first, first + nv)) for first in (nq, nq + nv))
 
     def appended(self, program: StraightLineProgram, third: Vector) -> dict[str, list[Term]]:
         """Write a program of the same inputs but for the third vector, which is ``third``; its outputs."""
@@ -117,7 +107,7 @@ def inverse_dynamics_derivatives(
     columns of nv entries, one column after the other [N or N m, per unit].
     """
     nv = mechanism.nv
-    given = _Arguments(mechanism, Builder(_with_accelerations(mechanism, program)), linear_velocity_in_body)
+    given = _Arguments(mechanism, _with_accelerations(mechanism, program), linear_velocity_in_body)
     equations = given.appended(program, given.third)
     rows, free = symmetric(equations["mass"], nv), right_hand_side(equations)
     forces = [row @ given.third - rest for row, rest in zip(rows, free, strict=True)]
@@ -143,7 +133,7 @@ def forward_dynamics_derivatives(
     Each of the outputs ``by_position``, ``by_velocity`` and ``by_force`` holds nv columns of nv entries, one column after the other.
     """
     nv = mechanism.nv
-    given = _Arguments(mechanism, Builder(program.inputs), linear_velocity_in_body)
+    given = _Arguments(mechanism, program.inputs, linear_velocity_in_body)
     equations = given.appended(program, given.third)
     accelerations = vector(solve_symmetric(equations["mass"], right_hand_side(equations, given.third)))
     of_forces = given.appended(inverse_dynamics_derivatives(mechanism, program, linear_velocity_in_body), accelerations)
@@ -161,7 +151,7 @@ def terms_of_forces(mechanism: Mechanism, program: StraightLineProgram, linear_v
 
     Each holds 2 nv columns of nv entries, by positions and by velocities.
     """
-    given = _Arguments(mechanism, Builder(_with_accelerations(mechanism, program)), linear_velocity_in_body)
+    given = _Arguments(mechanism, _with_accelerations(mechanism, program), linear_velocity_in_body)
     terms = _terms(given, given.appended(program, given.third))
     found = _differentiated(given, terms, list(terms))
     outputs = {name: _by_columns(found.outputs[derivative_name(name)], 2 * mechanism.nv) for name in terms}
@@ -182,7 +172,7 @@ def sizes_of_parts(
     """
     nv = mechanism.nv
     inputs = _with_accelerations(mechanism, program) if of_accelerations else program.inputs
-    given = _Arguments(mechanism, Builder(inputs), linear_velocity_in_body)
+    given = _Arguments(mechanism, inputs, linear_velocity_in_body)
     builder, equations = given.builder, given.appended(program, given.third)
     mass, rows, zero = equations["mass"], symmetric(equations["mass"], nv), builder.number(0)
     units = [sqrt(rows[place, place]) for place in range(nv)]
