@@ -125,10 +125,9 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
         constraints = constraints_of(system, program) if system.constraints else None
         tree, program = program, program if constraints is None else constrained_program(constraints, by_multipliers)
         total_mass = float(system.total_mass.subs({symbol: sp.Rational(value) for symbol, (value, _) in system.parameters.items()}))
-    except (ValueError, TypeError) as error:
-        raise InvalidSystem(file, line, f"cannot be derived: {error}") from error
     except Exception as error:
-        raise InvalidSystem(file, line, f"cannot be derived: {type(error).__name__}: {error}") from error
+        kind = "" if isinstance(error, ValueError | TypeError) else f"{type(error).__name__}: "
+        raise InvalidSystem(file, line, f"cannot be derived: {kind}{error}") from error
     seconds = time.perf_counter() - started
     description, _, reference = docstring.partition("Source:")
     coordinates = list(system.coordinates)
@@ -233,8 +232,7 @@ def load_atlas(path: Path) -> tuple[tuple[System, ...], str]:
     """
     from harness.lagrange.system import System
 
-    member = member_of(path)
-    file, size = member or (path, None)
+    file, size = member_of(path) or (path, None)
     try:
         with _exact_numbers():
             module = run_file(file, f"_harness_system_{file.stem}")

@@ -32,6 +32,13 @@ MOST_TERMS = 200
 Powers = tuple[int, ...]
 # A sine or a cosine, and the whole multiples of the angles that it is taken of.
 Harmonic = tuple[type[sp.Function], tuple[int, ...]]
+# Of the product of two functions, that of the sum and of the difference of their angles, with the signs of both.
+_PRODUCTS = {
+    (sp.sin, sp.cos): (sp.sin, 1, 1),
+    (sp.cos, sp.cos): (sp.cos, 1, 1),
+    (sp.cos, sp.sin): (sp.sin, 1, -1),
+    (sp.sin, sp.sin): (sp.cos, -1, 1),
+}
 # flint.fmpq and flint.fmpq_mpoly: rational numbers, and polynomials over them.
 Coefficient = Any
 Polynomial = Any
@@ -211,16 +218,9 @@ def _harmonics(powers: Powers) -> dict[Harmonic, Coefficient]:
         for _ in range(exponent):
             product: dict[Harmonic, Coefficient] = defaultdict(int)
             for (function, multiples), share in total.items():
-                more, fewer = (tuple(k + step * (at == place % n) for at, k in enumerate(multiples)) for step in (1, -1))
-                if place >= n:
-                    product[function, more] += half * share
-                    product[function, fewer] += half * share
-                elif function is sp.cos:
-                    product[sp.sin, more] += half * share
-                    product[sp.sin, fewer] -= half * share
-                else:
-                    product[sp.cos, fewer] += half * share
-                    product[sp.cos, more] -= half * share
+                of_both, *signs = _PRODUCTS[function, sp.cos if place >= n else sp.sin]
+                for step, sign in zip((1, -1), signs, strict=True):
+                    product[of_both, tuple(k + step * (at == place % n) for at, k in enumerate(multiples))] += sign * half * share
             total = product
     return total
 

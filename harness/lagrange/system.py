@@ -245,15 +245,8 @@ class System:
 
 def _depends_on_time(expression: sp.Expr) -> bool:
     """Whether time stands in an expression otherwise than in its coordinates and rates."""
-    waiting, seen = [expression], set()
-    while waiting:
-        part = waiting.pop()
-        if part == TIME:
-            return True
-        if not isinstance(part, AppliedUndef | sp.Derivative):
-            waiting += [argument for argument in part.args if argument not in seen]
-            seen.update(part.args)
-    return False
+    functions = {function: sp.Dummy() for function in expression.atoms(AppliedUndef, sp.Derivative)}
+    return TIME in expression.xreplace(functions).free_symbols
 
 
 def _of_assumptions(name: str, symbol: sp.Expr, values: Sequence[sp.Rational]) -> Iterator[str]:

@@ -176,27 +176,23 @@ def _solved(rows: Matrix, columns: Sequence[Vector]) -> list[Vector]:
     return found
 
 
-def _solved_by_orthogonal_columns(left: Sequence[Vector], columns: Sequence[Vector]) -> list[Vector]:
+def _solved_by_orthogonal_columns(left: Sequence[Vector], right: Sequence[Vector]) -> list[Vector]:
     """The solutions of a regular system: its columns ``left`` are made orthogonal to one another, and those of the right with them."""
-    left, right = list(left), list(columns)
+    m, columns, found = len(left), [*left, *right], list[Vector]()
     upper: dict[tuple[int, int], Term] = {}
-    found: list[dict[int, Term]] = [{} for _ in right]
-    parts: list[list[Term]] = [[] for _ in right]
-    for j, column_of_left in enumerate(left):
-        upper[j, j] = length(column_of_left)
-        unit = column_of_left / upper[j, j]
-        for k in range(j + 1, len(left)):
-            upper[j, k] = unit @ left[k]
-            left[k] = left[k] - upper[j, k] * unit
-        for number, column in enumerate(right):
-            parts[number].append(unit @ column)
-            right[number] = column - parts[number][j] * unit
-    for part, x in zip(parts, found, strict=True):
-        for j in reversed(range(len(left))):
-            known = list(range(j + 1, len(left)))
-            rest = dot([upper[j, k] for k in known], [x[k] for k in known], part[j].builder.number(0))
-            x[j] = (part[j] - rest) / upper[j, j]
-    return [vector([x[j] for j in range(len(left))]) for x in found]
+    for j in range(m):
+        upper[j, j] = length(columns[j])
+        unit = columns[j] / upper[j, j]
+        for k in range(j + 1, len(columns)):
+            upper[j, k] = unit @ columns[k]
+            columns[k] = columns[k] - upper[j, k] * unit
+    for column in range(m, len(columns)):
+        x: list[Term] = []
+        for j in reversed(range(m)):
+            rest = dot([upper[j, k] for k in range(j + 1, m)], x, upper[j, j].builder.number(0))
+            x.insert(0, (upper[j, column] - rest) / upper[j, j])
+        found.append(vector(x))
+    return found
 
 
 def by_multipliers(tied: Tied) -> tuple[Vector, Vector]:
