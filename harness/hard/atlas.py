@@ -64,7 +64,7 @@ class AtlasStudy(Study):
         super().__init__()
         self._measured = Atlas()
         known, chosen = [str(one) for one in select_subjects(library, ())], select_quantities(quantities)
-        self._expected = {name: load_hard_expectations(PATH, list(hard_cases()), known, name) for name in chosen}
+        self._expected = {name: load_hard_expectations(known, name) for name in chosen}
         chosen_cases = select(cases, hard_cases(), "hard case")
         asked = _installed(library, subjects) if families else []
         broken = [subject for subject in asked if engine_files(library)[subject.engine].outcome.value is None]
@@ -146,16 +146,14 @@ class HardExpectation(Entry, frozen=True, kw_only=True):
     quantity: Text = ACCELERATIONS
 
 
-def load_hard_expectations(
-    path: Path, cases: Collection[str], subjects: Collection[str], quantity: str = ACCELERATIONS
-) -> Mapping[Key, HardExpectation]:
+def load_hard_expectations(subjects: Collection[str], quantity: str = ACCELERATIONS, path: Path = PATH) -> Mapping[Key, HardExpectation]:
     """Expectations of a quantity by case, subject and verdict.
 
     Raises:
         InvalidInput: the file is malformed, or an entry names a case or subject that does not exist any more.
     """
     verdicts = [verdict for verdict in SEVERITY if verdict != Verdict.AGREES]
-    known = {"case": cases, "subject": subjects, "verdict": verdicts, "quantity": find_quantities()}
+    known = {"case": hard_cases(), "subject": subjects, "verdict": verdicts, "quantity": find_quantities()}
     chosen = of_quantity(read_entries(path, HardExpectation, known, _COMPARED), quantity)
     return {(entry.case, entry.subject, entry.verdict): entry for entry in chosen}
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies import scene, silent
 
 from harness.bench.costs import Effort, acceleration_costs
 from harness.bench.methods import Method, Prepared, find_methods
@@ -45,13 +46,8 @@ WRONG = {
 }
 
 
-@functools.cache
-def scene(name: str) -> Scene:
-    return Scene.of(LIBRARY, name)
-
-
 def measured(*methods: Method) -> tuple[list[AccelerationCost], list[EngineFinding]]:
-    return acceleration_costs(scene("four_bar"), methods, Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)
+    return acceleration_costs(scene("four_bar"), methods, Effort((COUNT,), COUNT, 3, 0.0), silent)
 
 
 @functools.cache
@@ -117,7 +113,7 @@ def test_a_residual_that_tells_nothing_is_said_to() -> None:
 
 def test_all_stages_leave_a_mechanism_without_gravity_as_it_is() -> None:
     methods = [METHODS[name] for name in ("mujoco batch", "mujoco batch, all stages on")]
-    costs, found = acceleration_costs(scene("andrews_squeezer"), methods, Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)
+    costs, found = acceleration_costs(scene("andrews_squeezer"), methods, Effort((COUNT,), COUNT, 3, 0.0), silent)
     assert found == [] and all(cost.backward_error is not None and cost.backward_error <= AGREEMENT for cost in costs)
 
 
@@ -139,7 +135,7 @@ def test_what_is_of_trees_alone_is_not_asked_of_constraints() -> None:
     assert {"pinocchio aba", "pinocchio abaInParallel", "lambdify, numpy batch"} <= trees - tied
     assert {"pinocchio lcaba, mu 1e-6", "reduced equations float64", "mujoco batch, CG"} <= tied - trees
     settings = BenchmarkSettings(library=LIBRARY, methods=["pinocchio aba", "pinocchio constraintDynamics, mu 1e-6"])
-    asked = {name: _accelerations(settings, scene(name), lambda text: None).accelerations for name in ("arm_2r", "four_bar")}
+    asked = {name: _accelerations(settings, scene(name), silent).accelerations for name in ("arm_2r", "four_bar")}
     assert [cost.method for cost in asked["arm_2r"]] == ["pinocchio aba"]
     assert [cost.method for cost in asked["four_bar"]] == ["pinocchio constraintDynamics, mu 1e-6"]
 

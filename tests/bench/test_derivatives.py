@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from studies import scene, silent
 
 from harness.bench.costs import Effort
 from harness.bench.methods import DERIVATIVES, Method, find_methods
 from harness.bench.parts import PARTS, BenchmarkSettings
 from harness.bench.quantity_cost import STATES, derivative_costs
 from harness.bench.study import BenchmarkStudy, not_for
-from harness.crosscheck.scene import Scene
 from harness.engines import installed_version, load_engine
 from harness.errors import InvalidRequest
 from harness.library import Library
@@ -36,13 +35,8 @@ ORDERS = {
 }
 
 
-@functools.cache
-def scene(name: str) -> Scene:
-    return Scene.of(LIBRARY, name)
-
-
 def costs(name: str, *methods: Method) -> list[DerivativeCost]:
-    return derivative_costs(scene(name), methods, Effort((1, 4), STATES, 3, 0.0), lambda text: None)
+    return derivative_costs(scene(name), methods, Effort((1, 4), STATES, 3, 0.0), silent)
 
 
 def is_installed(engine: str) -> bool:
@@ -115,9 +109,9 @@ def test_the_study_measures_them_where_they_are_asked_for() -> None:
     [part] = [part for part in PARTS if part.kind == DERIVATIVES]
     chosen = ("heyoka derivatives of qdd", "mujoco mjd_inverseFD")
     settings = BenchmarkSettings(library=LIBRARY, names=("arm_2r",), methods=chosen, derivatives=True)
-    found = part.measure(settings, scene("arm_2r"), lambda text: None)
+    found = part.measure(settings, scene("arm_2r"), silent)
     assert {cost.method for cost in found.derivatives} == set(chosen) and not found.problems
-    assert part.measure(settings, scene("four_bar"), lambda text: None).derivatives == []
+    assert part.measure(settings, scene("four_bar"), silent).derivatives == []
     assert not_for(settings, scene("arm_2r")) == []
     with pytest.raises(InvalidRequest, match="'mujoco mjd_inverseFD' computes derivatives; ask for it with --derivatives"):
         BenchmarkStudy(BenchmarkSettings(library=LIBRARY, names=("arm_2r",), methods=["mujoco mjd_inverseFD"]))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies import scene, silent
 
 import harness.bench.methods
 from harness.arrays import Array
@@ -39,11 +40,6 @@ PRECISION = {"heyoka float32": 2.0**29, "heyoka long double": 2.0**-11}
 
 
 @functools.cache
-def scene(name: str) -> Scene:
-    return Scene.of(LIBRARY, name)
-
-
-@functools.cache
 def states(name: str) -> States:
     return generic_sample(scene(name).mechanism, COUNT, seed=3)
 
@@ -54,7 +50,7 @@ def reference(name: str, in_body: bool) -> Reference:
 
 
 def costs(name: str, *methods: Method, count: int = COUNT, seconds: float = 0.0) -> list[AccelerationCost]:
-    return acceleration_costs(scene(name), methods, Effort((count,), count, 3, seconds), lambda text: None)[0]
+    return acceleration_costs(scene(name), methods, Effort((count,), count, 3, seconds), silent)[0]
 
 
 @pytest.mark.costly
@@ -137,7 +133,7 @@ def test_what_a_method_cannot_do_is_its_note() -> None:
 
     without_mjcf = replace(scene("arm_2r"), models={"urdf": scene("arm_2r").models["urdf"]})
     methods = [Method("planted", "urdf", refuse), METHODS["mujoco batch"], METHODS["pinocchio aba"]]
-    refused, missing, done = acceleration_costs(without_mjcf, methods, Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)[0]
+    refused, missing, done = acceleration_costs(without_mjcf, methods, Effort((COUNT,), COUNT, 3, 0.0), silent)[0]
     assert (refused.note, refused.states, refused.seconds_per_state, refused.backward_error) == ("too round", 0, None, None)
     assert missing.note == "arm_2r has no MJCF model" and missing.seconds_per_state is None
     assert done.note == "" and done.seconds_per_state is not None
@@ -148,14 +144,14 @@ def test_an_error_of_a_method_costs_its_own_entry_and_is_not_swallowed(monkeypat
         raise ZeroDivisionError("planted")
 
     planted, sound = Method("planted", "equations", fail), METHODS["heyoka float64"]
-    failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)[0]
+    failed, done = acceleration_costs(scene("arm_2r"), [planted, sound], Effort((COUNT,), COUNT, 3, 0.0), silent)[0]
     assert (failed.failed, failed.note, failed.seconds_per_state) == (True, "ZeroDivisionError: planted", None)
     assert not done.failed and done.seconds_per_state is not None
     monkeypatch.setattr("harness.bench.parts.find_methods", lambda of: [planted])
     settings = BenchmarkSettings(library=Library.built_in())
-    assert _accelerations(settings, scene("arm_2r"), lambda text: None).problems == ["arm_2r, planted: ZeroDivisionError: planted"]
+    assert _accelerations(settings, scene("arm_2r"), silent).problems == ["arm_2r, planted: ZeroDivisionError: planted"]
     with pytest.raises(RuntimeError, match="planted: ZeroDivisionError"):
-        growth(Library.built_in(), [planted], [1], Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)
+        growth(Library.built_in(), [planted], [1], Effort((COUNT,), COUNT, 3, 0.0), silent)
 
 
 def test_cost_is_per_state_and_notes_say_what_runs() -> None:
@@ -215,7 +211,7 @@ def test_no_exponent_from_too_little() -> None:
 
 
 def test_growth_of_a_robot() -> None:
-    found = robot_growth((1, 2), 0, 0.0, lambda text: None)
+    found = robot_growth((1, 2), 0, 0.0, silent)
     assert found.sizes == [7, 14] and all(found.seconds_per_state)
     # Certified far below a data roundoff.
     assert all(radius is not None and 0 < radius < 2.0**-20 for radius in found.backward_errors)
@@ -223,7 +219,7 @@ def test_growth_of_a_robot() -> None:
 
 def test_growth_over_a_family() -> None:
     methods = [METHODS["pinocchio aba"], METHODS["heyoka float64"]]
-    found = growth(LIBRARY, methods, (1, 3), Effort((64,), 64, 0, 0.0), lambda text: None)
+    found = growth(LIBRARY, methods, (1, 3), Effort((64,), 64, 0, 0.0), silent)
     assert [(entry.family, entry.method, entry.expected) for entry in found] == [
         (("chain"), method.name, method.growth) for method in methods
     ]
@@ -239,6 +235,6 @@ def test_a_size_that_a_method_cannot_do_is_none() -> None:
             raise Unsupported("too long")
         return METHODS["heyoka float64"].prepare(scene, states)
 
-    (entry,) = growth(LIBRARY, [Method("planted", "equations", refuse)], (1, 3), Effort((64,), 64, 0, 0.0), lambda text: None)
+    (entry,) = growth(LIBRARY, [Method("planted", "equations", refuse)], (1, 3), Effort((64,), 64, 0, 0.0), silent)
     assert entry.sizes == [1, 3] and entry.seconds_per_state[0] is not None and entry.backward_errors[0] is not None
     assert (entry.seconds_per_state[1], entry.backward_errors[1], entry.exponent) == (None, None, None)

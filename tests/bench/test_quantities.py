@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies import silent
 
 from harness.arrays import Array
 from harness.bench.costs import Effort
@@ -41,7 +42,7 @@ def scene() -> Scene:
 
 
 def costs(quantity: str, asked: Sequence[Subject] = SUBJECTS) -> list[QuantityCost]:
-    return quantity_costs(scene(), find_quantities()[quantity], asked, Effort(COUNTS, JUDGED, SEED, 0.0), lambda text: None)
+    return quantity_costs(scene(), find_quantities()[quantity], asked, Effort(COUNTS, JUDGED, SEED, 0.0), silent)
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES_TESTED)
@@ -49,7 +50,7 @@ def test_each_number_of_states_has_a_cost_and_the_errors_of_the_cross_check(quan
     found = [cost for cost in costs(quantity) if cost.seconds_per_state is not None]
     asked = [replace(Assignment.of(LIBRARY, NAME, subject), quantity=quantity) for subject in SUBJECTS]
     states = generic_sample(scene().mechanism, max(COUNTS), SEED)[:JUDGED]
-    _, _, answers = compare_all(asked, states, lambda text: None)
+    _, _, answers = compare_all(asked, states, silent)
     checked = {key.removesuffix(f" {quantity}"): one.comparison for key, one in answers.items() if one.comparison is not None}
     assert [(cost.method, cost.states) for cost in found] == [(key, count) for key in checked for count in COUNTS]
     for cost in found:
@@ -137,7 +138,7 @@ def test_a_part_of_the_study_is_a_quantity(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setitem(THOROUGHNESS, "quick", replace(THOROUGHNESS["quick"], states=4, minimum_seconds=0.0))
     settings = BenchmarkSettings(library=LIBRARY, names=(NAME,), quantities=("bias",), methods=("mujoco/mjcf", "pinocchio/urdf"))
     [part] = [part for part in parts_of(settings) if part.kind == QUANTITIES]
-    found = part.measure(settings, scene(), lambda text: None)
+    found = part.measure(settings, scene(), silent)
     assert part.name == "bias" and part.timed and not found.problems
     assert [(cost.method, cost.states) for cost in found.quantities] == [
         (name, count) for name in ("mujoco/mjcf", "pinocchio/urdf") for count in (1, 2)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies import silent
 from support import InThisProcess, completed, harness
 
 from harness.arrays import Array
@@ -42,7 +43,7 @@ def scene(path: Path) -> Scene:
 
 
 def costs(path: Path) -> dict[str, AccelerationCost]:
-    found = acceleration_costs(scene(path), find_methods(ROBOTS), Effort((COUNT,), COUNT, 3, 0.0), lambda text: None)[0]
+    found = acceleration_costs(scene(path), find_methods(ROBOTS), Effort((COUNT,), COUNT, 3, 0.0), silent)[0]
     return {cost.method: cost for cost in found}
 
 
@@ -68,7 +69,7 @@ def test_an_engine_that_is_wrong_has_a_large_error(monkeypatch: pytest.MonkeyPat
 
 def test_a_motion_of_the_file_is_that_of_the_engine_in_small_steps() -> None:
     chosen = select_integrators(["mujoco RK4", "equations RK4", "equations Taylor"], ROBOTS)
-    truth, costs, orders = motion_costs(scene(LEG), chosen, (1e-2, 1e-3), 0.5, 10.0, lambda text: None)
+    truth, costs, orders = motion_costs(scene(LEG), chosen, (1e-2, 1e-3), 0.5, 10.0, silent)
     assert truth.error < 1e-15 and {order.integrator: order.verdict for order in orders} == dict.fromkeys(
         ("mujoco RK4", "equations RK4"), "as expected"
     )
@@ -81,7 +82,7 @@ def test_springs_that_the_reader_passes_over_are_part_of_the_engine_s_motion(tmp
     spring = '<gazebo reference="hip"><springStiffness>2</springStiffness><springReference>0</springReference></gazebo></robot>'
     (tmp_path / "sprung.urdf").write_text(LEG.read_text().replace("</robot>", spring))
     own = select_integrators(["mujoco RK4"], ROBOTS)
-    _, costs, orders = motion_costs(scene(tmp_path / "sprung.urdf"), own, (1e-2, 1e-3), 0.5, 10.0, lambda text: None)
+    _, costs, orders = motion_costs(scene(tmp_path / "sprung.urdf"), own, (1e-2, 1e-3), 0.5, 10.0, silent)
     assert [order.verdict for order in orders] == ["as expected"]
     assert min(cost.state_error for cost in costs if cost.state_error is not None) < 1e-8
 

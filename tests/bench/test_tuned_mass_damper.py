@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from catalogue import IN_CI
+from studies import silent
 
 from harness.bench import tuned_mass_damper
 from harness.bench.tuned_mass_damper import (
@@ -67,7 +68,7 @@ WAYS = pytest.mark.parametrize(
 def computed_figures(ways: tuple[str, ...]) -> list[Figure]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tuned_mass_damper, "integrators", lambda: [way for way in integrators() if way.name.startswith(ways)])
-        return figures(LIBRARY, lambda text: None)
+        return figures(LIBRARY, silent)
 
 
 def of_equations() -> list[Figure]:
@@ -145,7 +146,7 @@ def test_negative_dampers_and_other_mechanisms_are_refused() -> None:
 
 def test_a_library_without_the_cart_has_no_figures(tmp_path) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / "systems").mkdir()
-    assert figures(Library.at(tmp_path), lambda text: None) == []
+    assert figures(Library.at(tmp_path), silent) == []
 
 
 @pytest.mark.parametrize(

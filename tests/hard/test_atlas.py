@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from catalogue import PLAIN, TREES
+from studies import silent
 from support import completed
 
 from harness.engines import EQUATIONS, Subject, load_engine, select_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
-from harness.hard.atlas import PATH, AtlasStudy, HardExpectation, Key, judged, load_hard_expectations
+from harness.hard.atlas import AtlasStudy, HardExpectation, Key, judged, load_hard_expectations
 from harness.hard.cases import hard_cases
 from harness.hard.measurement import measure
 from harness.lagrange.derivation import load_mechanism
@@ -133,7 +134,7 @@ def easy(request: pytest.FixtureRequest) -> Sampled:
 
 
 def _row(library: Library, case: str, engine: str) -> HardRow:
-    return measure(case, Subject(engine, EQUATIONS), ACCELERATIONS, library, lambda text: None)
+    return measure(case, Subject(engine, EQUATIONS), ACCELERATIONS, library, silent)
 
 
 @pytest.mark.costly
@@ -215,7 +216,7 @@ def test_growth_is_fitted_and_every_point_is_certified(planted: Library) -> None
 
 
 def test_a_refused_model_is_told_in_the_engines_words() -> None:
-    row = measure("vanishing_cart", Subject("mujoco", "mjcf"), ACCELERATIONS, Library.built_in(), lambda text: None)
+    row = measure("vanishing_cart", Subject("mujoco", "mjcf"), ACCELERATIONS, Library.built_in(), silent)
     refused = [point for point in row.points if point.verdict == "unsupported"]
     assert [point.knob for point in refused] == [point.knob for point in row.points if point.knob < 1e-15]
     assert refused and all("larger than mjMINVAL" in point.reason for point in refused)
@@ -334,12 +335,12 @@ def test_a_malformed_file_of_expectations_is_refused(tmp_path: Path, text: str, 
     path = tmp_path / "expected.toml"
     path.write_text(text)
     with pytest.raises(InvalidInput, match=problem):
-        load_hard_expectations(path, list(hard_cases()), ["lagrange"])
+        load_hard_expectations(["lagrange"], path=path)
 
 
 def test_the_harnesss_own_expectations_can_be_read() -> None:
     known = [str(subject) for subject in subjects(Library.built_in())]
-    expected = load_hard_expectations(PATH, list(hard_cases()), known)
+    expected = load_hard_expectations(known)
     assert expected and all(entry.backward_error is None or entry.backward_error > 64 for entry in expected.values())
 
 
@@ -359,7 +360,7 @@ def test_every_family_is_as_expected(case: str) -> None:
 
 def _check_family(case: str, subject: Subject) -> None:
     known = [str(subject) for subject in subjects(Library.built_in())]
-    expected = load_hard_expectations(PATH, list(hard_cases()), known)
-    row = judged(measure(case, subject, ACCELERATIONS, Library.built_in(), lambda text: None), expected)
+    expected = load_hard_expectations(known)
+    row = judged(measure(case, subject, ACCELERATIONS, Library.built_in(), silent), expected)
     assert row.problems == []
     assert all(point.certified == point.states or point.reason for point in row.points)

@@ -11,7 +11,7 @@ from catalogue import BUILT_IN
 
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.pattern import subject_named
-from harness.hard.atlas import PATH, judged, load_hard_expectations
+from harness.hard.atlas import judged, load_hard_expectations
 from harness.hard.cases import hard_cases
 from harness.hard.measurement import Answered, explained, point_of, row_of
 from harness.hard.truths import TruePoint, true_points
@@ -20,7 +20,7 @@ from harness.truth.compare import compare
 from harness.truth.quantities.accelerations import reference_kernel
 from harness.verdict import AGREEMENT, Verdict
 
-EXPECTED = load_hard_expectations(PATH, list(hard_cases()), ["lagrange", "mujoco/mjcf", "pinocchio/urdf"])
+EXPECTED = load_hard_expectations(["lagrange", "mujoco/mjcf", "pinocchio/urdf"])
 LOSING = sorted((case, subject) for case, subject, verdict in EXPECTED if verdict == Verdict.UNSTABLE)
 # What is compiled or certified for long: arms, and chains of which every length is another system.
 LONG = ("long_chain_straight", "long_chain_random", "mass_ratio_10", "vanishing_wrist")

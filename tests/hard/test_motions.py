@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from studies import silent
 
 from harness.crosscheck.scene import Scene
 from harness.hard import motions as hard_motion
@@ -30,10 +31,6 @@ from harness.motion.trajectories import Start
 from harness.results.atlas import Parting
 
 
-def _silent(text: str) -> None:
-    return None
-
-
 def test_families_have_thirty_points() -> None:
     assert set(hard_motions()) == {"chaos", "middle_axis"}
     assert all(len(motion.values) == 30 for motion in hard_motions().values())
@@ -48,14 +45,14 @@ def test_every_integrator_of_a_fixed_order_has_a_limit_or_is_left_out_by_name() 
 @pytest.mark.parametrize("name", STABILITY_LIMITS)
 def test_the_largest_stable_step_is_that_of_theory_however_stiff_the_spring(name: str) -> None:
     """2 over the frequency for the symplectic Euler methods, the root of 8 for RK4, none for the implicit midpoint."""
-    found = stable_steps(name, (1.0, 1e12), _silent)
+    found = stable_steps(name, (1.0, 1e12), silent)
     assert [step.verdict for step in found] == ["agrees", "agrees"]
     assert found[1].frequency == pytest.approx(1e6 * found[0].frequency)
 
 
 def test_a_wrong_limit_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(STABILITY_LIMITS, "equations RK4", 2.785)
-    [found] = stable_steps("equations RK4", (100.0,), _silent)
+    [found] = stable_steps("equations RK4", (100.0,), silent)
     assert found.verdict == "disagrees"
     assert found.measured == pytest.approx(math.sqrt(8), rel=5e-3)
 
@@ -64,7 +61,7 @@ def test_a_wrong_limit_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 def chaos() -> list[Parting]:
     patch = pytest.MonkeyPatch()
     patch.setattr(hard_motion, "CHAOS", dataclasses.replace(CHAOS, values=(0.5, 2.4)))
-    found = partings("chaos", Library.built_in(), _silent)
+    found = partings("chaos", Library.built_in(), silent)
     patch.undo()
     return found
 
@@ -104,14 +101,14 @@ def test_an_engine_with_a_fault_far_below_plotting_accuracy_parts_too_soon(monke
     monkeypatch.setattr(
         hard_motion, "CHAOS", dataclasses.replace(CHAOS, values=(2.4,), integrators=tuple(integrator.name for integrator in planted))
     )
-    verdicts = {parting.integrator: parting.verdict for parting in partings("chaos", Library.built_in(), _silent)}
+    verdicts = {parting.integrator: parting.verdict for parting in partings("chaos", Library.built_in(), silent)}
     assert verdicts == {"equations RK4": "agrees", "planted RK4": "disagrees"}
 
 
 @pytest.mark.nightly
 def test_a_spin_about_the_middle_axis_leaves_it_at_the_rate_of_theory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hard_motion, "MIDDLE_AXIS", dataclasses.replace(MIDDLE_AXIS, values=(1e-16, 1e-10, 1e-7)))
-    found = partings("middle_axis", Library.built_in(), _silent)
+    found = partings("middle_axis", Library.built_in(), silent)
     assert len(found) == 9
     for parting in found:
         assert parting.rate == pytest.approx(parting.expected_rate, rel=0.05)
@@ -130,7 +127,7 @@ def test_a_spin_exactly_about_the_middle_axis_stays_there(name: str) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", hard_motions())
 def test_no_engine_parts_too_soon(name: str) -> None:
-    assert {parting.verdict for parting in partings(name, Library.built_in(), _silent)} == {"agrees"}
+    assert {parting.verdict for parting in partings(name, Library.built_in(), silent)} == {"agrees"}
 
 
 def test_rates_and_times_of_an_exponential() -> None:

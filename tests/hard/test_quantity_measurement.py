@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from studies import silent
 from support import HEAVY_ENGINE, InThisProcess, completed, make_library
 from support_results import RUN
 
 from harness.engines import NotOffered, select_subjects
-from harness.hard.atlas import PATH, AtlasStudy, judged, load_hard_expectations
+from harness.hard.atlas import AtlasStudy, judged, load_hard_expectations
 from harness.hard.cases import hard_cases
 from harness.hard.measurement import measure
 from harness.library import Library
@@ -23,7 +24,7 @@ BUILT_IN = Library.built_in()
 
 def row_of(case: str, subject: str, quantity: str, library: Library = BUILT_IN) -> HardRow:
     (chosen,) = select_subjects(library, [subject])
-    return measure(case, chosen, quantity, library, lambda text: None)
+    return measure(case, chosen, quantity, library, silent)
 
 
 @pytest.mark.costly
@@ -39,11 +40,11 @@ def row_of(case: str, subject: str, quantity: str, library: Library = BUILT_IN) 
 def test_verdicts_are_as_the_entries_of_the_quantity_say(case: str, subject: str, quantity: str, verdict: str) -> None:
     row = row_of(case, subject, quantity)
     assert row.verdict == verdict and len(row.points) == len(hard_cases()[case].values)
-    assert judged(row, load_hard_expectations(PATH, list(hard_cases()), SUBJECTS, quantity)).problems == []
+    assert judged(row, load_hard_expectations(SUBJECTS, quantity)).problems == []
     if verdict == "disagrees":
         assert any(point.reason.startswith("farthest off is the") for point in row.points)
         # The entries of another quantity say nothing of this one.
-        others = load_hard_expectations(PATH, list(hard_cases()), SUBJECTS, "jacobian")
+        others = load_hard_expectations(SUBJECTS, "jacobian")
         assert any("which no entry expects" in problem for problem in judged(row, others).problems)
 
 

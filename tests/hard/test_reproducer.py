@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies import assignment_of
 
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
-from harness.engines import select_subjects
-from harness.files.model_file import parse_model, read_model
+from harness.files.model_file import parse_model
 from harness.files.text.scan import compact
 from harness.hard.worst_cases import reproduce
-from harness.lagrange.derivation import load_mechanism
-from harness.library import Library
 from harness.truth.sampling import generic_sample
 
 # One of each kind of model: hinges, a written family, a ball joint, a free joint, springs between points, springs in joints.
@@ -38,13 +36,6 @@ PAIRS = [
     ("spring_pendulum", "pinocchio/mjcf"),
     ("free_body", "pinocchio/mjcf"),
 ]
-
-
-def assignment_of(name: str, subject: str) -> Assignment:
-    library = Library.built_in()
-    (chosen,) = select_subjects(library, [subject])
-    model = None if chosen.format == "equations" else read_model(library.model_path(name, chosen.format), chosen.format)
-    return Assignment(library, chosen, load_mechanism(library, name), model)
 
 
 def run(program: str, folder: Path) -> tuple[list[float], list[float], list[str]]:

@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies import assignment_of
 from support import InThisProcess, completed, make_library
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.variation import KEPT, shrink
-from harness.engines import select_subjects
 from harness.errors import InvalidRequest
-from harness.files.model_file import read_model
 from harness.hard import evolution, worst_cases
 from harness.hard.evolution import StateSpace, evolve
 from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, SearchSettings, StateSearch, hunt, hunts
@@ -33,13 +32,6 @@ from harness.truth.compare import Comparison
 from harness.truth.sampling import HUGE_ANGLES, generic_sample
 from harness.verdict import Verdict
 from harness.workers import Workers
-
-
-def assignment_of(name: str, subject: str = "mujoco/mjcf", library: Library | None = None) -> Assignment:
-    library = library or Library.built_in()
-    (chosen,) = select_subjects(library, [subject])
-    model = None if chosen.format == "equations" else read_model(library.model_path(name, chosen.format), chosen.format)
-    return Assignment(library, chosen, load_mechanism(library, name), model)
 
 
 def worst_of_hunts(assignment: Assignment, budget: int, seed: int) -> float:

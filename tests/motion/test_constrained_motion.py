@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies import silent
 
 from harness.bench.energy_drift import drifts
 from harness.bench.motion_cost import motion_costs
@@ -29,10 +30,6 @@ LIBRARY = Library.built_in()
 HORIZON = 0.5
 ASKED = ("equations RK4", "equations Taylor", "mujoco RK4", "pinocchio RK4")
 Measured = tuple[MotionTruth, dict[str, list[MotionCost]], dict[str, Order]]
-
-
-def silent(text: str) -> None:
-    """Nobody reads what a crash would leave behind."""
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from studies import with_factors
 
 from harness.arrays import Array
 from harness.crosscheck.scene import Scene
@@ -102,8 +103,7 @@ def test_mujocos_euler_takes_joint_dampers_implicitly(scenes: dict[str, Scene]) 
 
 def test_damping_is_not_blamed_for_a_wrong_mass(scenes: dict[str, Scene]) -> None:
     scene = scenes["cart_pendulum"]
-    parameters = tuple((name, value * (1.01 if name == "M" else 1), unit) for name, value, unit in scene.mechanism.parameters)
-    wrong = replace(scene, mechanism=replace(scene.mechanism, parameters=parameters))
+    wrong = replace(scene, mechanism=with_factors(scene.mechanism, M=1.01))
     assert "joint damping is not the reason" in mujoco.explain_euler(wrong, Start.of(wrong.mechanism), 1e-3)
 
 
@@ -198,8 +198,7 @@ def test_adaptive_integrators_keep_their_tolerance(scenes: dict[str, Scene], int
 def test_midpoint_keeps_the_energy_of_an_oscillator_and_returns(scenes: dict[str, Scene]) -> None:
     """The midpoint rule keeps every quadratic invariant, and is its own inverse."""
     scene = scenes["spring_damper"]
-    parameters = tuple((name, 0.0 if name == "c" else value, unit) for name, value, unit in scene.mechanism.parameters)
-    free = replace(scene, mechanism=replace(scene.mechanism, parameters=parameters))
+    free = replace(scene, mechanism=with_factors(scene.mechanism, c=0.0))
     m, k, _ = free.mechanism.parameter_values
     advance = variational.MIDPOINT.prepare(free)
     start = Start.of(free.mechanism, 20.0)
@@ -220,8 +219,8 @@ def test_midpoint_is_the_midpoint_rule_of_hamiltons_equations(scenes: dict[str, 
     q, v = system.variables()
     import heyoka
 
-    lagrangian = system.energies(q, v, heyoka.expression(0.0))["lagrangian"]
-    forces = system.generalised_forces(q, v, heyoka.expression(0.0))
+    energies = system.energies(q, v, heyoka.expression(0.0))
+    ([lagrangian], forces) = energies["lagrangian"], energies["forces"]
     momenta = system.compiled([heyoka.diff(lagrangian, rate) for rate in v], [*q, *v])
     impulse = system.compiled([heyoka.diff(lagrangian, x) + force for x, force in zip(q, forces, strict=True)], [*q, *v])
 
@@ -242,13 +241,11 @@ def test_midpoint_leaves_quaternions_to_others(scenes: dict[str, Scene]) -> None
 
 @pytest.mark.parametrize("name", ["cart_pendulum", "collar", "spring_damper", "quarter_car", "tora"])
 def test_springs_and_dampers_at_one_state_are_those_of_the_batch(name: str) -> None:
-    from harness.engines import load_engine
-
     scene = Scene.of(LIBRARY, name)
-    loaded = load_engine(LIBRARY, "pinocchio").load(scene.models["urdf"], scene.mechanism.joints, scene.mechanism.gravity)
+    loaded = scene.load("pinocchio", "urdf")
     states = generic_sample(scene.mechanism, 2, seed=4)
-    configuration, velocity, _ = loaded.columns(states.q, states.v, states.tau)  # type: ignore[attr-defined]
-    elements = loaded.force_elements  # type: ignore[attr-defined]
+    configuration, velocity, _ = loaded.columns(states.q, states.v, states.tau)
+    elements = loaded.force_elements
     batch = elements.generalised_forces(configuration, velocity)
     for index in range(len(states)):
         np.testing.assert_array_equal(elements.at(configuration[:, index], velocity[:, index]), batch[:, index])
