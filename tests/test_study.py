@@ -18,7 +18,7 @@ def twice(number: int, note: object) -> int:
 
 
 class Doubling(Study):
-    """Two rounds of inquiries, the second about what the first found."""
+    """Two rounds of inquiries beside empty ones: the first grows while it runs, the second is about what the first found."""
 
     title, steps = "doubling", 4
 
@@ -27,7 +27,11 @@ class Doubling(Study):
         self.numbers, self.found = numbers, dict[int, int]()
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield []
         yield [self.doubled(number) for number in self.numbers]
+        # What joined this round while it ran has ended too.
+        assert 2 not in self.numbers or 10 in self.found
+        yield []
         yield [self.added()]
 
     def doubled(self, number: int) -> Inquiry[None]:
@@ -39,6 +43,8 @@ class Doubling(Study):
         assert not (yield [])
         assert [one.value for one in again] == [2 * (2 * number + one) for one in range(3)], "outcomes come in the order of the tasks"
         self.found[number] = outcome.value
+        if number == 2:
+            self._begin(self.doubled(10))
         yield Part(str(number), outcome.value)
         yield Part(f"{number} again", outcome.value)
 
@@ -53,8 +59,8 @@ class Doubling(Study):
 def test_inquiries_are_under_way_together_and_rounds_one_after_the_other() -> None:
     study = Doubling(1, 2)
     parts = [(part.label, part.value) for part in run_study(study, InThisProcess())]
-    assert sorted(parts[:4]) == [("1", 2), ("1 again", 2), ("2", 4), ("2 again", 4)]
-    assert parts[4:] == [("all", 12)] and study.result() == {1: 2, 2: 4}
+    assert sorted(parts[:6]) == [("1", 2), ("1 again", 2), ("10", 20), ("10 again", 20), ("2", 4), ("2 again", 4)]
+    assert parts[6:] == [("all", 52)] and study.result() == {1: 2, 2: 4, 10: 20}
 
 
 def test_what_fails_costs_its_own_inquiry_alone() -> None:

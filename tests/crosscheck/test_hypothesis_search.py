@@ -21,7 +21,6 @@ from harness.crosscheck.stages import Answers
 from harness.crosscheck.variation import Variation, quaternion_columns, row_ranges, rows_of, states_of
 from harness.engines import Subject, Unsupported, select_subjects
 from harness.errors import InvalidModel
-from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.states import States
@@ -35,14 +34,7 @@ EXAMPLES = 120
 
 
 def assignments_of(name: str, *subjects: str) -> list[Assignment]:
-    mechanism = load_mechanism(BUILT_IN, name)
-
-    def assignment(subject: Subject) -> Assignment:
-        equations = subject.format == "equations"
-        model = None if equations else read_model(BUILT_IN.model_path(name, subject.format), subject.format)
-        return Assignment(BUILT_IN, subject, mechanism, model)
-
-    return [assignment(subject) for subject in select_subjects(BUILT_IN, subjects)]
+    return [Assignment.of(BUILT_IN, name, subject) for subject in select_subjects(BUILT_IN, subjects)]
 
 
 def quiet(text: str) -> None:

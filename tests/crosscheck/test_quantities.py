@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from catalogue import BUILT_IN
-from support import InThisProcess, completed, harness, make_library
+from support import InThisProcess, changed_engine, completed, harness, make_library
 
 from harness.crosscheck.assignment import declared_model
 from harness.crosscheck.expected import load_expectations
@@ -20,36 +20,12 @@ from harness.library import Library
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
 
-ENGINE = """
-import numpy as np
-from harness.engines.adapters.mujoco import MujocoEngine
+
+def turned(body: str) -> str:
+    """An engine whose reactions ``found`` are changed."""
+    return changed_engine(f"found = exact(q, v, tau); {body}; return found", "reactions")
 
 
-class Model:
-    def __init__(self, model):
-        self._model = model
-
-    def loaded(self):
-        return self._model.loaded()
-
-    def forward_dynamics(self, q, v, tau):
-        return self._model.forward_dynamics(q, v, tau)
-
-    def reactions(self, q, v, tau):
-        found = self._model.reactions(q, v, tau)
-        {body}
-        return found
-
-
-class Engine(MujocoEngine):
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        return Model(super().load(source, joints, gravity))
-
-
-ENGINE = Engine()
-"""
 ENTRY = """[[expected]]
 system = "bar_pendulum"
 subject = "turned/mjcf"
@@ -87,7 +63,9 @@ def test_what_floats_and_has_no_joint_is_unsupported_with_the_reason() -> None:
 
 
 def test_an_engine_that_offers_no_reactions_is_unsupported(tmp_path: Path) -> None:
-    silent = ENGINE[: ENGINE.index("    def reactions")] + ENGINE[ENGINE.index("\nclass Engine(") :]
+    silent = changed_engine("").replace(
+        "return model", "from types import SimpleNamespace as M; return M(loaded=model.loaded, forward_dynamics=answer)"
+    )
     library = Library.at(make_library(tmp_path / "library", ["bar_pendulum"], {"silent": silent}))
     records, _ = checked(library, subjects=["silent/mjcf", "mujoco/mjcf"])
     assert (records["silent/mjcf"].verdict, records["silent/mjcf"].as_expected) == ("unsupported", True)
@@ -107,7 +85,7 @@ def test_an_engine_that_offers_no_reactions_is_unsupported(tmp_path: Path) -> No
     ],
 )
 def test_a_fault_of_an_engine_is_seen_and_the_vector_named(tmp_path: Path, body: str, verdict: str, said: str) -> None:
-    library = Library.at(make_library(tmp_path / "library", ["bar_pendulum"], {"turned": ENGINE.format(body=body)}))
+    library = Library.at(make_library(tmp_path / "library", ["bar_pendulum"], {"turned": turned(body)}))
     records, study = checked(library, subjects=["turned/mjcf", "mujoco/mjcf"])
     assert (records["turned/mjcf"].verdict, records["mujoco/mjcf"].verdict) == (verdict, "agrees")
     assert said in records["turned/mjcf"].message
@@ -116,7 +94,7 @@ def test_a_fault_of_an_engine_is_seen_and_the_vector_named(tmp_path: Path, body:
 
 @pytest.mark.costly
 def test_an_expected_verdict_is_that_of_its_quantity(tmp_path: Path) -> None:
-    root = make_library(tmp_path / "library", ["bar_pendulum"], {"turned": ENGINE.format(body="found[:, :, 3:] *= -1")})
+    root = make_library(tmp_path / "library", ["bar_pendulum"], {"turned": turned("found[:, :, 3:] *= -1")})
     library = Library.at(root)
     for quantity, is_expected in (('quantity = "reactions"', True), ("", False)):
         library.expected_verdicts.write_text(ENTRY.format(quantity=quantity))

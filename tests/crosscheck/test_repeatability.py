@@ -5,30 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support import cross_checked, harness, make_library
+from support import changed_engine, cross_checked, harness, make_library
 
 from harness.crosscheck.settings import Settings
 from harness.explain.pattern import infer_from_records
 from harness.library import Library
 from harness.results.records import Record
 
-ENGINE = """
-import numpy as np
-from harness.engines.adapters.mujoco import MujocoEngine
-
-class Engine(MujocoEngine):
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        model = super().load(source, joints, gravity)
-        exact, random, kept = model.forward_dynamics, np.random.default_rng(1), []
-        def answer(q, v, tau):
-            {answer}
-        model.forward_dynamics = answer
-        return model
-
-ENGINE = Engine()
-"""
 ANSWERS = {
     "noisy": "a = exact(q, v, tau); return a * (1 + 1e-15 * random.normal(size=a.shape))",
     "late": "kept.append(exact(q, v, tau)); return kept[-2 if len(kept) > 1 and kept[-2].shape == kept[-1].shape else -1]",
@@ -54,7 +37,7 @@ MESSAGES = {
 @pytest.fixture(scope="module")
 def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
     """By subject."""
-    engines = {name: ENGINE.format(answer=answer) for name, answer in ANSWERS.items()}
+    engines = {name: changed_engine(answer) for name, answer in ANSWERS.items()}
     root = make_library(tmp_path_factory.mktemp("repeatability") / "library", ["bar_pendulum"], engines)
     subjects = ["lagrange", *(f"{name}/mjcf" for name in (*ANSWERS, "mujoco", "pinocchio"))]
     found, _ = cross_checked(Settings(library=Library.at(root), subjects=subjects, states=40, examples=None))
@@ -85,7 +68,7 @@ def test_what_failed_is_named_and_blamed_for_no_dynamics(records: dict[str, Reco
 
 
 def test_a_replay_of_one_state_is_held_against_itself(tmp_path: Path) -> None:
-    root = make_library(tmp_path / "library", ["bar_pendulum"], {"noisy": ENGINE.format(answer=ANSWERS["noisy"])})
+    root = make_library(tmp_path / "library", ["bar_pendulum"], {"noisy": changed_engine(ANSWERS["noisy"])})
     state = '{"q": [0.3], "v": [1.0], "tau": [0.2]}'
     done = harness("check", "bar_pendulum", "--library", str(root), "--subject", "noisy/mjcf", "--state", state)
     assert done.returncode == 1

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from catalogue import BUILT_IN
-from support import InThisProcess, completed, cross_checked, make_library
+from support import InThisProcess, changed_engine, completed, cross_checked, make_library
 
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
@@ -21,42 +21,15 @@ from harness.crosscheck.superfluous import find_superfluous
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import Record
-from harness.study import Inquiry, Part, Study, ask, run_study
+from harness.study import run_study
 from harness.truth.reference import ReferenceKernel
 from harness.workers import Crash, Outcome, Task, Workers
 
-ENGINE = """
-import os, time
-import numpy as np
-from harness.engines.adapters.mujoco import MujocoEngine
-
-
-class Model:
-    def __init__(self, model):
-        self._model = model
-
-    def loaded(self):
-        return self._model.loaded()
-
-    def forward_dynamics(self, q, v, tau):
-        {body}
-        return self._model.forward_dynamics(q, v, tau)
-
-
-class Engine(MujocoEngine):
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        return Model(super().load(source, joints, gravity))
-
-
-ENGINE = Engine()
-"""
 SOUND = {"lagrange", "mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"}
 
 
 def library(tmp_path: Path, names: tuple[str, ...] = ("bar_pendulum",), **bodies: str) -> Library:
-    return Library.at(make_library(tmp_path / "library", names, {name: ENGINE.format(body=body) for name, body in bodies.items()}))
+    return Library.at(make_library(tmp_path / "library", names, {name: changed_engine(body) for name, body in bodies.items()}))
 
 
 def by_subject(records: list[Record]) -> dict[str, Record]:
@@ -148,7 +121,7 @@ def test_a_search_for_superfluous_parts_that_is_cut_off_changes_no_verdict() -> 
 @pytest.mark.nightly
 def test_an_engine_that_is_slow_with_changed_files_agrees(tmp_path: Path) -> None:
     """It takes 10 ms a state, and forever where gravity is not the system's, which only the search for superfluous parts asks."""
-    body = "time.sleep(0.01 * len(q) if abs(self._model.loaded().gravity[2] + 9.81) < 1e-9 else 1000)"
+    body = "time.sleep(0.01 * len(q) if abs(model.loaded().gravity[2] + 9.81) < 1e-9 else 1000)"
     planted = library(tmp_path, slow=body)
     with Workers(1, time_limit=5) as workers:
         records, study = cross_checked(Settings(library=planted, states=20, subjects=["slow/mjcf"], examples=None), workers)
@@ -161,7 +134,7 @@ def test_an_engine_that_is_slow_with_changed_files_agrees(tmp_path: Path) -> Non
 def test_a_system_that_hangs_delays_no_other(tmp_path: Path) -> None:
     """Every record of the other system is there before the time limit of the hanging one has passed."""
     planted = library(
-        tmp_path, ("bar_pendulum", "spring_damper"), hanging="time.sleep(1000) if len(q) and self._model.loaded().gravity[2] else None"
+        tmp_path, ("bar_pendulum", "spring_damper"), hanging="time.sleep(1000) if len(q) and model.loaded().gravity[2] else None"
     )
     study, limit = CrossCheck(Settings(library=planted, states=40, examples=None)), 25.0
     complete: dict[str, float] = {}
@@ -188,48 +161,6 @@ def test_tasks_of_a_system_share_a_worker() -> None:
     completed(study, Watching())
     assert {task.affinity for task in given} == {"collar", "bar_pendulum"}
     assert len({(id(task.key[0]), task.affinity) for task in given}) == 2
-
-
-@dataclass
-class Counting(Study):
-    """Three rounds, of which the second grows while it runs."""
-
-    title: str = "counting"
-    steps: int = 6
-    taken: list[float] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        super().__init__()
-
-    def inquiries(self) -> Iterator[list[Inquiry[None]]]:
-        for numbers, before in (([], []), ([0, 1], []), ([2], [0, 1, 1.5]), ([], [0, 1, 1.5, 2])):
-            assert sorted(self.taken) == before
-            yield [self._counted(number) for number in numbers]
-        self.taken.append(-1)
-
-    def _counted(self, number: float) -> Inquiry[None]:
-        yield from ask(int)
-        self.taken.append(number)
-        if number == 1:
-            self._begin(self._counted(1.5))
-        yield Part(str(number), number)
-
-    def result(self) -> list[float]:
-        return self.taken
-
-
-def test_rounds_wait_for_each_other_and_what_an_outcome_makes_possible_does_not() -> None:
-    class Answering:
-        def run(self, tasks: Any, further: Callable[[], Any]) -> Iterator[Outcome]:
-            waiting = list(tasks)
-            while waiting:
-                # The last that came is answered first.
-                yield Outcome(waiting.pop(), value=0)
-                waiting += further()
-
-    study = Counting()
-    assert [part.value for part in run_study(study, Answering())] == [1, 1.5, 0, 2]  # type: ignore[arg-type]
-    assert study.result() == [1, 1.5, 0, 2, -1]
 
 
 @pytest.mark.costly
@@ -268,7 +199,7 @@ def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> No
 def test_a_record_has_the_componentwise_error_where_it_is_asked_for_or_may_matter(tmp_path: Path) -> None:
     """An answer off by 1e-9 is beyond agreement by the norm, and by components no nearer; a sound one is certainly near."""
     settings = Settings(
-        library=library(tmp_path, wrong="return self._model.forward_dynamics(q, v, tau) * (1 + 1e-9)"),
+        library=library(tmp_path, wrong="return exact(q, v, tau) * (1 + 1e-9)"),
         subjects=["mujoco/mjcf", "wrong/mjcf"],
         states=20,
         examples=None,
