@@ -6,10 +6,10 @@ damaged entry counts as missing. What is made by code is named after the sources
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
-import tempfile
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from pathlib import Path
@@ -77,14 +77,9 @@ def read_entry(entry: Path) -> str | None:
 
 def write_entry(entry: Path, text: str) -> None:
     """Keep ``text``; a cache that cannot be written costs time, not the run."""
-    try:
+    with contextlib.suppress(OSError, InvalidInput):
         entry.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(dir=entry.parent, suffix=".tmp")
-        with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
-            stream.write(_digest(text) + "\n" + text)
-        Path(temporary).replace(entry)
-    except OSError:
-        return
+        write_atomically(entry, f"{_digest(text)}\n{text}")
 
 
 def _digest(text: str) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from harness.files.findings import Unread
+from harness.files.document.source import Unread
 from harness.files.tree import WORLD, Joint, Pose, Quaternion, Spring, Tree
 
 Point = tuple[float, float, float]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from harness.files.tree import Place
-
 
 @dataclass(frozen=True)
 class LeftOut:
@@ -41,31 +39,3 @@ class Impossible:
     found: tuple[float, ...]
     by_how_much: float
     nearest: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class PassedOver:
-    """An element that is no part of the tree.
-
-    Attributes:
-        line: in the model's own file. problem: why a mechanism's model may not have it.
-        what: as of ``LeftOut``; "" for what needs no mention.
-    """
-
-    place: Place
-    line: int
-    problem: str
-    what: str
-
-
-@dataclass(frozen=True)
-class Unread:
-    """A force or an inertia that the file states and no tree holds, and what its author can do about it."""
-
-    place: Place
-    what: str
-    advice: str
-
-    @property
-    def line(self) -> int:
-        return self.place.line

@@ -42,6 +42,7 @@ from pathlib import Path
 
 from lxml import etree
 
+from harness.files.document.source import Unread
 from harness.files.document.xml import Document, parse_document, read_text
 from harness.files.equalities import Equality
 from harness.files.facts import (
@@ -52,7 +53,6 @@ from harness.files.facts import (
     joint_forces,
     point_springs,
 )
-from harness.files.findings import Unread
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.checks import check_elements
 from harness.files.lint.mechanisms import check_joints, check_reading

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from harness.files.document.source import Source
+from harness.files.document.source import PassedOver, Source, Unread
 from harness.files.document.xml import Document, describe, read_any
 from harness.files.equalities import Equality
-from harness.files.findings import LeftOut, PassedOver, Unread
+from harness.files.findings import LeftOut
 from harness.files.left_out import left_out_of_mjcf, left_out_of_urdf
 from harness.files.mjcf import reading as mjcf
-from harness.files.mjcf.expansion import expand
 from harness.files.mjcf.inertias import CompileMeshes, Meshes
 from harness.files.tree import Joint, SpringDampers, Tree
 from harness.files.urdf import reading as urdf
@@ -94,7 +93,6 @@ def read(
     elif floating_base:
         source.refuse(source.root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
-        expand(source)
         meshes = None if compile_meshes is None else Meshes(document.path, compile_meshes)
         tree, equalities, spring_dampers = mjcf.read_tree(source, meshes)
         left_out = left_out_of_mjcf(source, tree)

@@ -22,7 +22,6 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness import storage
 from harness.errors import InvalidSystem
 from harness.lagrange import derivation
 from harness.lagrange.derivation import degrees_of_freedom, derive_mechanism, load_mechanism, load_system
@@ -231,7 +230,7 @@ def is_read_only(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
 
     cache.mkdir()
-    monkeypatch.setattr(storage.tempfile, "mkstemp", refuse)
+    monkeypatch.setattr(Path, "replace", refuse)
 
 
 def has_a_folder_for_an_entry(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:

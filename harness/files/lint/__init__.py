@@ -1,1 +1,1 @@
-"""What a mechanism's model may hold: the tables ``formats`` and ``refusals``, by which ``checks`` goes, and ``mechanisms`` beyond them."""
+"""What a mechanism's model may hold: the tables ``formats``, by which ``checks`` goes, and ``mechanisms`` beyond them."""

@@ -13,7 +13,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from harness.files.document.values import (
+from harness.files.document.source import (
     Choice,
     Numbers,
     Rule,

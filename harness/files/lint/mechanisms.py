@@ -10,8 +10,7 @@ from collections.abc import Iterator, Mapping
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.source import children
-from harness.files.document.values import positive
+from harness.files.document.source import children, positive
 from harness.files.document.xml import Document, describe, shorten
 from harness.files.equalities import Linkage, Meeting, TendonLinkage
 from harness.files.lint.checks import check_inertia

@@ -14,10 +14,8 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from harness.files.document.source import Source
-from harness.files.document.values import Check, Numbers
+from harness.files.document.source import Check, Numbers, Source, Unread
 from harness.files.document.xml import describe, shorten
-from harness.files.findings import Unread
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, vector
 

@@ -14,8 +14,7 @@ from typing import TypeVar
 
 from lxml import etree
 
-from harness.files.document.source import Elements, Source, unresolved
-from harness.files.document.values import one_sign
+from harness.files.document.source import Elements, Source, Unread, one_sign, unresolved
 from harness.files.document.xml import describe
 from harness.files.equalities import (
     POLYNOMIAL,
@@ -32,7 +31,6 @@ from harness.files.equalities import (
     TendonLinkage,
     Weld,
 )
-from harness.files.findings import Unread
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import JOINTS, Attributes, is_on, resolved, resolved_text
 from harness.files.tree import WORLD, Body, Coupling, Given, Placement, Pose, Quaternion, Spring, vector

@@ -15,8 +15,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from harness.files.document.source import Source
-from harness.files.document.values import not_negative, positive
+from harness.files.document.source import Source, not_negative, positive
 from harness.files.document.xml import describe
 from harness.files.mjcf.attributes import JOINTS, Attributes, inside, resolved, resolved_text
 from harness.files.tree import ORIGIN, Body, Bounds, Direction, Given, Inertia, Placement, Quaternion, Solid, vector

@@ -18,7 +18,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.errors import InvalidModel
-from harness.files.document.values import Numbers
+from harness.files.document.source import Numbers
 from harness.files.lint.formats import rules_at
 from harness.files.model_file import ModelFile, parse_model
 
@@ -125,8 +125,8 @@ def find_elements(text: str, model_format: str) -> list[Element]:
 
 def all_elements(text: str, model_format: str) -> list[Element]:
     """Every element, which stands where the places of a tree number it."""
+    scan = _Scan(text, model_format)
     found: list[Element] = []
-    line_of = _lines(text)
     # Places in ``found`` of the elements that are still open.
     waiting: list[int] = []
     for token in _TAG.finditer(text):
@@ -134,54 +134,51 @@ def all_elements(text: str, model_format: str) -> list[Element]:
             continue
         if token["close"]:
             place = waiting.pop()
-            closed = replace(found[place], closed=token.start(), end=token.end())
-            found[place] = _with_text(closed, text, line_of, model_format)
+            between = scan.between_tags(found[place], token.start())
+            attributes = (*found[place].attributes, *between)
+            found[place] = replace(found[place], closed=token.start(), end=token.end(), attributes=attributes)
             continue
         path = (*(found[waiting[-1]].path if waiting else ()), token["tag"])
-        attributes = tuple(_attributes(token, line_of, path, model_format))
         if not token["empty"]:
             waiting.append(len(found))
-        found.append(Element(path, token.start(), token.end(), token.end(), token.end(), line_of(token.start()), attributes))
+        attributes, line = tuple(scan.attributes(token, path)), scan.line(token.start())
+        found.append(Element(path, token.start(), token.end(), token.end(), token.end(), line, attributes))
     return found
 
 
-def _lines(text: str) -> Callable[[int], int]:
-    """The 1-based line of a place in the text."""
-    ends = [match.start() for match in re.finditer("\n", text)]
-    return lambda place: bisect.bisect_left(ends, place) + 1
+class _Scan:
+    """A text with the ends of its lines."""
 
+    def __init__(self, text: str, model_format: str) -> None:
+        self._text, self._format = text, model_format
+        self._ends = [match.start() for match in re.finditer("\n", text)]
 
-def _attributes(token: re.Match[str], line_of: Callable[[int], int], path: tuple[str, ...], model_format: str) -> Iterator[Attribute]:
-    for match in _ATTRIBUTE.finditer(token.string, token.start("attributes"), token.end("attributes")):
-        name, value = match["name"], match["value"]
-        numbers = _numbers(line_of, match.start("value"), value, path, name, model_format)
-        yield Attribute(name, match.start(), match.end(), line_of(match.start("name")), value, numbers)
+    def line(self, place: int) -> int:
+        """The 1-based line of a place in the text."""
+        return bisect.bisect_left(self._ends, place) + 1
 
+    def attributes(self, token: re.Match[str], path: tuple[str, ...]) -> Iterator[Attribute]:
+        for match in _ATTRIBUTE.finditer(self._text, token.start("attributes"), token.end("attributes")):
+            numbers = self._numbers(match.start("value"), match["value"], path, match["name"])
+            yield Attribute(match["name"], match.start(), match.end(), self.line(match.start("name")), match["value"], numbers)
 
-def _with_text(element: Element, text: str, line_of: Callable[[int], int], model_format: str) -> Element:
-    """``element`` with the numbers between its tags as the attribute ""."""
-    content = text[element.opened : element.closed]
-    numbers = _numbers(line_of, element.opened, content, element.path, "", model_format)
-    if not numbers:
-        return element
-    inside = Attribute("", element.opened, element.closed, numbers[0].line, content, numbers)
-    return replace(element, attributes=(*element.attributes, inside))
+    def between_tags(self, element: Element, closed: int) -> Iterator[Attribute]:
+        """The numbers between the tags of an element as the attribute ""; nothing where there are none."""
+        content = self._text[element.opened : closed]
+        if numbers := self._numbers(element.opened, content, element.path, ""):
+            yield Attribute("", element.opened, closed, numbers[0].line, content, numbers)
 
-
-def _numbers(
-    line_of: Callable[[int], int], start: int, value: str, path: tuple[str, ...], name: str, model_format: str
-) -> tuple[Number, ...]:
-    rule = (rules_at(model_format, path) or {}).get(name)
-    if not isinstance(rule, Numbers):
-        return ()
-    try:
-        return tuple(
-            Number(start + word.start(), start + word.end(), float(word[0]), line_of(start + word.start()), path[-1], name, index)
-            for index, word in enumerate(_WORD.finditer(value))
-        )
-    except ValueError:
-        # Written with character references, which no model needs.
-        return ()
+    def _numbers(self, start: int, value: str, path: tuple[str, ...], name: str) -> tuple[Number, ...]:
+        if not isinstance((rules_at(self._format, path) or {}).get(name), Numbers):
+            return ()
+        try:
+            return tuple(
+                Number(start + word.start(), start + word.end(), float(word[0]), self.line(start + word.start()), path[-1], name, index)
+                for index, word in enumerate(_WORD.finditer(value))
+            )
+        except ValueError:
+            # Written with character references, which no model needs.
+            return ()
 
 
 def find_numbers(text: str, model_format: str) -> list[Number]:

@@ -16,8 +16,7 @@ from typing import Any
 
 from lxml import etree
 
-from harness.files.document.source import Elements, Source, children, unresolved
-from harness.files.document.values import Numbers, not_negative, positive
+from harness.files.document.source import Elements, Numbers, Source, children, not_negative, positive, unresolved
 from harness.files.document.xml import describe, literal_tag, shorten
 from harness.files.equalities import Equality, Linkage, Meeting
 from harness.files.joint_kinds import JointKind

@@ -15,8 +15,7 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.files.document.source import Source, children
-from harness.files.document.values import not_negative, not_zero
+from harness.files.document.source import Source, children, not_negative, not_zero
 from harness.files.document.xml import MAXIMUM_DEPTH, describe, literal_tag
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
