@@ -16,8 +16,7 @@ from pathlib import Path
 import pytest
 from support import cache_with_mechanisms, make_library
 
-from harness.environments.folders import Environment, interpreter_in, this_python
-from harness.environments.installation import REQUIREMENTS
+from harness.environments import REQUIREMENTS, Environment, interpreter_in, this_python
 
 # The bar of ``bar_pendulum``: inertia about the pin, weight times distance, damping of the pin.
 RIGHT = """

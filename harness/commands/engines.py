@@ -15,7 +15,7 @@ from harness.commands.frame.terminal import say
 from harness.errors import InvalidRequest
 
 if TYPE_CHECKING:
-    from harness.environments.folders import Environment
+    from harness.environments import Environment
 
 SECTION = ENGINES
 _SPECIFICATION = re.compile(r"(?P<name>[A-Za-z0-9][\w.-]*?)(?:==(?P<version>[\w.+!-]+))?")
@@ -79,8 +79,7 @@ def add(bracket: Bracket, engine: str, version: str) -> str:
         InvalidRequest: it cannot be installed.
     """
     from harness.engines import engine_files
-    from harness.environments.folders import find_environments
-    from harness.environments.installation import install
+    from harness.environments import find_environments, install
 
     file = engine_files(bracket.library)[engine]
     if why := file.too_old(version):
@@ -94,7 +93,7 @@ def add(bracket: Bracket, engine: str, version: str) -> str:
 
 
 def _remove(bracket: Bracket, engine: str, version: str) -> None:
-    from harness.environments.folders import environment_of
+    from harness.environments import environment_of
 
     one = environment_of(engine, version)
     size = one.size()
@@ -104,7 +103,7 @@ def _remove(bracket: Bracket, engine: str, version: str) -> None:
 
 def _list(bracket: Bracket) -> None:
     from harness.engines import engine_files
-    from harness.environments.folders import find_environments
+    from harness.environments import find_environments
     from harness.results.table import Column, Table
 
     environments = {one.name: one for one in find_environments()}

@@ -81,7 +81,7 @@ def _upgrade(bracket: Bracket, settings: Settings, engine: str, versions: Sequen
 def _bisect(bracket: Bracket, settings: Settings, engine: str, ends: Sequence[str]) -> None:
     from harness.commands.engines import add, requested
     from harness.engines import engine_files
-    from harness.environments.installation import versions_between
+    from harness.environments import versions_between
     from harness.upgrade.study import changes_between, first_changed
 
     ((engine, _),) = requested(bracket, [engine])

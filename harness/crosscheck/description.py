@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from harness.engines import engine_files
-from harness.environments.folders import split_name
+from harness.environments import split_name
 from harness.library import Library
 from harness.results.records import Run
 from harness.version import __version__, version_of

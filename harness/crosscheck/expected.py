@@ -27,7 +27,7 @@ import msgspec
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from harness.engines import Subject, engine_files, known_subjects
-from harness.environments.folders import split_name
+from harness.environments import split_name
 from harness.errors import InvalidInput
 from harness.library import FILE_SUFFIXES, MODEL_SUFFIXES, Library, nearest
 from harness.results.records import ACCELERATIONS, quantity_words

@@ -46,7 +46,7 @@ from harness.engines.interface import (
     Unsupported,
     answer_of,
 )
-from harness.environments.folders import environment_of, split_name
+from harness.environments import environment_of, split_name
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile
 from harness.files.rules import ConstraintLaw, Impedance, ImplicitPart, InverseWeight, StepRule

@@ -17,7 +17,7 @@ from typing import Any, cast
 from harness.arithmetic import Arithmetic
 from harness.engines.elsewhere.interpreter import EngineElsewhere
 from harness.engines.engine import Engine
-from harness.environments.folders import environment_of, find_environments, split_name
+from harness.environments import environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
 from harness.version import version_of

@@ -12,7 +12,7 @@ from harness.crosscheck.assignment import Assignment, acceleration_truth_of, loa
 from harness.crosscheck.held import differences, held_by, written
 from harness.crosscheck.settings import Settings
 from harness.engines import HeldModel, Subject, Unsupported, engine_files, subjects_of
-from harness.environments.folders import AT, split_name
+from harness.environments import AT, split_name
 from harness.errors import InvalidRequest
 from harness.explain.terms import compare_terms
 from harness.library import Library

@@ -10,7 +10,7 @@ import pytest
 import toy_engine
 from support import harness
 
-from harness.environments.folders import find_environments
+from harness.environments import find_environments
 
 
 @pytest.fixture(scope="module")

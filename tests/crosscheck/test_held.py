@@ -17,7 +17,7 @@ from harness.arrays import Array
 from harness.crosscheck.held import SOUND, Difference, differences
 from harness.crosscheck.held_quantities import OF_BODIES
 from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_native, load_engine, subjects
-from harness.engines.adapters.mujoco.held import fused
+from harness.engines.adapters.mujoco.quantities import fused
 from harness.engines.interface import audit
 from harness.errors import InvalidModel
 from harness.explain.changes.mistakes import mended_mistakes

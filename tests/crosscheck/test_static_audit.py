@@ -132,7 +132,7 @@ def test_an_engine_that_cannot_say_what_it_holds_keeps_its_verdict(library: Path
     def held(*arguments: object) -> None:
         raise KeyError("no such body")
 
-    monkeypatch.setattr("harness.engines.adapters.mujoco.held.held", held)
+    monkeypatch.setattr("harness.engines.adapters.mujoco.quantities.held", held)
     [one, other] = differs(library)
     assert "mujoco/mjcf does not say what it holds after loading: KeyError: 'no such body'" in str(one)
     assert one.fails and other.fails

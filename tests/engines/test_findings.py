@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from harness.engines import load_engine
-from harness.environments.folders import find_environments
+from harness.environments import find_environments
 from harness.library import Library
 from harness.report.site_data import known_findings
 from harness.results.site import SiteFinding

@@ -19,7 +19,7 @@ from support import harness, harness_in_a_process, make_library
 from harness.bench.methods import find_methods
 from harness.engines import describe_engines, known_subjects, load_engine, select_subjects, subjects
 from harness.engines.coordinates import BALL, FREE, Columns, rotation
-from harness.environments.folders import find_environments
+from harness.environments import find_environments
 from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library

@@ -12,7 +12,7 @@ from packaging.version import Version
 from support import cache_with_mechanisms, harness, harness_in_a_process
 
 from harness.engines import describe_engines, engine_files
-from harness.environments.folders import find_environments
+from harness.environments import find_environments
 from harness.workers import Workers
 
 FILES = describe_engines(BUILT_IN, Workers)

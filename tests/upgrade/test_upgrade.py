@@ -11,7 +11,7 @@ import pytest
 import toy_engine
 from support import Done, cache_with_mechanisms, harness
 
-from harness.environments.folders import find_environments
+from harness.environments import find_environments
 
 SLOWER = toy_engine.RIGHT.replace(
     "def accelerate(q, v, tau):", "def accelerate(q, v, tau):\n    import time; time.sleep(0.01 * len(q))\n   "

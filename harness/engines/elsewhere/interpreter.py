@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from harness.arrays import Array
 from harness.engines.elsewhere.transport import dumps, loads
 from harness.engines.engine import handed_over
-from harness.environments.folders import Environment
+from harness.environments import Environment
 from harness.files.model_file import ModelFile
 from harness.workers.program import is_worker
 

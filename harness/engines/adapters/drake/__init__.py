@@ -2,7 +2,7 @@
 
 Drake has a free joint's angular velocity along the axes of its parent, and a ball joint as roll, pitch and yaw; both are turned into
 the body's own axes. The root link of a URDF is welded. What its parser passes over is added as Drake's own parts: springs as force
-elements, and rotors, which are those of actuators in Drake (``building``). Gravity is the file's, or for a URDF the harness's.
+elements, and rotors, which are those of actuators in Drake (``files``). Gravity is the file's, or for a URDF the harness's.
 
 Source: Drake documentation, drake::multibody::Parser and MultibodyPlant, ``get_generalized_acceleration_output_port`` and
 ``get_reaction_forces_output_port``; drake::multibody::BallRpyJoint and QuaternionFloatingJoint.
@@ -18,9 +18,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Engine, ImplicitPart, LoadedModel, NotOffered, StepRule, Terms, Unsupported
-from harness.engines.adapters.drake.building import CONTINUOUS, FINALIZE, Building, building, built
 from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
-from harness.engines.adapters.drake.files import floating_bodies
+from harness.engines.adapters.drake.files import CONTINUOUS, FINALIZE, Building, building, built, floating_bodies
 from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request

@@ -15,7 +15,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms
-from harness.engines.adapters.mujoco import held, urdf, versions
+from harness.engines.adapters.mujoco import quantities, urdf, versions
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.interface import NotOffered
 from harness.files.model_file import ModelFile
@@ -52,11 +52,11 @@ class MujocoModel(MujocoQuantities):
         model = self.model
         joints = {model.joint(number).name: sizes_of(model.joint(number)) for number in range(model.njnt)}
         moving = model.body_weldid != 0
-        gravity = held.gravity_of(model).tolist()
+        gravity = quantities.gravity_of(model).tolist()
         return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), float(model.body_mass[moving].sum()))
 
     def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
-        return held.held(self.model, positions or {}, steps or {})
+        return quantities.held(self.model, positions or {}, steps or {})
 
     @cached_property
     def addresses(self) -> tuple[list[int], list[int]]:

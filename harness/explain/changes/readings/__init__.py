@@ -20,7 +20,7 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
-from harness.environments.folders import split_name
+from harness.environments import split_name
 from harness.files.document.xml import read_any
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 from harness.registry import Registry

@@ -1,21 +1,89 @@
-"""The installer: whose index settings it follows, what it leaves behind, and what it says."""
+"""Environments: found, sorted by version and removed; whose index settings their installer follows, what it leaves behind, what it says."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from toy_engine import write_wheel
 
-from harness.environments import installation
-from harness.environments.folders import environments_directory, find_environments
-from harness.environments.installation import available_versions, install, versions_between
+from harness import environments
+from harness.environments import (
+    Environment,
+    available_versions,
+    environment_of,
+    environments_directory,
+    find_environments,
+    install,
+    interpreter_in,
+    split_name,
+    this_python,
+    versions_between,
+)
 from harness.errors import InvalidRequest
 
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path / "cache"))
+
+
+def made(version: str, engine: str = "mujoco", python: str = "") -> Environment:
+    one = Environment(engine, engine, version, python or this_python(), {engine: version})
+    interpreter = interpreter_in(one.folder)
+    interpreter.parent.mkdir(parents=True)
+    interpreter.write_bytes(b"12345")
+    one.describe(one.folder)
+    return one
+
+
+def test_nothing_is_found_where_nothing_is() -> None:
+    assert find_environments() == []
+    with pytest.raises(InvalidRequest, match=r"no environment holds drake; make one: harness engines add drake$"):
+        environment_of("drake")
+
+
+def test_versions_are_sorted_as_versions_and_the_newest_stands_for_all() -> None:
+    for version in ("3.13.0", "3.3.7", "4.0.0", "4.0.0rc1"):
+        made(version)
+    made("2.7.0", engine="pinocchio")
+    assert [one.version for one in find_environments("mujoco")] == ["3.3.7", "3.13.0", "4.0.0rc1", "4.0.0"]
+    assert [one.engine for one in find_environments()] == ["mujoco"] * 4 + ["pinocchio"]
+    assert environment_of("mujoco").version == "4.0.0"
+    assert environment_of("mujoco", "3.3.7").name == "mujoco@3.3.7"
+    with pytest.raises(InvalidRequest, match=r"mujoco 3\.4\.0; there are environments of 3\.3\.7, .*: harness engines add mujoco==3\.4\.0"):
+        environment_of("mujoco", "3.4.0")
+
+
+def test_what_is_incomplete_or_damaged_or_of_another_python_is_none() -> None:
+    whole = made("1.0")
+    made("1.1", python="3.9")
+    half = made("1.2")
+    (half.folder / "environment.json").unlink()
+    damaged = made("1.3")
+    (damaged.folder / "environment.json").write_text("{")
+    without_interpreter = made("1.4")
+    without_interpreter.interpreter.unlink()
+    moved = made("1.5")
+    moved.folder.rename(environments_directory() / "elsewhere")
+    assert find_environments() == [whole]
+
+
+def test_a_size_is_that_of_the_files_and_removing_leaves_nothing() -> None:
+    one, other = made("1.0"), made("2.0")
+    assert one.size() == 5 + (one.folder / "environment.json").stat().st_size
+    one.remove()
+    assert find_environments() == [other]
+    assert not one.folder.exists()
+
+
+def test_names() -> None:
+    assert split_name("mujoco@3.13.0") == ("mujoco", "3.13.0")
+    assert split_name("mujoco") == ("mujoco", "")
+    one = Environment("mujoco", "mujoco", "3.13.0", "3.11", {})
+    assert one.name == "mujoco@3.13.0"
+    assert replace(one, python="3.12").folder != one.folder
 
 
 @pytest.fixture
@@ -51,7 +119,7 @@ def test_what_cannot_be_installed_leaves_nothing_and_says_why(index: Path) -> No
 
 @pytest.mark.costly
 def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "REQUIREMENTS", ())
+    monkeypatch.setattr(environments, "REQUIREMENTS", ())
     with pytest.raises(InvalidRequest, match="ModuleNotFoundError: No module named 'numpy'"):
         install("toy", "toy-engine", "toy_engine", "1.2")
     assert find_environments() == []
@@ -59,7 +127,7 @@ def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pyt
 
 @pytest.mark.costly
 def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "REQUIREMENTS", ())
+    monkeypatch.setattr(environments, "REQUIREMENTS", ())
     first = install("toy", "toy-engine", "json", "1.2")
     assert find_environments() == [first]
     (first.folder / "stale").touch()
@@ -71,7 +139,7 @@ def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: py
 
 
 def test_what_is_not_imported_is_not_compiled(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "REQUIREMENTS", ())
+    monkeypatch.setattr(environments, "REQUIREMENTS", ())
     # What a clean clone's tests set for their own installation.
     monkeypatch.delenv("PIP_NO_COMPILE", raising=False)
     folder = install("toy", "toy-engine", "json", "1.2").folder
@@ -79,7 +147,7 @@ def test_what_is_not_imported_is_not_compiled(index: Path, monkeypatch: pytest.M
 
 
 def test_uv_gets_the_indexes_of_pip(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in installation.os.environ if name.startswith(("UV_", "PIP_"))]:
+    for name in [name for name in environments.os.environ if name.startswith(("UV_", "PIP_"))]:
         monkeypatch.delenv(name)
     listing = (
         ":env:.index-url='https://mirror.example/simple'\n"
@@ -87,12 +155,12 @@ def test_uv_gets_the_indexes_of_pip(monkeypatch: pytest.MonkeyPatch) -> None:
         "global.index-url='https://other.example/simple'\n"
         "global.timeout='60'\ninstall.no-index='false'\n"
     )
-    monkeypatch.setattr(installation, "_output", lambda command: listing)
-    assert installation._sources() == [
+    monkeypatch.setattr(environments, "_output", lambda command: listing)
+    assert environments._sources() == [
         "--index-url", "https://mirror.example/simple", "--extra-index-url", "https://one.example/a", "--extra-index-url",
         "https://two.example/b",
     ]  # fmt: skip
-    monkeypatch.setattr(installation, "_output", lambda command: "global.no-index='1'\nglobal.find-links='wheels'\n")
-    assert installation._sources() == ["--no-index", "--find-links", "wheels"]
+    monkeypatch.setattr(environments, "_output", lambda command: "global.no-index='1'\nglobal.find-links='wheels'\n")
+    assert environments._sources() == ["--no-index", "--find-links", "wheels"]
     monkeypatch.setenv("UV_INDEX_URL", "https://of-uv.example")
-    assert installation._sources() == []
+    assert environments._sources() == []
