@@ -46,40 +46,38 @@ class PybulletModel(StateByState):
     def __init__(self, loaded: tuple[int, int], notes: tuple[str, ...], request: Request) -> None:
         import pybullet
 
-        server, body = loaded
-        weakref.finalize(self, pybullet.disconnect, server)
-        infos = [pybullet.getJointInfo(body, index, physicsClientId=server) for index in range(pybullet.getNumJoints(body, server))]
+        self._server, self._body = loaded
+        self.notes = notes
+        weakref.finalize(self, pybullet.disconnect, self._server)
+        infos = [self._ask("getJointInfo", self._body, index) for index in range(self._ask("getNumJoints", self._body))]
         moving = sorted((info for info in infos if info[2] != pybullet.JOINT_FIXED), key=lambda info: int(info[4]))
         super().__init__(request, {info[1].decode(): place for place, info in enumerate(moving)}, len(moving))
-        self._server, self._body, self.notes = server, body, notes
         self._indices, self._links = [info[0] for info in moving], {info[12].decode(): info[0] for info in infos}
         self._q, self._v = [0.0] * self.width, [0.0] * self.width
         self._gravity = tuple(_GRAVITY if request.aid is None else request.aid.gravity.tolist())
 
-    def loaded(self) -> LoadedModel:
+    def _ask(self, function: str, *arguments: Any, **further: Any) -> Any:
+        """What a function of PyBullet answers in the server of the body."""
         import pybullet
 
-        masses = {
-            link: float(pybullet.getDynamicsInfo(self._body, index, physicsClientId=self._server)[0]) for link, index in self._links.items()
-        }
+        return getattr(pybullet, function)(*arguments, **further, physicsClientId=self._server)
+
+    def loaded(self) -> LoadedModel:
+        masses = {link: float(self._ask("getDynamicsInfo", self._body, index)[0]) for link, index in self._links.items()}
         x, y, z = self._gravity
         return LoadedModel(self.sizes, (x, y, z), moving_mass(self.request, masses))
 
     def _go_to(self, q: Array, v: Array) -> None:
-        import pybullet
-
         positions = np.zeros(self.width)
         for name in self.columns.sizes:
             positions[self.places[name]] = q[self.columns.spans(name)[0]][0]
         self._q, self._v = positions.tolist(), v.tolist()
         if self.request.aid is not None and self.request.aid.springs:
             for index, position in zip(self._indices, self._q, strict=True):
-                pybullet.resetJointState(self._body, index, position, physicsClientId=self._server)
+                self._ask("resetJointState", self._body, index, position)
 
     def _mass_matrix(self) -> Array:
-        import pybullet
-
-        return np.array(pybullet.calculateMassMatrix(self._body, self._q, physicsClientId=self._server))
+        return np.array(self._ask("calculateMassMatrix", self._body, self._q))
 
     def _bias(self) -> Array:
         return self._inverse_dynamics(self._v, self._gravity)
@@ -89,18 +87,13 @@ class PybulletModel(StateByState):
         return velocity, self._inverse_dynamics([0.0] * self.width, self._gravity), np.zeros(self.width)
 
     def _inverse_dynamics(self, velocities: list[float], gravity: tuple[float, ...]) -> Array:
-        import pybullet
-
-        pybullet.setGravity(*gravity, physicsClientId=self._server)
-        still = [0.0] * self.width
-        return np.array(pybullet.calculateInverseDynamics(self._body, self._q, velocities, still, physicsClientId=self._server))
+        self._ask("setGravity", *gravity)
+        return np.array(self._ask("calculateInverseDynamics", self._body, self._q, velocities, [0.0] * self.width))
 
     def _link(self, body: str) -> tuple[Array, Array, Array]:
-        import pybullet
-
         index, still = self._links[body], [0.0] * self.width
-        state = pybullet.getLinkState(self._body, index, computeForwardKinematics=True, physicsClientId=self._server)
-        jacobians = pybullet.calculateJacobian(self._body, index, [0.0] * 3, self._q, still, still, physicsClientId=self._server)
+        state = self._ask("getLinkState", self._body, index, computeForwardKinematics=True)
+        jacobians = self._ask("calculateJacobian", self._body, index, [0.0] * 3, self._q, still, still)
         # It gives the pose of the centre of mass in double precision, that of the link itself in single.
         turn = _turn(state[1]) @ _turn(state[3]).T
         return turn, np.array(state[0]) - turn @ np.array(state[2]), np.vstack([np.array(one) for one in jacobians])
@@ -155,18 +148,13 @@ class PybulletEngine(Engine):
                 raise Unsupported(f"line {line}: joint {root!r} is free or a ball joint, for which its inverse dynamics have no place in q")
         refuse_joints(request, "PyBullet", ())
         if request.aid is None:
-            return PybulletModel(_read(0, text_of(without_shapes(elements_of(request), meshes_alone=True))), _notes(request), request)
+            elements = elements_of(request)
+            meshes = len(elements.findall("link/collision/geometry/mesh"))
+            several = "es" if meshes > 1 else ""
+            note = f"read without {meshes} mesh{several} of collision: the boxes around them stand in no file"
+            read = _read(0, text_of(without_shapes(elements, meshes_alone=True)))
+            return PybulletModel(read, (note,) if meshes else (), request)
         return PybulletModel(_read(_INERTIAS_OF_FILE, _with_inertias(request)), (), request)
-
-
-def _notes(request: Request) -> tuple[str, ...]:
-    """That meshes are taken out, where links collide by some."""
-    meshes = elements_of(request).findall("link/collision/geometry/mesh")
-    return (
-        (f"read without {len(meshes)} mesh{'es' if len(meshes) > 1 else ''} of collision: the boxes around them stand in no file",)
-        if meshes
-        else ()
-    )
 
 
 def _read(flags: int, content: str) -> tuple[int, int]:

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, ImplicitPart, LoadedModel, NotOffered, StepRule, Terms, Unsupported
-from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
+from harness.engines import Engine, ImplicitPart, LoadedModel, NotOffered, StepRule, Unsupported
 from harness.engines.adapters.drake.files import CONTINUOUS, FINALIZE, Building, building, built, floating_bodies
 from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
@@ -26,6 +25,9 @@ from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
+
+if TYPE_CHECKING:
+    from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
 
 # Of a discrete plant [s]; no file of a mechanism says it.
 _TIME_STEP = 0.001
@@ -62,6 +64,8 @@ class DrakeModel(StateByState):
 
     @cached_property
     def _differentiated(self) -> DifferentiatedPlant:
+        from harness.engines.adapters.drake.derivatives import DifferentiatedPlant
+
         return DifferentiatedPlant(self.plant, self.columns)
 
     def _own_positions(self, q: Array) -> Array:
@@ -146,26 +150,21 @@ class DrakeModel(StateByState):
             found[state] = [*after[positions], *after[nq:][velocities]]
         return found
 
-    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        """Terms as Drake computes them: the mass matrix with reflected inertias, the bias term, gravity, force elements and dampers.
+    @cached_property
+    def _weightless(self) -> tuple[Any, Any]:
+        """The plant without gravity, and a context for its states."""
+        plant = built(self._building.replaced(FINALIZE, f"p.mutable_gravity_field().set_gravity_vector([0.0] * 3); {FINALIZE}"))
+        return plant, plant.CreateDefaultContext()
 
-        Source: Drake documentation, ``CalcMassMatrix``, ``CalcBiasTerm``, ``CalcGravityGeneralizedForces``,
-        ``CalcForceElementsContribution``, which has the dampers of joints too.
+    def _parts_of_bias(self) -> tuple[Array, Array, Array]:
+        """``CalcBiasTerm``, ``CalcGravityGeneralizedForces`` and ``CalcForceElementsContribution``, which has the dampers of joints too.
+
+        Force elements contain gravity, which is not to be what is left of a difference.
         """
-        plant, context = self.plant, self._context
-        # Force elements contain gravity, which is not to be what is left of a difference.
-        weightless = built(self._building.replaced(FINALIZE, f"p.mutable_gravity_field().set_gravity_vector([0.0] * 3); {FINALIZE}"))
-        without_gravity = weightless.CreateDefaultContext()
-        mass, (velocity, gravity, passive, applied) = np.empty((*v.shape, v.shape[1])), np.empty((4, *v.shape))
-        for state, (*own, turn) in enumerate(self._states(q, v, tau)):
-            _set(plant, context, *own)
-            _set(weightless, without_gravity, *own)
-            mass[state] = turn @ plant.CalcMassMatrix(context) @ turn.T
-            velocity[state] = turn @ plant.CalcBiasTerm(context)
-            gravity[state] = -(turn @ plant.CalcGravityGeneralizedForces(context))
-            passive[state] = turn @ _of_elements(weightless, without_gravity)
-            applied[state] = tau[state]
-        return Terms(mass, velocity, gravity, passive, applied)
+        plant, (weightless, context) = self.plant, self._weightless
+        weightless.SetPositionsAndVelocities(context, plant.GetPositionsAndVelocities(self._context))
+        gravity = -plant.CalcGravityGeneralizedForces(self._context)
+        return plant.CalcBiasTerm(self._context), gravity, -_of_elements(weightless, context)
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.hard.worst_cases``."""

@@ -17,6 +17,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.multibody.tree import MultibodyForces_
 
 from harness.arrays import Array
 from harness.engines.coordinates import Columns, cross_matrix
@@ -45,9 +47,6 @@ class DifferentiatedPlant:
 
     def inverse(self, states: Iterable[Own]) -> Array:
         """Of applied forces by q, v and the accelerations, (n, 3, nv, nv), with springs and dampers."""
-        from pydrake.autodiffutils import AutoDiffXd
-        from pydrake.multibody.tree import MultibodyForces_
-
         plant, context, found = self._dual, self._dual_context, []
         for state in states:
             accelerations = self._place(state)
@@ -58,8 +57,6 @@ class DifferentiatedPlant:
 
     def _place(self, state: Own) -> Any:
         """The third vector with its derivatives, after positions and velocities are set with theirs."""
-        from pydrake.autodiffutils import InitializeAutoDiff
-
         positions, velocities, third, turn = state
         self._plant.SetPositions(self._context, positions)
         # The map as a sparse matrix needs SciPy.
@@ -79,8 +76,6 @@ class DifferentiatedPlant:
 
     def _derivatives(self, answer: Any, state: Own) -> Array:
         """(3, nv, nv) of an answer in Drake's velocities, with its derivatives."""
-        from pydrake.autodiffutils import ExtractGradient, ExtractValue
-
         turn, nv = state[3], self._columns.nv
         found: Array = (turn @ ExtractGradient(answer)).reshape(nv, 3, nv).transpose(1, 0, 2)
         found[0] += self._crosses(turn @ ExtractValue(answer).ravel())
