@@ -13,9 +13,8 @@ import weakref
 from collections.abc import Mapping, Sequence
 from multiprocessing import Pipe
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from harness.arrays import Array
 from harness.engines.elsewhere.transport import dumps, loads
 from harness.engines.engine import handed_over
 from harness.environments import Environment
@@ -58,15 +57,6 @@ class Interpreter:
                 env=variables,
             )
 
-    def load(self, path: Path, module: str, name: str, arguments: Sequence[Any]) -> DistantModel:
-        """See ``server.Server.load``; raises what the engine file's ``load`` raises."""
-        number, attributes, methods = self._ask("load", str(path), module, name, arguments)
-        return DistantModel(self, number, attributes, methods)
-
-    def evaluate(self, path: Path, module: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
-        """See ``server.Server.evaluate``; raises what the method raises."""
-        return self._ask("evaluate", str(path), module, name, method, arguments)
-
     def call(self, number: int, method: str, *arguments: Any) -> Any:
         """What a method of a model returns, or raises.
 
@@ -75,14 +65,15 @@ class Interpreter:
         """
         if self._forgotten:
             forgotten, self._forgotten = self._forgotten, []
-            self._ask("forget", forgotten)
-        return self._ask("call", number, method, arguments)
+            self.ask("forget", forgotten)
+        return self.ask("call", number, method, arguments)
 
     def forget(self, number: int) -> None:
         """Have the model dropped before the next call; this may run while another call is under way."""
         self._forgotten.append(number)
 
-    def _ask(self, *request: Any) -> Any:
+    def ask(self, *request: Any) -> Any:
+        """What a method of ``server.Server`` returns, or raises; the request is its name and its arguments."""
         try:
             self._connection.send_bytes(dumps(request))
             is_value, answer, seconds = loads(self._connection.recv_bytes())
@@ -125,12 +116,6 @@ class DistantModel:
         self._attributes, self._methods = attributes, methods
         weakref.finalize(self, interpreter.forget, number)
 
-    def loaded(self) -> Any:
-        return self._interpreter.call(self._number, "loaded")
-
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Any:
-        return self._interpreter.call(self._number, "forward_dynamics", q, v, tau)
-
     def clock(self) -> float:
         """See ``harness.engines.Model``."""
         return self._interpreter.seconds
@@ -155,17 +140,17 @@ class EngineElsewhere:
     def __init__(self, engine: Engine, path: Path, module: str, environment: Environment) -> None:
         self.requires, self.formats = engine.requires, engine.formats
         self.environment = environment
-        self._engine, self._path, self._module = engine, path, module
+        self._engine, self._file = engine, (str(path), module, environment.engine)
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
         """See ``harness.engines.Engine``; raises what the engine file raises."""
         interpreter = interpreter_of(self.environment)
-        return interpreter.load(self._path, self._module, self.environment.engine, (handed_over(source), joints, gravity))
+        number, attributes, methods = interpreter.ask("load", *self._file, (handed_over(source), joints, gravity))
+        return cast("Model", DistantModel(interpreter, number, attributes, methods))
 
     def evaluate(self, method: str, *arguments: Any) -> Any:
         """What a method of the engine file's ``ENGINE`` returns in the environment, or raises there."""
-        interpreter = interpreter_of(self.environment)
-        return interpreter.evaluate(self._path, self._module, self.environment.engine, method, arguments)
+        return interpreter_of(self.environment).ask("evaluate", *self._file, method, arguments)
 
     def __getattr__(self, name: str) -> Any:
         # Copies and pickles ask before ``__init__`` has run.
