@@ -11,7 +11,7 @@ Source: Drake documentation, drake::multibody::Parser and MultibodyPlant, ``get_
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -150,18 +150,12 @@ class DrakeModel(StateByState):
             found[state] = [*after[positions], *after[nq:][velocities]]
         return found
 
-    @cached_property
-    def _weightless(self) -> tuple[Any, Any]:
-        """The plant without gravity, and a context for its states."""
-        plant = built(self._building.replaced(FINALIZE, f"p.mutable_gravity_field().set_gravity_vector([0.0] * 3); {FINALIZE}"))
-        return plant, plant.CreateDefaultContext()
-
     def _parts_of_bias(self) -> tuple[Array, Array, Array]:
         """``CalcBiasTerm``, ``CalcGravityGeneralizedForces`` and ``CalcForceElementsContribution``, which has the dampers of joints too.
 
         Force elements contain gravity, which is not to be what is left of a difference.
         """
-        plant, (weightless, context) = self.plant, self._weightless
+        plant, (weightless, context) = self.plant, _weightless(self._building)
         weightless.SetPositionsAndVelocities(context, plant.GetPositionsAndVelocities(self._context))
         gravity = -plant.CalcGravityGeneralizedForces(self._context)
         return plant.CalcBiasTerm(self._context), gravity, -_of_elements(weightless, context)
@@ -225,6 +219,13 @@ def _set(plant: Any, context: Any, q: Array, v: Array, tau: Array) -> None:
     plant.SetPositions(context, q)
     plant.SetVelocities(context, v)
     plant.get_applied_generalized_force_input_port().FixValue(context, tau)
+
+
+@lru_cache(maxsize=1)
+def _weightless(building: Building) -> tuple[Any, Any]:
+    """The plant without gravity, and a context for its states; kept for the next state."""
+    plant = built(building.replaced(FINALIZE, f"p.mutable_gravity_field().set_gravity_vector([0.0] * 3); {FINALIZE}"))
+    return plant, plant.CreateDefaultContext()
 
 
 def _of_elements(plant: Any, context: Any) -> Array:
