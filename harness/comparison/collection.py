@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -66,19 +65,16 @@ def _candidates(place: str) -> Iterator[Path]:
     path = Path(place)
     if path.is_file():
         yield path
-    elif path.is_dir():
-        yield from _models(path.rglob("*"))
+        return
+    if path.is_dir():
+        files = list(path.rglob("*"))
     else:
         try:
-            files = importlib.metadata.files(place) or []
+            files = [Path(str(file.locate())) for file in importlib.metadata.files(place) or []]
         except importlib.metadata.PackageNotFoundError:
             problem = "there is no such file or folder, and no distribution of this name is installed"
             raise InvalidInput(place, None, f"{problem}; name a folder of robots") from None
-        yield from _models(Path(str(file.locate())) for file in files)
-
-
-def _models(paths: Iterable[Path]) -> Iterator[Path]:
-    yield from (path for path in paths if path.suffix.lower() in SUFFIXES and path.is_file())
+    yield from (path for path in files if path.suffix.lower() in SUFFIXES and path.is_file())
 
 
 NAME = "expected_robots.toml"
@@ -97,28 +93,15 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     expected: list[ExpectedOutcome] = []
 
 
-@dataclass(frozen=True)
-class ExpectedOutcomes:
-    """The entries of a folder."""
-
-    path: Path
-    entries: tuple[ExpectedOutcome, ...] = ()
-
-    def of(self, path: Path, subject: str) -> ExpectedOutcome | None:
-        """The entry of a file and subject; None without one."""
-        own = (entry for entry in self.entries if (self.path.parent / entry.file).resolve() == path.resolve() and entry.subject == subject)
-        return next(own, None)
-
-
-def load_expectations(folder: Path) -> ExpectedOutcomes:
-    """The expectations of a folder, none where it has no such file.
+def load_expectations(folder: Path) -> dict[tuple[Path, str], ExpectedOutcome]:
+    """The expectations of a folder by resolved path and subject, the first of each; none where it has no such file.
 
     Raises:
         InvalidInput: the file is no TOML of such entries, or names a robot that is not there.
     """
-    path = folder / NAME
+    path, found = folder / NAME, dict[tuple[Path, str], ExpectedOutcome]()
     if not path.is_file():
-        return ExpectedOutcomes(path)
+        return found
     try:
         entries = msgspec.toml.decode(path.read_bytes(), type=_File).expected
     except msgspec.DecodeError as error:
@@ -126,4 +109,5 @@ def load_expectations(folder: Path) -> ExpectedOutcomes:
     for entry in entries:
         if not (folder / entry.file).is_file():
             raise InvalidInput(path, None, f"names {entry.file!r}, which is not in the folder; remove the entry, or correct the path")
-    return ExpectedOutcomes(path, tuple(entries))
+        found.setdefault(((folder / entry.file).resolve(), entry.subject), entry)
+    return found

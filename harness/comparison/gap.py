@@ -168,33 +168,25 @@ class _Norm:
         for (i, j), entry in zip(upper_triangle(nv), entries, strict=True):
             self._mass[i, j] = self._mass[j, i] = entry
 
-    def product(self, one: Array, other: Array) -> tuple[float, float]:
-        """Of positions and of velocities."""
-        (a, b), (c, d) = np.split(one, 2), np.split(other, 2)
-        return float(a @ self._mass @ c), float(b @ self._mass @ d)
+    def product(self, one: Array, other: Array) -> Array:
+        """Of positions and of velocities, (2,)."""
+        return np.array([a @ self._mass @ b for a, b in zip(np.split(one, 2), np.split(other, 2), strict=True)])
 
-    def sizes(self, vector: Array) -> tuple[float, float]:
-        of_positions, of_velocities = self.product(vector, vector)
-        return math.sqrt(of_positions), math.sqrt(of_velocities)
+    def sizes(self, vector: Array) -> list[float]:
+        return [float(size) for size in np.sqrt(self.product(vector, vector))]
 
     def share(self, name: str, vector: Array, gap: Array, alternatives: Sequence[Array] = ()) -> Share:
         """The part of a vector along the gap; ``alternatives`` stand for the same in other orders."""
         whole = self.product(gap, gap)
-
-        def parts(of: Array) -> tuple[float, float]:
-            along = self.product(of, gap)
-            return along[0] / whole[0] if whole[0] else 0.0, along[1] / whole[1] if whole[1] else 0.0
-
-        spread = np.ptp([parts(one) for one in alternatives], axis=0).max() if alternatives else 0.0
-        of_positions, of_velocities = self.sizes(vector)
-        positions, velocities = parts(vector)
+        parts = [np.divide(self.product(of, gap), whole, out=np.zeros(2), where=whole != 0) for of in (vector, *alternatives)]
+        (positions, velocities), (of_positions, of_velocities) = parts[0].tolist(), self.sizes(vector)
         return Share(
             name=name,
             positions=positions,
             velocities=velocities,
             of_positions=of_positions,
             of_velocities=of_velocities,
-            by_order=float(spread),
+            by_order=float(np.ptp(parts[1:], axis=0).max()) if alternatives else 0.0,
         )
 
 

@@ -145,12 +145,15 @@ class _Examination:
         self._healthy = self._watch.healthy
         self._elements = find_elements(model.text, model.format)
 
-    def _answer(self, model: ModelFile, audited: bool = False) -> Array:
-        """The accelerations at all states; those of the unchanged model stand behind the first state that feels a change."""
-        states: States = self._states
-        loaded = self._engine.load(model, self._mechanism.joints, self._mechanism.gravity)
+    def _load(self, engine: Engine, model: ModelFile, audited: bool = True) -> Model:
+        loaded = engine.load(model, self._mechanism.joints, self._mechanism.gravity)
         if audited:
             audit(loaded.loaded(), model, self._mechanism)
+        return loaded
+
+    def _answer(self, model: ModelFile, audited: bool = False) -> Array:
+        """The accelerations at all states; those of the unchanged model stand behind the first state that feels a change."""
+        states, loaded = self._states, self._load(self._engine, model, audited)
         if self._healthy is None:
             return _felt(loaded, states)
         answers = self._healthy.copy()
@@ -261,30 +264,21 @@ class _Examination:
         if element.tag in _WRAPPERS[self._format] and not own & needed:
             tags = (element.start, element.opened), (element.closed, element.end)
             plain = without(self._text, *tags)
-            if self._unmoved(plain, audited=True) and not self._is_needed_elsewhere(model=plain):
+            if self._unmoved(plain, audited=True) and not any(self._is_needed_by(engine, plain) for engine in self._others):
                 return "moves nothing; remove it and keep what is inside"
         return ""
 
-    def _is_needed_elsewhere(self, model: str) -> bool:
+    def _is_needed_by(self, engine: Engine, model: str) -> bool:
         """True if another reader of the file is right about it as it is, and not about the text ``model``."""
-        for engine in self._others:
-
-            def answer(file: ModelFile, engine: Engine = engine) -> Array:
-                loaded = engine.load(file, self._mechanism.joints, self._mechanism.gravity)
-                audit(loaded.loaded(), file, self._mechanism)
-                return _felt(loaded, self._states)
-
-            try:
-                watch = Watch(self._model, answer)
-            except (InvalidModel, ValueError, Unsupported):
-                continue
-            try:
-                movement = watch.movement(model)
-            except Unsupported:
-                return True
-            if movement is None or movement > NOISE:
-                return True
-        return False
+        try:
+            watch = Watch(self._model, lambda file: _felt(self._load(engine, file), self._states))
+        except (InvalidModel, ValueError, Unsupported):
+            return False
+        try:
+            movement = watch.movement(model)
+        except Unsupported:
+            return True
+        return movement is None or movement > NOISE
 
     def _carried_by(self, element: Element) -> Element | None:
         """The link that a fixed URDF joint carries."""

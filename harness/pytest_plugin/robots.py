@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from harness import workers
-from harness.comparison.collection import ExpectedOutcomes, find_files, format_of, load_expectations
+from harness.comparison.collection import NAME, find_files, format_of, load_expectations
 from harness.comparison.robot_library import robot_subjects
 from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.pytest_plugin.regression import collect_also, usage_errors
@@ -32,7 +32,7 @@ def register(config: pytest.Config) -> None:
     """
     folder = config.invocation_params.dir / config.getoption("--harness-robots")
     with usage_errors():
-        robots = _Robots(config, find_files([str(folder)]), load_expectations(folder))
+        robots = _Robots(config, folder)
     config.pluginmanager.register(robots, "harness-robots")
     collect_also(config, folder)
 
@@ -40,9 +40,10 @@ def register(config: pytest.Config) -> None:
 class _Robots:
     """Compares each file once, however many of its tests are selected."""
 
-    def __init__(self, config: pytest.Config, paths: list[Path], expectations: ExpectedOutcomes) -> None:
-        self.config, self.expectations = config, expectations
-        self._paths = {path.resolve() for path in paths}
+    def __init__(self, config: pytest.Config, folder: Path) -> None:
+        self.config, self.expected_in = config, folder / NAME
+        self._paths = {path.resolve() for path in find_files([str(folder)])}
+        self.expectations = load_expectations(folder)
         self._found: dict[Path, FilesComparison] = {}
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> RobotFile | None:
@@ -87,10 +88,10 @@ class RobotItem(pytest.Item):
         record = next((one for one in found.subjects if one.subject == self.name and not one.aided), None)
         if record is None:
             pytest.skip(file.remark)
-        expected = self.robots.expectations.of(self.path, self.name)
+        expected = self.robots.expectations.get((self.path.resolve(), self.name))
         self.user_properties += [("outcome", record.outcome), ("backward_error", record.backward_error)]
         if expected is not None and record.outcome != expected.outcome:
-            said = f"{self.name}: {record.outcome}, expected {expected.outcome} because {expected.reason} ({self.robots.expectations.path})"
+            said = f"{self.name}: {record.outcome}, expected {expected.outcome} because {expected.reason} ({self.robots.expected_in})"
             pytest.fail("\n".join([said, *subject_lines(record)]), pytrace=False)
         if expected is None and not record.explained:
             pytest.fail("\n".join(subject_lines(record)), pytrace=False)

@@ -241,7 +241,7 @@ def test_the_command_prints_the_shares_and_writes_them(two_links: Path, tmp_path
 
 
 def test_every_rule_of_one_s_own_is_a_rule_that_an_engine_can_follow() -> None:
-    from harness.comparison.own_steps import OWN_RULES
+    from harness.comparison.gap import OWN_RULES
 
     assert {rule.name for rule in OWN_RULES} == {"Euler", "RK4"}
     assert all(np.isclose(sum(map(float, rule.weights)), 1.0) for rule in OWN_RULES if rule.stages)
