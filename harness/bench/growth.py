@@ -9,6 +9,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -99,7 +100,7 @@ def arms(count: int) -> str:
 
 def robot_growth(counts: Sequence[int], seed: int, minimum_seconds: float, note: Callable[[str], None]) -> Growth:
     """Cost per certified state with its data roundoff [s], and largest radius [data roundoffs], of each number of arms."""
-    sizes, seconds, fastest, radii = [], [], [], []
+    measured: list[tuple[float, float, float | None]] = []
     for count in counts:
         note(f"{count} arms")
         with tempfile.TemporaryDirectory() as folder:
@@ -107,18 +108,18 @@ def robot_growth(counts: Sequence[int], seed: int, minimum_seconds: float, note:
             path.write_text(arms(count))
             reference = ReferenceKernel(mechanism_of(read_robot(path)))
         states = generic_sample(reference.mechanism, FEWEST_STATES, seed)
-        times = measure(lambda of=reference, at=states: of.evaluate(at), MINIMUM_COUNT, minimum_seconds)  # type: ignore[misc]
+        times = np.array(measure(partial(reference.evaluate, states), MINIMUM_COUNT, minimum_seconds)) / len(states)
         found = reference.evaluate(states)
-        sizes.append(count * JOINTS)
-        seconds.append(float(np.median(times)) / len(states))
-        fastest.append(min(times) / len(states))
-        radii.append(float((found.radius / found.data_roundoff).max()) if found.certified.all() else None)
+        radius = float((found.radius / found.data_roundoff).max()) if found.certified.all() else None
+        measured.append((float(np.median(times)), float(times.min()), radius))
+    seconds, fastest, radii = zip(*measured, strict=True)
+    sizes = [count * JOINTS for count in counts]
     return Growth(
         family=ROBOTS,
         method=METHOD,
         sizes=sizes,
         seconds_per_state=list(seconds),
-        backward_errors=radii,
+        backward_errors=list(radii),
         exponent=exponent(sizes, fastest),
         expected=EXPECTED,
     )

@@ -36,7 +36,20 @@ FIRST_SPREAD = 0.3
 DECADES = 8
 # How far a free angle goes on a plain scale [half turns].
 PLAIN_HALF_TURNS = 2.0
+# Hypothesis costs ten times as much per state as a population.
+HYPOTHESIS_SHARE = 8
+# Populations of the evolution strategies and the decades of their scales; each gets states in proportion, hence as many
+# generations. The plain scale is for what is hard far from zero.
+POPULATIONS = {20: 0, 40: DECADES, 80: DECADES}
 _FAILURES = (Verdict.UNSTABLE.value, Verdict.DISAGREES.value, Verdict.ERROR.value)
+
+
+def hunts(budget: int) -> list[tuple[int, int]]:
+    """(states, population) of each hunt; population 0 is hypothesis. A budget that is small has fewer hunts."""
+    by_hypothesis = max(1, budget // HYPOTHESIS_SHARE)
+    rest = budget - by_hypothesis
+    shares = [(rest * population // sum(POPULATIONS), population) for population in POPULATIONS]
+    return [(by_hypothesis, 0), *((states, population) for states, population in shares if states >= SMALLEST_POPULATION)]
 
 
 @dataclass(frozen=True)
@@ -85,8 +98,10 @@ def evolve(assignment: Assignment, states: int, population: int, seed: int, note
     return Hunt.of(States.concatenate([batch for batch, _ in tried]), Comparison.concatenate([one for _, one in tried]))
 
 
-def explore(assignment: Assignment, states: int, seed: int, note: Note) -> Hunt:
-    """The same by hypothesis, whose draws hold the special values; see ``harness.crosscheck.hypothesis_search``."""
+def hunt(assignment: Assignment, states: int, population: int, seed: int, note: Note = lambda text: None) -> Hunt:
+    """One hunt of ``hunts``; of population 0 by hypothesis, whose draws hold the special values."""
+    if population:
+        return evolve(assignment, states, population, seed, note, POPULATIONS[population])
     found = hypothesis_search.explore(assignment, states, seed, note)
     return Hunt.of(found.states, found.comparison)
 

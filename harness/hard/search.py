@@ -26,7 +26,7 @@ from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
-from harness.hard import evolution
+from harness.hard.evolution import Hunt, hunt, hunts
 from harness.hard.worst_cases import digits_lost, locate, reproduce
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
@@ -53,11 +53,6 @@ from harness.workers import Crash, Outcome
 # two-link pendulums; a half of it passes that of the sample with its own seed.
 DEFAULT_BUDGET = 8000
 MECHANISM = "mechanism"
-# Hypothesis costs ten times as much per state as a population.
-HYPOTHESIS_SHARE = 8
-# Populations of the evolution strategies and the decades of their scales; each gets states in proportion, hence as many
-# generations. The plain scale is for what is hard far from zero.
-POPULATIONS = {20: 0, 40: evolution.DECADES, 80: evolution.DECADES}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,14 +76,6 @@ class SearchSettings:
     seed: int = 0
     keep: bool = True
     replay_options: Sequence[str] = ()
-
-
-def hunts(budget: int) -> list[tuple[int, int]]:
-    """(states, population) of each hunt; population 0 is hypothesis. A budget that is small has fewer hunts."""
-    by_hypothesis = max(1, budget // HYPOTHESIS_SHARE)
-    rest = budget - by_hypothesis
-    shares = [(rest * population // sum(POPULATIONS), population) for population in POPULATIONS]
-    return [(by_hypothesis, 0), *((states, population) for states, population in shares if states >= evolution.SMALLEST_POPULATION)]
 
 
 class StateSearch(Study):
@@ -154,7 +141,7 @@ class StateSearch(Study):
             raise InvalidRequest(f"{subject}: {outcome.exception}") from outcome.exception
         if self._has_failed(outcome, subject):
             return
-        taken: evolution.Hunt = outcome.value
+        taken: Hunt = outcome.value
         self._worst.setdefault(subject, {})[number] = taken.worst
         own, error = str(subject), taken.backward_error
         result.states[own] = result.states.get(own, 0) + taken.states
@@ -278,13 +265,6 @@ def examine(assignment: Assignment, states: States, note: Note) -> list[tuple[Fo
         explained.append(_found(assignment, backward_error=None if math.isnan(error) else error, digits_lost=digits_lost(error), **about))
     worst = worst_of_each(explained, attrgetter("verdict", "term"))
     return [(found, reproduce(assignment, States.at(**found.state))) for found in worst]
-
-
-def hunt(assignment: Assignment, states: int, population: int, seed: int, note: Note = lambda text: None) -> evolution.Hunt:
-    """One hunt of ``hunts``; population 0 is hypothesis."""
-    if population:
-        return evolution.evolve(assignment, states, population, seed, note, POPULATIONS[population])
-    return evolution.explore(assignment, states, seed, note)
 
 
 def _found(assignment: Assignment, **seen: Any) -> FoundState:

@@ -64,9 +64,9 @@ class Course:
     @classmethod
     def begin(cls, history: History, run: Run, choice: NightChoice) -> Course:
         """A night that starts now."""
-        number, night = history.begin(run, Night), Night(settings=[choice.settings])
-        history.append(number, night)
-        return cls(history, number, run, choice, night)
+        course = cls(history, history.begin(run, Night), run, choice)
+        course._append(Night(settings=[choice.settings]))
+        return course
 
     @classmethod
     def resume(cls, history: History, run: Run, choice: NightChoice) -> Course:
@@ -78,13 +78,12 @@ class Course:
         number = unfinished(history, run.library)
         if number is None:
             return cls.begin(history, run, choice)
-        night = history.read(number, Night)
+        night, began = history.read(number, Night), history.studies(Night, run.library)[number]
         [settings] = night.settings
         if different := settings.differences(choice.settings):
-            begun = history.studies(Night, run.library)[number].started
             remedy = "repeat its command, or leave --resume out to begin another night"
-            raise InvalidRequest(f"the night that began at {begun} cannot go on: {'; '.join(different)}; {remedy}")
-        return cls(history, number, history.studies(Night, run.library)[number], choice, night, len(night.done))
+            raise InvalidRequest(f"the night that began at {began.started} cannot go on: {'; '.join(different)}; {remedy}")
+        return cls(history, number, began, choice, night, len(night.done))
 
     def left(self, stage: Stage) -> list[str]:
         """The units of a stage that are not complete."""
@@ -112,9 +111,7 @@ class Course:
 
     def end(self, sentence: str) -> None:
         """Store that the night has ended, and with what; it does not go on afterwards."""
-        ended = Night(ended=[sentence])
-        self.history.append(self.number, ended)
-        self.night.extend(ended)
+        self._append(Night(ended=[sentence]))
 
     def found(self, stage: Stage) -> Any:
         """All that a stage has found by now."""
@@ -135,10 +132,12 @@ class Course:
             return known
         run = replace(self.run, profile=stage.profile(self.choice), states=stage.states(self.choice))
         study = self.history.begin(run, stage.kind)
-        begun = Night(begun=[BegunStage(stage=stage.name, study=study)])
-        self.history.append(self.number, begun)
-        self.night.extend(begun)
+        self._append(Night(begun=[BegunStage(stage=stage.name, study=study)]))
         return study
+
+    def _append(self, found: Night) -> None:
+        self.history.append(self.number, found)
+        self.night.extend(found)
 
     def _store(self, study: int, stage: Stage, unit: str, found: UnitFound) -> None:
         mark = DoneUnit(

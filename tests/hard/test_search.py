@@ -19,8 +19,8 @@ from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.variation import KEPT, shrink
 from harness.errors import InvalidRequest
 from harness.hard import evolution, worst_cases
-from harness.hard.evolution import StateSpace, evolve
-from harness.hard.search import DEFAULT_BUDGET, POPULATIONS, SearchSettings, StateSearch, hunt, hunts
+from harness.hard.evolution import POPULATIONS, StateSpace, evolve, hunt, hunts
+from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
