@@ -2,7 +2,7 @@
 
 A factorisation of an ill-conditioned M loses digits, and accelerations within that are ``unstable``. A wrong number hides there: on a
 chain of twelve bars a mass that is off by 1e-10 stays within. But it moves the answers at all states alike; see
-``harness.explain.one_number``. Of another quantity accelerations may agree all the same: a centre of mass along a fixed axis is felt by a
+``harness.explain.fit``. Of another quantity accelerations may agree all the same: a centre of mass along a fixed axis is felt by a
 reaction alone. A number of the file explains its answers that makes them agree at all states.
 """
 
@@ -16,8 +16,8 @@ from harness.crosscheck.assignment import Assignment, declared_model, load_audit
 from harness.engines import accelerations, load_engine
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
+from harness.explain.fit import Projection, explaining_directions
 from harness.explain.model_side import explaining_numbers
-from harness.explain.one_number import Projection, explaining_directions
 from harness.files.text.scan import Watch, tag, written
 from harness.study import Note
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
@@ -33,7 +33,7 @@ class Explanation:
 
     Attributes:
         number: where it stands and what is there, as ``line 18 <inertial mass="1.5">``, or a parameter of the system.
-        change: of its value, that the accelerations show. effect, significance: as of ``harness.explain.one_number.NumberDirection``.
+        change: of its value, that the accelerations show. effect, significance: as of ``harness.explain.fit.NumberDirection``.
     """
 
     number: str

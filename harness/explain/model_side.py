@@ -17,7 +17,7 @@ from harness.explain.changes import NUMBER, Change
 from harness.explain.changes.mistakes import mended_mistakes
 from harness.explain.changes.numbers import INERTIAS, numeric_changes
 from harness.explain.columns import DIFFERENCE, BaseParameters, ChangeColumn, base_parameters, derivative, find_columns
-from harness.explain.one_number import Projection, explaining_directions
+from harness.explain.fit import Projection, explaining_directions
 from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_digits
 from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
 from harness.files.lint.formats import LEAST

@@ -23,7 +23,7 @@ from harness.crosscheck.assignment import Assignment, truth_of
 from harness.engines import EQUATIONS, NotOffered, Subject, Unsupported, load_engine
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
-from harness.explain.one_number import Projection, explaining_directions
+from harness.explain.fit import Projection, explaining_directions
 from harness.files.model_file import ModelFile
 from harness.hard.cases import HardCase, Theory, hard_cases
 from harness.hard.truths import TruePoint, plain_points, true_points

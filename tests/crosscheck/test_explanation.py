@@ -17,7 +17,7 @@ from harness.crosscheck.explanation import explain_lost_digits, written_columns
 from harness.crosscheck.settings import Settings
 from harness.engines import EQUATIONS, Subject, engine_files, load_engine
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, watch
-from harness.explain.one_number import Projection, explaining_directions
+from harness.explain.fit import Projection, explaining_directions
 from harness.files.model_file import parse_model
 from harness.files.text.scan import Watch
 from harness.programs.states import States

@@ -10,7 +10,7 @@ from catalogue import BUILT_IN, STATES
 
 from harness.arrays import Array
 from harness.explain.columns import Whitening, parameter_derivatives
-from harness.explain.one_number import NumberDirection, Projection, explaining_directions
+from harness.explain.fit import NumberDirection, Projection, explaining_directions
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.truth.reference import Reference, ReferenceKernel

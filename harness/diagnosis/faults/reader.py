@@ -29,7 +29,7 @@ from harness.crosscheck.explanation import written_columns
 from harness.engines import Engine, Subject
 from harness.errors import InvalidInput
 from harness.explain.columns import Whitening
-from harness.explain.one_number import Projection, explaining_directions
+from harness.explain.fit import Projection, explaining_directions
 from harness.files.text.scan import Watch, largest_change
 from harness.truth.compare import Comparison, compare
 from harness.truth.reference import Reference, energy_norm

@@ -75,9 +75,19 @@ class Reading(Law):
         return changed_places(bounded(robot.tree), bounded(self.read(robot).tree))
 
 
-def law(name: str, concerns: str, supplied: bool = False, after: tuple[str, ...] = ()) -> Callable[[Callable[[Robot], Tree]], Law]:
-    """Declares what a function makes of a robot as a ``Law`` with these attributes."""
-    return lambda tree: Law(name, concerns, tree, supplied, after)
+def law(
+    name: str,
+    concerns: str,
+    supplied: bool = False,
+    after: tuple[str, ...] = (),
+    each: Callable[[Tree, Callable[..., Any]], Tree] | None = None,
+) -> Callable[[Callable[..., Any]], Law]:
+    """Declares what a function makes of a robot, or with ``each``, as ``with_joints``, of each of its elements, as a ``Law``."""
+
+    def declared(change: Callable[..., Any]) -> Law:
+        return Law(name, concerns, change if each is None else lambda robot: each(robot.tree, change), supplied, after)
+
+    return declared
 
 
 def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str]]]) -> tuple[Reading, ...]:

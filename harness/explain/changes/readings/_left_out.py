@@ -2,39 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 from harness.explain.changes.readings import Law, freed, law, moving, with_bodies, with_inertias, with_joints, without_bodies
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Given, Inertia, Solid, Tree, vector
 from harness.trees.robot import Robot
 
-_ONE = Fraction(1)
+_ONE, _NOTHING = Fraction(1), Fraction(0)
 
 
-def _without(number: str) -> Callable[[Robot], Tree]:
-    """The tree of a robot in which that number of every joint is zero."""
-    nothing: dict[str, Any] = {number: Fraction(0)}
-    return lambda robot: with_joints(robot.tree, lambda joint: replace(joint, **nothing))
-
-
-dampers = law("joint damping", "joints", supplied=True)(_without("damping"))
-springs = law("springs", "joints", supplied=True)(_without("stiffness"))
-rotors = law("rotor inertias", "joints", supplied=True)(_without("armature"))
-mimics = law("mimic joints", "joints", supplied=True)(lambda robot: with_joints(robot.tree, freed))
+dampers = law("joint damping", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, damping=_NOTHING))
+springs = law("springs", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, stiffness=_NOTHING))
+rotors = law("rotor inertias", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, armature=_NOTHING))
+mimics = law("mimic joints", "joints", supplied=True, each=with_joints)(freed)
 point_springs = law("tendons", "tendons", supplied=True)(lambda robot: replace(robot.tree, springs=()))
 linear_tendons = law("tendons on joints", "tendons")(lambda robot: replace(robot.tree, couplings=()))
 
 
-@law("ball joint", "joints", supplied=True)
-def ball_joints(robot: Robot) -> Tree:
-    def read(body: Body) -> Body:
-        return replace(body, joints=tuple(joint for joint in body.joints if joint.kind != JointKind.BALL))
-
-    return with_bodies(robot.tree, read)
+@law("ball joint", "joints", supplied=True, each=with_bodies)
+def ball_joints(body: Body) -> Body:
+    return replace(body, joints=tuple(joint for joint in body.joints if joint.kind != JointKind.BALL))
 
 
 def _is_framed(part: Body | Solid) -> bool:
@@ -59,7 +48,7 @@ def unit_inertias(robot: Robot) -> Tree:
     def read(body: Body) -> Inertia | None:
         if body.inertia is not None or body.name not in moved:
             return body.inertia
-        return Inertia((), _ONE, (*(_ONE,) * 3, *(Fraction(0),) * 3), body.place)
+        return Inertia((), _ONE, (_ONE,) * 3 + (_NOTHING,) * 3, body.place)
 
     return with_inertias(robot.tree, read)
 

@@ -36,12 +36,9 @@ def _sphere(body: Body, inertia: Inertia) -> Inertia:
     return replace(inertia, mass=mass, moments=(moment,) * 3 + (Fraction(0),) * 3)
 
 
-@law("impossible inertias", "links")
-def _possible(robot: Robot) -> Tree:
-    def read(body: Body) -> Inertia | None:
-        return body.inertia if body.inertia is None or _is_possible(body.inertia) else _sphere(body, body.inertia)
-
-    return with_inertias(robot.tree, read)
+@law("impossible inertias", "links", each=with_inertias)
+def _possible(body: Body) -> Inertia | None:
+    return body.inertia if body.inertia is None or _is_possible(body.inertia) else _sphere(body, body.inertia)
 
 
 @law("settings of the compiler", "files")

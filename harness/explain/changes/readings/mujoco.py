@@ -69,13 +69,9 @@ def _bounded_as_settings_say(robot: Robot) -> Tree:
     return tree if bounded(read) == tree else read
 
 
-@law("mass of collision geometry", "links", supplied=True)
-def _weighed(robot: Robot) -> Tree:
-    return with_bodies(robot.tree, lambda body: body if body.inertia is not None else _with_solids(body))
-
-
-def _with_solids(body: Body) -> Body:
-    link = element_at(body.place)
+@law("mass of collision geometry", "links", supplied=True, each=with_bodies)
+def _weighed(body: Body) -> Body:
+    link = element_at(body.place) if body.inertia is None else None
     solids = () if link is None else tuple(solid for one in link.iterfind("collision") for solid in _solids(one, body))
     return replace(body, solids=solids) if solids else body
 
@@ -96,15 +92,12 @@ def _numbers(element: etree._Element | None, name: str) -> list[Fraction]:
     return [Fraction(float(word)) for word in text.split()]
 
 
-@law("damping of joints of several degrees of freedom", "joints")
-def _damped_in_each_velocity(robot: Robot) -> Tree:
-    def read(joint: Joint) -> Joint:
-        element = element_at(joint.place) if joint.kind in (JointKind.PLANAR, JointKind.FREE) else None
-        dynamics = None if element is None else element.find("dynamics")
-        damping = 0.0 if dynamics is None else float(dynamics.get("damping", "0"))
-        return replace(joint, damping=Given(damping, joint.place, "damping")) if damping and joint.place else joint
-
-    return with_joints(robot.tree, read)
+@law("damping of joints of several degrees of freedom", "joints", each=with_joints)
+def _damped_in_each_velocity(joint: Joint) -> Joint:
+    element = element_at(joint.place) if joint.kind in (JointKind.PLANAR, JointKind.FREE) else None
+    dynamics = None if element is None else element.find("dynamics")
+    damping = 0.0 if dynamics is None else float(dynamics.get("damping", "0"))
+    return replace(joint, damping=Given(damping, joint.place, "damping")) if damping and joint.place else joint
 
 
 @law("gravity", "files", supplied=True)

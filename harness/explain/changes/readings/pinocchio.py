@@ -1,5 +1,6 @@
 """What Pinocchio's dynamics and its reader of URDF leave out; what its reader of MJCF passes over, and reads otherwise than MuJoCo."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -31,13 +32,10 @@ _UPWARD = vector((0, 0, 1))
 _gravity = _left_out.gravity_along_z(-9.81, "Pinocchio")
 
 
-@law("axis of planar joints", "joints")
-def _in_the_plane_of_the_frame(robot: Robot) -> Tree:
-    def read(joint: Joint) -> Joint:
-        x, y, z = joint.axis
-        return replace(joint, axis=_UPWARD) if joint.kind == JointKind.PLANAR and (x or y or z < 0) else joint
-
-    return with_joints(robot.tree, read)
+@law("axis of planar joints", "joints", each=with_joints)
+def _in_the_plane_of_the_frame(joint: Joint) -> Joint:
+    x, y, z = joint.axis
+    return replace(joint, axis=_UPWARD) if joint.kind == JointKind.PLANAR and (x or y or z < 0) else joint
 
 
 @law("least masses and inertias", "links")
@@ -57,17 +55,14 @@ def _raised(robot: Robot) -> Tree:
     return tree if raised == bounded(tree) else raised
 
 
-@law("position of a default class", "joints")
-def _without_anchors_of_classes(robot: Robot) -> Tree:
-    def read(joint: Joint) -> Joint:
-        is_of_class = any(isinstance(number, Given) and number.place != joint.place for number in joint.anchor)
-        return replace(joint, anchor=ORIGIN) if is_of_class else joint
-
-    return with_joints(robot.tree, read)
+@law("position of a default class", "joints", each=with_joints)
+def _without_anchors_of_classes(joint: Joint) -> Joint:
+    is_of_class = any(isinstance(number, Given) and number.place != joint.place for number in joint.anchor)
+    return replace(joint, anchor=ORIGIN) if is_of_class else joint
 
 
-def _from_childclass(robot: Robot, numbers: dict[str, str]) -> Tree:
-    """The tree of a robot whose joints with a class of their own take what that leaves open from the childclass around them.
+def _from_childclass(numbers: dict[str, str]) -> Callable[[Joint], Joint]:
+    """A joint with a class of its own takes what that leaves open from the childclass around it.
 
     ``numbers``: the fields of a joint by their attributes.
     """
@@ -81,19 +76,15 @@ def _from_childclass(robot: Robot, numbers: dict[str, str]) -> Tree:
             if other is not None and joint.place is not None:
                 values = [Given(float(word), joint.place, f"{attribute} of {around}", k) for k, word in enumerate(other.text.split())]
                 found[field] = vector(values) if field == "axis" else values[0]
-        return replace(joint, **found) if found else joint
+        return replace(joint, **found)
 
-    return with_joints(robot.tree, read)
-
-
-@law("class beside a childclass", "joints")
-def _with_class_around(robot: Robot) -> Tree:
-    return _from_childclass(robot, {"axis": "axis", "ref": "reference"})
+    return read
 
 
-@law("rotor inertia beside a childclass", "joints", supplied=True)
-def _with_rotor_around(robot: Robot) -> Tree:
-    return _from_childclass(robot, {"armature": "armature"})
+_with_class_around = law("class beside a childclass", "joints", each=with_joints)(_from_childclass({"axis": "axis", "ref": "reference"}))
+_with_rotor_around = law("rotor inertia beside a childclass", "joints", supplied=True, each=with_joints)(
+    _from_childclass({"armature": "armature"})
+)
 
 
 @law("Euler angles about fixed axes", "elements", after=("frames",))
@@ -115,13 +106,10 @@ def _turned_about_moving_axes(robot: Robot) -> Tree:
     return with_poses(robot.tree, lambda pose: tuple(map(read, pose)))
 
 
-@law("mass of a default class", "geoms")
-def _without_masses_of_classes(robot: Robot) -> Tree:
-    def read(solid: Solid) -> Solid:
-        is_of_class = isinstance(solid.mass, Given) and solid.mass.place != solid.place
-        return replace(solid, mass=None) if is_of_class else solid
-
-    return with_solids(robot.tree, read)
+@law("mass of a default class", "geoms", each=with_solids)
+def _without_masses_of_classes(solid: Solid) -> Solid:
+    is_of_class = isinstance(solid.mass, Given) and solid.mass.place != solid.place
+    return replace(solid, mass=None) if is_of_class else solid
 
 
 @law("further trees", "bodies")
@@ -129,17 +117,14 @@ def _of_the_first_tree(robot: Robot) -> Tree:
     return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
 
 
-@law("inertia of meshes", "geoms", after=("geoms that cannot collide", "frames"))
-def _with_unit_meshes(robot: Robot) -> Tree:
-    def read(solid: Solid) -> Solid:
-        """In the geom's own position, wherever the centre of the mesh is; a box that has its size from a mesh is a box."""
-        geom = element_at(solid.place) if solid.kind == "mesh" else None
-        if geom is None or resolved_text(geom, "type", "mesh") != "mesh":
-            return solid
-        position = vector([float(word) for word in resolved_text(geom, "pos", "0 0 0").split()])
-        return replace(solid, pose=(Placement(position),), mass=_ONE, density=_ONE, moments=(_ONE,) * 3)
-
-    return with_solids(robot.tree, read)
+@law("inertia of meshes", "geoms", after=("geoms that cannot collide", "frames"), each=with_solids)
+def _with_unit_meshes(solid: Solid) -> Solid:
+    """In the geom's own position, wherever the centre of the mesh is; a box that has its size from a mesh is a box."""
+    geom = element_at(solid.place) if solid.kind == "mesh" else None
+    if geom is None or resolved_text(geom, "type", "mesh") != "mesh":
+        return solid
+    position = vector([float(word) for word in resolved_text(geom, "pos", "0 0 0").split()])
+    return replace(solid, pose=(Placement(position),), mass=_ONE, density=_ONE, moments=(_ONE,) * 3)
 
 
 @law("settotalmass", "files")
@@ -147,14 +132,11 @@ def _unscaled(robot: Robot) -> Tree:
     return replace(robot.tree, total_mass=None)
 
 
-@law("geoms that cannot collide", "geoms")
-def _without_pictures(robot: Robot) -> Tree:
-    def read(solid: Solid) -> Solid | None:
-        geom = element_at(solid.place)
-        collides = geom is None or any(resolved_text(geom, name, "1") != "0" for name in ("contype", "conaffinity"))
-        return solid if collides else None
-
-    return with_solids(robot.tree, read)
+@law("geoms that cannot collide", "geoms", each=with_solids)
+def _without_pictures(solid: Solid) -> Solid | None:
+    geom = element_at(solid.place)
+    collides = geom is None or any(resolved_text(geom, name, "1") != "0" for name in ("contype", "conaffinity"))
+    return solid if collides else None
 
 
 READINGS = readings_of(

@@ -21,7 +21,6 @@ from harness.explain.changes.readings import (
     with_inertias,
 )
 from harness.files.tree import Body, Inertia, Tree
-from harness.trees.robot import Robot
 
 # gUrdfDefaultCollisionMargin [m].
 _MARGIN = 0.001
@@ -135,47 +134,37 @@ _INERTIAS = "bullet3, examples/Importers/ImportURDFDemo/BulletUrdfImporter.cpp, 
 _NONE = (Fraction(0),) * 3
 
 
-def _of_moving(robot: Robot, change: Callable[[Body, Inertia], Inertia]) -> Tree:
+def _moved(tree: Tree, change: Callable[[Body, Inertia], Inertia]) -> Tree:
     """The tree with the inertia of each moving body that has one as ``change`` gives it."""
-    moved = moving(robot.tree)
-    return with_inertias(robot.tree, lambda body: change(body, body.inertia) if body.inertia and body.name in moved else body.inertia)
+    moved = moving(tree)
+    return with_inertias(tree, lambda body: change(body, body.inertia) if body.inertia and body.name in moved else body.inertia)
 
 
-@law("inertia of collision shapes", "links", supplied=True, after=("links without inertia",))
-def _boxes(robot: Robot) -> Tree:
+@law("inertia of collision shapes", "links", supplied=True, after=("links without inertia",), each=_moved)
+def _boxes(body: Body, inertia: Inertia) -> Inertia:
     """In the frame of the inertia; a body without mass has none."""
-
-    def read(body: Body, inertia: Inertia) -> Inertia:
-        x, y, z = (4 * half**2 for half in half_extents(body))
-        mass = float(inertia.mass) / 12
-        squares = enumerate((y + z, x + z, x + y))
-        moments = (computed(mass * square, body, "moment of PyBullet's box", index) for index, square in squares)
-        return replace(inertia, moments=(*moments, *_NONE))
-
-    return _of_moving(robot, read)
+    x, y, z = (4 * half**2 for half in half_extents(body))
+    mass = float(inertia.mass) / 12
+    squares = enumerate((y + z, x + z, x + y))
+    moments = (computed(mass * square, body, "moment of PyBullet's box", index) for index, square in squares)
+    return replace(inertia, moments=(*moments, *_NONE))
 
 
-@law("principal axes", "links", after=("impossible inertias",))
-def _diagonal(robot: Robot) -> Tree:
-    def read(_body: Body, inertia: Inertia) -> Inertia:
-        if not any(inertia.moments[3:]):
-            return inertia
-        _, axes, rest = diagonalized(matrix_of(inertia))
-        # Only what is left out is rounded, which is a millionth of the whole.
-        lost = moments_of(axes @ rest @ axes.T)
-        moments = (moment - Fraction(off) if off else moment for moment, off in zip(inertia.moments, lost, strict=True))
-        return replace(inertia, moments=tuple(moments))
-
-    return _of_moving(robot, read)
+@law("principal axes", "links", after=("impossible inertias",), each=_moved)
+def _diagonal(_body: Body, inertia: Inertia) -> Inertia:
+    if not any(inertia.moments[3:]):
+        return inertia
+    _, axes, rest = diagonalized(matrix_of(inertia))
+    # Only what is left out is rounded, which is a millionth of the whole.
+    lost = moments_of(axes @ rest @ axes.T)
+    moments = (moment - Fraction(off) if off else moment for moment, off in zip(inertia.moments, lost, strict=True))
+    return replace(inertia, moments=tuple(moments))
 
 
-@law("impossible inertias", "links", after=("inertia of collision shapes",))
-def _possible(robot: Robot) -> Tree:
-    def read(_body: Body, inertia: Inertia) -> Inertia:
-        first, second, third = np.sort(diagonalized(matrix_of(inertia))[0])
-        return inertia if first >= 0 and third <= first + second else replace(inertia, moments=_NONE * 2)
-
-    return _of_moving(robot, read)
+@law("impossible inertias", "links", after=("inertia of collision shapes",), each=_moved)
+def _possible(_body: Body, inertia: Inertia) -> Inertia:
+    first, second, third = np.sort(diagonalized(matrix_of(inertia))[0])
+    return inertia if first >= 0 and third <= first + second else replace(inertia, moments=_NONE * 2)
 
 
 READINGS = readings_of(

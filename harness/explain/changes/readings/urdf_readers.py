@@ -20,14 +20,10 @@ _TIME_STEP = Fraction(0.001)
 _gravity = _left_out.gravity_along_z(float(np.float32(-9.80665)), "adam")
 
 
-@law("implicit dampers", "joints", supplied=True, after=("rotor inertias",))
-def _damped_implicitly(robot: Robot) -> Tree:
+@law("implicit dampers", "joints", supplied=True, after=("rotor inertias",), each=with_joints)
+def _damped_implicitly(joint: Joint) -> Joint:
     """At the end of a step h the damper acts on v + h a, as if h times the damping were an inertia of a rotor."""
-
-    def read(joint: Joint) -> Joint:
-        return replace(joint, armature=joint.armature + _TIME_STEP * joint.damping) if joint.damping else joint
-
-    return with_joints(robot.tree, read)
+    return replace(joint, armature=joint.armature + _TIME_STEP * joint.damping)
 
 
 @law("inertia without mass", "links")
