@@ -207,15 +207,6 @@ MALFORMED_MJCF = {
 }
 
 
-@pytest.mark.parametrize("name", MALFORMED_MJCF)
-def test_a_malformed_constraint_of_an_mjcf_is_refused_at_its_line(name: str) -> None:
-    old, new, at, problem = MALFORMED_MJCF[name]
-    changes = [(old, new)] if name != "turned otherwise" else [(old, new), ("<connect", "<weld")]
-    with pytest.raises(InvalidModel) as caught:
-        four_bar("mjcf", *changes)
-    assert (caught.value.line, problem in str(caught.value)) == (at, True), caught.value
-
-
 @pytest.mark.parametrize(
     ("text", "refused"),
     [
@@ -240,18 +231,24 @@ MALFORMED_URDF = {
     "part twice": ("constraint_p_AP", "constraint_p_BQ", BALL + 4, "second <drake:ball_constraint_p_BQ>"),
     "part misspelt": ("constraint_p_AP", "constraint_p_AQ", BALL + 2, "did you mean"),
     "bushing": ("<drake:ball_constraint name", "<drake:linear_bushing_rpy name", BALL, "is a force element that is not read"),
-    "tendon": ("<drake:ball_constraint name", "<drake:tendon_constraint name", BALL, "did you mean 'drake:ball_constraint'?"),
+    "other constraint": ("<drake:ball_constraint name", "<drake:tendon_constraint name", BALL, "did you mean 'drake:ball_constraint'?"),
 }
 
 
-@pytest.mark.parametrize("name", MALFORMED_URDF)
-def test_a_malformed_constraint_of_a_urdf_is_refused_at_its_line(name: str) -> None:
-    old, new, at, problem = MALFORMED_URDF[name]
-    changes = [(old, new)]
-    if name in ("bushing", "tendon"):
-        changes.append(("</drake:ball_constraint>", f"</{new.split()[0][1:]}>"))
+# What must change too for the rest of the file to stand.
+ALONG = {
+    "turned otherwise": ("<connect", "<weld"),
+    "bushing": ("</drake:ball_constraint>", "</drake:linear_bushing_rpy>"),
+    "other constraint": ("</drake:ball_constraint>", "</drake:tendon_constraint>"),
+}
+MALFORMED = [("mjcf", name) for name in MALFORMED_MJCF] + [("urdf", name) for name in MALFORMED_URDF]
+
+
+@pytest.mark.parametrize(("model_format", "name"), MALFORMED, ids=map("-".join, MALFORMED))
+def test_a_malformed_constraint_is_refused_at_its_line(model_format: str, name: str) -> None:
+    old, new, at, problem = {"mjcf": MALFORMED_MJCF, "urdf": MALFORMED_URDF}[model_format][name]
     with pytest.raises(InvalidModel) as caught:
-        four_bar("urdf", *changes)
+        four_bar(model_format, (old, new), *([ALONG[name]] if name in ALONG else []))
     assert (caught.value.line, problem in str(caught.value)) == (at, True), caught.value
 
 

@@ -78,21 +78,23 @@ def test_a_model_that_an_entry_excuses_is_unsupported_and_the_equations_are_comp
     assert (records["lagrange"].verdict, records["lagrange"].states) == ("agrees", 40)
 
 
-def test_without_an_entry_a_missing_model_is_an_error(root: Path) -> None:
-    records, problems = check(root)
-    assert {subject: record.verdict for subject, record in records.items()} == {
-        "lagrange": "agrees",
-        **dict.fromkeys(REASONS, "error"),
-    }
-    assert sorted(problem.path.name for problem in problems) == ["bar_pendulum.urdf", "bar_pendulum.xml"]
+WRONG = ENTRY.format(subject="mujoco/mjcf", verdict="disagrees", reason="wrong") + "backward_error = inf\n"
+# Entries, subjects that are an error in spite of them, and models that are reported.
+NOT_EXCUSED = {
+    "no entry": ("", [*REASONS], ["bar_pendulum.urdf", "bar_pendulum.xml"]),
+    "an entry of another subject": (entries(*OF_MJCF, "mujoco/urdf"), ["pinocchio/urdf"], ["bar_pendulum.urdf"]),
+    "an entry of another verdict": (WRONG, [*REASONS], ["bar_pendulum.urdf", "bar_pendulum.xml"]),
+}
 
 
-def test_an_entry_excuses_its_own_subject_only(root: Path) -> None:
-    excuse(root, entries(*OF_MJCF, "mujoco/urdf"))
+@pytest.mark.parametrize("what", NOT_EXCUSED)
+def test_a_missing_model_that_no_entry_excuses_is_an_error(root: Path, what: str) -> None:
+    text, failing, reported = NOT_EXCUSED[what]
+    excuse(root, text)
     records, problems = check(root)
-    verdicts = {subject: records[subject].verdict for subject in REASONS}
-    assert verdicts == dict.fromkeys(REASONS, "unsupported") | {"pinocchio/urdf": "error"}
-    assert [problem.path.name for problem in problems] == ["bar_pendulum.urdf"]
+    verdicts = {subject: record.verdict for subject, record in records.items()}
+    assert verdicts == {"lagrange": "agrees"} | dict.fromkeys(REASONS, "unsupported") | dict.fromkeys(failing, "error")
+    assert sorted(problem.path.name for problem in problems) == reported
 
 
 def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> None:
@@ -130,13 +132,6 @@ def test_a_model_that_cannot_be_read_is_not_missing(root: Path) -> None:
     (root / "mjcf" / "bar_pendulum.xml").write_text("")
     records, problems = check(root)
     assert {records[subject].verdict for subject in REASONS} == {"error"}
-    assert len(problems) == 2
-
-
-def test_only_unsupported_excuses(root: Path) -> None:
-    excuse(root, ENTRY.format(subject="mujoco/mjcf", verdict="disagrees", reason="wrong") + "backward_error = inf\n")
-    records, problems = check(root)
-    assert records["mujoco/mjcf"].verdict == "error"
     assert len(problems) == 2
 
 

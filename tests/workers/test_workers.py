@@ -177,6 +177,12 @@ def test_a_certificate_without_a_cluster_is_bad_usage(tmp_path: Path) -> None:
     assert "belong to --scheduler" in done.output
 
 
+def outcomes_of(*tasks: Task, count: int = 1, time_limit: float = 60.0) -> dict[Any, Outcome]:
+    """The outcomes of tasks by their keys, from workers of their own."""
+    with Workers(count, time_limit=time_limit) as workers:
+        return {outcome.task.key: outcome for outcome in workers.run(tasks)}
+
+
 KILLED = f"crashed by signal 9 (SIGKILL); if memory ran out, {MORE_MEMORY}"
 CONTAINED = {
     work.segfault: "crashed by signal 11 (SIGSEGV)",
@@ -214,41 +220,33 @@ def test_a_task_that_fails_costs_its_own_outcome(contained: dict[Any, Outcome], 
 
 
 def test_a_crash_has_its_note_and_standard_error_and_no_others() -> None:
-    with Workers(1) as workers:
-        tasks = [Task(0, work.chatter, ()), Task(1, work.abort, (1,)), Task(2, work.be_killed, ())]
-        outcomes = {outcome.task.key: outcome for outcome in workers.run(tasks)}
+    outcomes = outcomes_of(Task(0, work.chatter, ()), Task(1, work.abort, (1,)), Task(2, work.be_killed, ()))
     assert outcomes[1].crash == Crash("crashed by signal 6 (SIGABRT)", "at 1", "the cow jumped over the moon")
     assert outcomes[2].crash == Crash(KILLED, "", "")
 
 
 def test_of_very_much_that_a_crash_wrote_the_end_is_kept() -> None:
-    with Workers(1) as workers:
-        [outcome] = workers.run([Task(0, work.babble, ())])
-    assert outcome.crash is not None
-    assert len(str(outcome.crash)) < 2100
-    assert str(outcome.crash).endswith("99998\n99999")
+    written = str(outcomes_of(Task(0, work.babble, ()))[0].crash)
+    assert len(written) < 2100
+    assert written.endswith("99998\n99999")
 
 
 def test_a_task_that_cannot_be_sent_costs_its_own_outcome() -> None:
-    with Workers(1) as workers:
-        tasks = [Task(0, work.echo, (lambda: 0,)), Task(1, work.echo, (1,)), Task(2, lambda note: 0, ())]
-        outcomes = {outcome.task.key: outcome for outcome in workers.run(tasks)}
+    outcomes = outcomes_of(Task(0, work.echo, (lambda: 0,)), Task(1, work.echo, (1,)), Task(2, lambda note: 0, ()))
     assert outcomes[1].value == 1
     assert "pickle" in str(outcomes[0].exception)
     assert "pickle" in str(outcomes[2].exception)
 
 
 def test_what_a_task_prints_stays_in_its_process(capfd: pytest.CaptureFixture[str]) -> None:
-    with Workers(1) as workers:
-        assert [outcome.crash for outcome in workers.run([Task(0, work.chatter, ()), Task(1, work.chatter, ())])] == [None, None]
+    outcomes = outcomes_of(Task(0, work.chatter, ()), Task(1, work.chatter, ()))
+    assert (outcomes[0].crash, outcomes[1].crash) == (None, None)
     assert capfd.readouterr() == ("", "")
 
 
 def test_large_arguments_and_values_come_through() -> None:
     many = np.arange(1_000_000.0)
-    with Workers(1) as workers:
-        [outcome] = workers.run([Task(0, work.echo, (many,))])
-    assert np.array_equal(outcome.value, many)
+    assert np.array_equal(outcomes_of(Task(0, work.echo, (many,)))[0].value, many)
 
 
 def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
@@ -271,11 +269,10 @@ def test_time_spent_waiting_for_a_processor_is_not_the_tasks(compute: Callable[.
         for other in others:
             assert other.stdout is not None
             other.stdout.readline()
-        with Workers(1, time_limit=1) as workers:
-            started = time.monotonic()
-            [outcome] = workers.run([Task(0, compute, (0.5, processor))])
-            waited = time.monotonic() - started
-        assert outcome.crash is None
+        started = time.monotonic()
+        outcomes = outcomes_of(Task(0, compute, (0.5, processor)), time_limit=1)
+        waited = time.monotonic() - started
+        assert outcomes[0].crash is None
         assert waited > 1.5, "the others did not take the processor"
     finally:
         for other in others:
@@ -284,10 +281,9 @@ def test_time_spent_waiting_for_a_processor_is_not_the_tasks(compute: Callable[.
 
 
 def test_a_process_that_hangs_gets_no_further_task() -> None:
-    with Workers(1, time_limit=0.5) as workers:
-        hanging, after = workers.run([Task(0, work.hang_holding_the_lock, ()), Task(1, work.own_process, ())])
-    assert str(hanging.crash) == f"exceeded its time limit of 0.5 s; {MORE_TIME}"
-    assert after.value is not None
+    outcomes = outcomes_of(Task(0, work.hang_holding_the_lock, ()), Task(1, work.own_process, ()), time_limit=0.5)
+    assert str(outcomes[0].crash) == f"exceeded its time limit of 0.5 s; {MORE_TIME}"
+    assert outcomes[1].value is not None
 
 
 def test_a_worker_takes_its_own_affinity_then_a_free_one_then_one_not_begun() -> None:
@@ -338,9 +334,7 @@ def test_an_idle_process_takes_over_an_affinity_that_its_owner_has_not_begun() -
 
 
 def test_an_affinity_whose_process_died_goes_on_in_another() -> None:
-    with Workers(2) as workers:
-        tasks = [Task(0, work.abort, (0,), "a"), Task(1, work.echo, (1,), "a"), Task(2, work.echo, (2,), "a")]
-        outcomes = {outcome.task.key: outcome for outcome in workers.run(tasks)}
+    outcomes = outcomes_of(Task(0, work.abort, (0,), "a"), *(Task(number, work.echo, (number,), "a") for number in (1, 2)), count=2)
     assert outcomes[0].crash is not None
     assert [outcomes[1].value, outcomes[2].value] == [1, 2]
 
@@ -377,9 +371,8 @@ def test_a_run_that_is_given_up_ends_its_tasks() -> None:
 
 
 def test_a_fork_that_returns_from_its_task_does_not_answer() -> None:
-    with Workers(1) as workers:
-        values = [outcome.value for outcome in workers.run([Task(number, work.return_twice, ()) for number in range(4)])]
-    assert len(set(values)) == 1
+    outcomes = outcomes_of(*(Task(number, work.return_twice, ()) for number in range(4)))
+    assert len({outcome.value for outcome in outcomes.values()}) == 1
 
 
 def gone(process: int) -> bool:
