@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited
@@ -316,6 +317,7 @@ MASS_2, LIMIT, SHOULDER_TYPE = (
     '<limit effort="5" velocity="1"/>\n  </joint>\n</robot>',
     'name="shoulder" type="revolute"',
 )
+MOMENTS = 'ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"'
 URDF_VARIANTS: dict[str, list[Variant]] = {
     "robot@name": [one('name="base"', 'name="x"', UNFELT)],
     "robot@version": [one('name="base"', 'name="base" version="1.0"', UNFELT)],
@@ -349,16 +351,9 @@ URDF_VARIANTS: dict[str, list[Variant]] = {
     "inertial/mass@value": [one('<mass value="2"/>', '<mass value="3"/>')],
     **{
         f"inertial/inertia@{name}": [
-            ([f'{old} ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"', 'xyz="0 1 0"'], [new, 'xyz="0.6 0 0.8"'], ALIKE)
+            ([MOMENTS, 'xyz="0 1 0"'], [re.sub(f'{name}="[^"]*"', f'{name}="{value}"', MOMENTS), 'xyz="0.6 0 0.8"'], ALIKE)
         ]
-        for name, old, new in (
-            ("ixx", 'ixx="0.1"', 'ixx="0.12" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"'),
-            ("ixy", 'ixx="0.1"', 'ixx="0.1" ixy="0.03" ixz="0" iyy="0.2" iyz="0" izz="0.25"'),
-            ("ixz", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="-0.02" iyy="0.2" iyz="0" izz="0.25"'),
-            ("iyy", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="0" iyy="0.3" iyz="0" izz="0.25"'),
-            ("iyz", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0.03" izz="0.25"'),
-            ("izz", 'ixx="0.1"', 'ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"'),
-        )
+        for name, value in {"ixx": 0.12, "ixy": 0.03, "ixz": -0.02, "iyy": 0.3, "iyz": 0.03, "izz": 0.2}.items()
     },
     "joint/origin@xyz": [one('<child link="fore"/>', '<child link="fore"/><origin xyz="0.1 0.3 -0.4"/>')],
     "joint/origin@rpy": [one('<origin xyz="0.1 0.2 0.3"/>', '<origin xyz="0.1 0.2 0.3" rpy="0.3 -0.4 0.5"/>')],
@@ -400,6 +395,11 @@ def changed(model_format: str, old: Sequence[str], new: Sequence[str]) -> str:
     return text
 
 
+def parsed(text: str) -> ModelFile:
+    model_format = "mjcf" if "<mujoco" in text else "urdf"
+    return parse_model(Path(f"model.{model_format}"), text, model_format)
+
+
 def accelerations(engine: str, file: ModelFile, states: tuple[Array, Array, Array] | None = None, joints: Sequence[str] = ()) -> Array:
     joints = joints or tuple(file.joint_lines)
     if states is None:
@@ -422,8 +422,7 @@ def test_nothing_that_may_stand_in_a_file_is_left_out(model_format: str) -> None
 @pytest.mark.parametrize(("model_format", "key", "number"), ALL, ids=[f"{f}-{key}-{number}" for f, key, number in ALL])
 def test_what_may_stand_in_a_file_is_read_supplied_or_refused(model_format: str, key: str, number: int) -> None:
     old, new, outcome = VARIANTS[model_format][key][number]
-    path = Path(f"model.{model_format}")
-    healthy, file = (parse_model(path, text, model_format) for text in (BASES[model_format], changed(model_format, old, new)))
+    healthy, file = map(parsed, (BASES[model_format], changed(model_format, old, new)))
     if outcome == NATIVE_REFUSES:
         with pytest.raises(ValueError, match="class"):
             accelerations(NATIVE[model_format], file)
@@ -455,25 +454,24 @@ def places(number: int, sizes: Sequence[tuple[int, int]]) -> tuple[Array, Array,
 def test_a_body_with_several_joints_is_one_composite_joint() -> None:
     """Springs and dampers find the parts, and a reference of one of them, which the reader would pass over, is refused."""
     two = f'{SHOULDER} damping="2"/><joint name="turn" axis="0 0 1" pos="0.1 0.2 0" stiffness="3" springref="0.2" armature="0.3"'
-    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, two), "mjcf")
+    file = parsed(MJCF.replace(SHOULDER, two))
     joints = ("turn", "slider", "shoulder")
     states = places(1, [(1, 1)] * 3)
     assert difference(accelerations("mujoco", file, states, joints), accelerations("pinocchio", file, states, joints)) < SAME
     loaded = load_engine(LIBRARY, "pinocchio").load(file, joints, 9.81).loaded()
     assert loaded is not None and dict(loaded.joints) == dict.fromkeys(("shoulder", "turn", "slider"), (1, 1))
     with pytest.raises(Unsupported, match='line 11: <joint name="turn"> has a "ref" beside other joints'):
-        accelerations("pinocchio", parse_model(Path("model.xml"), MJCF.replace(SHOULDER, two + ' ref="0.2"'), "mjcf"), states, joints)
+        accelerations("pinocchio", parsed(MJCF.replace(SHOULDER, two + ' ref="0.2"')), states, joints)
 
 
 @pytest.mark.parametrize("pose", ["", ' quat="0.9 0.1 -0.3 0.2"'])
 def test_a_ball_joint_in_mjcf_is_damped_and_a_spring_in_it_is_refused(pose: str) -> None:
     ball = MJCF.replace(SHOULDER, '<joint name="shoulder" type="ball" damping="0.7" pos="0.1 0.2 0.3"').replace(UPPER, UPPER + pose)
-    file = parse_model(Path("model.xml"), ball, "mjcf")
+    file = parsed(ball)
     sound = accelerations("mujoco", file, states := places(2, [(4, 3), (1, 1)]), joints := ("shoulder",) * 3 + ("slider",))
     assert difference(sound, accelerations("pinocchio", file, states, joints)) < SAME
-    damped = replace(file, force_elements=tuple(one for one in file.force_elements if not isinstance(one, JointDamper)))
-    assert difference(sound, accelerations("pinocchio", damped, states, joints)) > FELT
-    sprung = parse_model(Path("model.xml"), ball.replace("damping", "stiffness"), "mjcf")
+    assert difference(sound, accelerations("pinocchio", without(JointDamper)(file), states, joints)) > FELT
+    sprung = parsed(ball.replace("damping", "stiffness"))
     with pytest.raises(Unsupported, match=r'line 11: <joint name="shoulder"> stiffness="0\.7" is a spring in a ball joint'):
         accelerations("pinocchio", sprung, states, joints)
 
@@ -486,7 +484,7 @@ def test_a_ball_joint_in_mjcf_is_damped_and_a_spring_in_it_is_refused(pose: str)
     ],
 )
 def test_a_free_joint_in_mjcf_that_pinocchio_measures_otherwise_is_refused(joint: str, pose: str, refused: str) -> None:
-    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', pose), "mjcf")
+    file = parsed(MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', pose))
     with pytest.raises(Unsupported, match=refused):
         accelerations("pinocchio", file, places(1, [(7, 6), (1, 1)]), ("shoulder",) * 6 + ("slider",))
 
@@ -495,19 +493,13 @@ def test_a_free_joint_in_mjcf_that_pinocchio_measures_otherwise_is_refused(joint
 @pytest.mark.parametrize("joint", ['<freejoint name="shoulder"', '<joint name="shoulder" type="free" damping="0.8" armature="0"'])
 def test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it(joint: str, pose: str) -> None:
     """Pinocchio's linear velocities and forces are in the body's frame."""
-    file = parse_model(Path("model.xml"), MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', pose), "mjcf")
+    file = parsed(MJCF.replace(SHOULDER, joint).replace(' pos="0.1 0.2 0.3"', pose))
     joints = ("shoulder",) * 6 + ("slider",)
     q, v, tau = places(3, [(7, 6), (1, 1)])
     answers = accelerations("mujoco", file, (q, v, tau), joints)
     turned = [part.copy() for part in (v, tau, answers)]
     for row, (w, x, y, z) in enumerate(q[:, 3:7]):
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        rotation = Rotation.from_quat([x, y, z, w]).as_matrix()
         for part in turned:
             part[row, :3] = rotation.T @ part[row, :3]
         # The body's frame turns: d(R' v)/dt = R' a - omega x R' v.
@@ -517,7 +509,7 @@ def test_a_free_joint_in_mjcf_stands_where_mujoco_puts_it(joint: str, pose: str)
 
 def test_a_ball_joint_in_urdf_is_hung_on_the_world_in_mujoco() -> None:
     text = re.sub('  <joint name="shoulder".*?</joint>', BALL, URDF, flags=re.DOTALL).replace('  <link name="world"/>\n', "")
-    file = parse_model(Path("model.urdf"), text, "urdf")
+    file = parsed(text)
     states, joints = places(4, [(4, 3), (1, 1)]), ("shoulder",) * 3 + ("slider",)
     assert difference(accelerations("pinocchio", file, states, joints), accelerations("mujoco", file, states, joints)) < SAME
 
@@ -596,7 +588,7 @@ def test_a_constraint_is_read_by_both_engines_or_refused(key: str) -> None:
     text = text.replace('<flag constraint="disable"/>', "").replace("<default>", f"<default>{_STIFF}", 1)
     text = text.replace('<site name="eye"', SECOND_EYE).replace("<worldbody>", '<worldbody><site name="ceiling" pos="0 0 3"/>')
     assert old in text
-    sound, file = (parse_model(Path("model.xml"), one, "mjcf") for one in (text, text.replace(old, new)))
+    sound, file = parsed(text), parsed(text.replace(old, new))
     for engine, is_felt in zip(("mujoco", "pinocchio"), felt, strict=True):
         if engine == "pinocchio" and kind in ("joint", "tendon"):
             for each in (sound, file):
@@ -667,11 +659,6 @@ def test_a_free_joint_in_urdf_that_mujoco_counts_from_elsewhere_is_refused() -> 
     behind = behind.replace('<link name="world"/>', f'<link name="world"/>{fixed_base}')
     with pytest.raises(Unsupported, match=r'line 12: <joint name="shoulder"> floats from another origin .* behind <joint name="mount">'):
         load_engine(LIBRARY, "mujoco").load(parsed(behind), JOINTS, 9.81)
-
-
-def parsed(text: str) -> ModelFile:
-    model_format = "mjcf" if "<mujoco" in text else "urdf"
-    return parse_model(Path(f"model.{model_format}"), text, model_format)
 
 
 # Every kind of what the harness supplies: a model that has it, and the same file without it being supplied.
