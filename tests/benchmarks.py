@@ -34,7 +34,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
-from harness.truth.constraints.manifold import closed
+from harness.truth.manifold import closed
 from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.truth.reference import PRECISIONS, ReferenceKernel
 from harness.truth.sampling import generic_sample

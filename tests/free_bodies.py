@@ -25,10 +25,10 @@ from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.terms import Term, Vector, cross, vector
 from harness.trees.bodies.rigid import Spatial
 from harness.trees.bodies.spatial import skew
-from harness.trees.constraints.rows import jacobian_of, rows_in, rows_of, untied
-from harness.trees.constraints.tied import independent_rows
-from harness.trees.joint_forces import forces_of_joints
+from harness.trees.mechanism import independent_rows
 from harness.trees.nodes import kinematics
+from harness.trees.recursion import forces_of_joints
+from harness.trees.rows import jacobian_of, rows_in, rows_of, untied
 from harness.trees.world_motion import Moving, in_world
 
 _BITS = 64

@@ -15,7 +15,7 @@ from harness.programs.mechanisms.constraint_forces import MULTIPLIERS, by_reduct
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import upper_triangle
 from harness.programs.states import States
-from harness.truth.constraints.manifold import enclosed
+from harness.truth.manifold import enclosed
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 
 # Of the balls, which leave 40 digits; and of mpmath, whose central differences with STEP leave as many.

@@ -16,8 +16,8 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.storage import Kept
+from harness.truth.blocks import BIAS, INVERSE_DYNAMICS, MASS_MATRIX, EquationValues
 from harness.truth.compare import Comparison, Flags, compare
-from harness.truth.equation_values import BIAS, INVERSE_DYNAMICS, MASS_MATRIX, EquationValues
 from harness.truth.quantities.accelerations import reference_kernel
 from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.truth.reference import Reference

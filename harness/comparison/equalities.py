@@ -29,8 +29,8 @@ from harness.programs.mechanisms.mechanism import RESIDUAL
 from harness.programs.program import without_unused
 from harness.programs.states import States
 from harness.results.comparison import EqualitiesRecord, EqualityPart
-from harness.trees.constraints.tied import TiedTree, tied_tree
 from harness.trees.inverse_weights import inverse_weights_of
+from harness.trees.mechanism import TiedTree, tied_tree
 from harness.trees.robot import Robot
 from harness.truth.compare import compare
 from harness.truth.reference import Reference, ReferenceKernel

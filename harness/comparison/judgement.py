@@ -26,7 +26,7 @@ from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, compare
-from harness.truth.far_links import FAR_LINKS, FarLinks
+from harness.truth.quantities.accelerations import FAR_LINKS, FarLinks
 from harness.truth.reference import Reference
 from harness.verdict import AGREEMENT, Verdict
 

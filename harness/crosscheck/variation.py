@@ -20,7 +20,7 @@ from harness.arrays import Array
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Comparison
-from harness.truth.constraints.manifold import closed
+from harness.truth.manifold import closed
 from harness.truth.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, special_values
 
 # Orders of magnitude over which numbers near zero are drawn, and by which a neighbour may be moved.

@@ -44,7 +44,7 @@ class Engine:
     Of any robot's file:
         call: the user's code for each format, on one line; none for an engine that no user's file is handed to.
         supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
-        takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.truth.far_links``.
+        takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``FarLinks`` of accelerations.
         why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.

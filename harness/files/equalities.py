@@ -1,7 +1,7 @@
 """The equalities of a model file besides its joints: points and frames that meet, and joints and tendons that are coupled.
 
 They are no part of the tree's own equations of motion. An engine that has them switched on solves another problem, whose rows
-``harness.trees.constraints.rows`` writes. Order and sign of the rows are part of what is said, since engines report forces by them.
+``harness.trees.rows`` writes. Order and sign of the rows are part of what is said, since engines report forces by them.
 
 Sources: MuJoCo documentation, XML reference, ``equality``, and Computation, section Constraint model; Drake, "Parsing model files",
 tag drake:ball_constraint; http://wiki.ros.org/urdf/XML/joint, element ``mimic``.

@@ -21,7 +21,7 @@ from harness.hard.cases import HardCase, hard_cases
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.constraints.manifold import closed, distances
+from harness.truth.manifold import closed, distances
 from harness.truth.quantities.accelerations import reference_kernel
 from harness.truth.reference import Reference
 

@@ -26,7 +26,7 @@ from harness.motion.taylor import Path, Taylor, displacement
 from harness.programs.machine_code import load_heyoka
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.constraints.manifold import closed, closes, rows_left
+from harness.truth.manifold import closed, closes, rows_left
 from harness.truth.sampling import ANGLES
 
 HORIZON = 20.0

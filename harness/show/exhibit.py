@@ -27,9 +27,9 @@ from harness.results.table import Column, Table, number_text
 from harness.show.picture import draw
 from harness.show.placement import Pose, choose_view, place
 from harness.study import Inquiry, Part, Study, ask, call
-from harness.trees.constraints.rows import rows_of, untied
 from harness.trees.nodes import kinematics
 from harness.trees.robot import tree_of
+from harness.trees.rows import rows_of, untied
 from harness.verdict import Verdict
 from harness.workers import Task
 

@@ -27,9 +27,9 @@ from harness.trees import recursion
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Rigid, Spatial, joined, spatial
 from harness.trees.bodies.spatial import placed, unit
-from harness.trees.constraints.rows import Row, jacobian_of, untied
 from harness.trees.nodes import Kinematics, standing
 from harness.trees.robot import tree_of
+from harness.trees.rows import Row, jacobian_of, untied
 from harness.trees.world_motion import World, in_world
 
 _BITS = 192

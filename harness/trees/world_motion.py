@@ -17,8 +17,8 @@ from harness.files.tree import WORLD, Pose, Tree
 from harness.programs.terms import Matrix, Term, Vector, cross, length
 from harness.trees.bodies.rigid import Lump, Spatial, spatial
 from harness.trees.bodies.spatial import Frame, placed
-from harness.trees.joint_forces import tension_between
 from harness.trees.nodes import Kinematics, Node
+from harness.trees.recursion import tension_between
 
 
 @dataclass(frozen=True)

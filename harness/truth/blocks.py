@@ -21,14 +21,16 @@ from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array, Rows
+from harness.arrays import Array, Indices, Rows
 from harness.programs.evaluation import jacobians, most_at_once, values
 from harness.programs.kernels import BallKernel
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
-from harness.programs.program import StraightLineProgram
+from harness.programs.program import OUTPUTS, StraightLineProgram, without_unused
 from harness.programs.states import States
-from harness.truth.balls.in_balls import parts_of
-from harness.truth.compare import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
+from harness.programs.terms import Builder, symmetric, vector
+from harness.truth.balls import parts_of
+from harness.truth.compare import CERTIFIED_RADIUS, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags, in_order
+from harness.truth.reference import ReferenceKernel
 
 _PRECISIONS = (128, 256, 512)
 # Numbers of the derivatives that are held at once.
@@ -170,3 +172,42 @@ class QuantityKernel:
             return shared
         sizes: Array = np.concatenate(list(values(self._of_sizes, np.ascontiguousarray(inputs.T)).values())).T
         return shared + sizes
+
+
+MASS_MATRIX, BIAS, INVERSE_DYNAMICS = "mass_matrix", "bias", "inverse_dynamics"
+
+
+class EquationValues:
+    """The mass matrix, bias and inverse dynamics of a mechanism by its own equations of motion, each entry a block of its own.
+
+    Those of a mechanism under constraints are of the tree that is left without them. A kind of values is compiled once. ``reference``
+    chooses the chart of each state, and the frame of the linear velocity of a free joint.
+    """
+
+    def __init__(self, reference: ReferenceKernel) -> None:
+        self._reference = reference
+        self._kernels: dict[tuple[str, str], QuantityKernel] = {}
+
+    def evaluate(self, name: str, states: States) -> Certified:
+        """The values ``name`` at ``states``, whose ``tau`` holds the accelerations of inverse dynamics; entries of M by rows."""
+
+        def of_chart(program: StraightLineProgram, chosen: Indices) -> Certified:
+            if (name, program.key) not in self._kernels:
+                self._kernels[name, program.key] = self._written(name, program)
+            return self._kernels[name, program.key].evaluate(np.ascontiguousarray(self._reference.mechanism.inputs(states[chosen]).T))
+
+        return in_order((of_chart(chart.program, chosen), chosen) for chart, chosen in self._reference.by_chart(states))
+
+    def _written(self, name: str, program: StraightLineProgram) -> QuantityKernel:
+        mechanism, builder = self._reference.mechanism, Builder(program.inputs)
+        equations = builder.append(program)
+        mass, first = symmetric(equations["mass"], mechanism.nv), mechanism.nq + mechanism.nv
+        velocity, gravity, passive = (vector(equations[term]) for term in OUTPUTS[1:])
+        if name == MASS_MATRIX:
+            entries = mass.flat
+        elif name == BIAS:
+            entries = velocity + gravity
+        else:
+            # M a + c + g - p, with the accelerations a in the place of tau.
+            entries = mass @ builder.inputs_at(range(first, first + mechanism.nv)) + (velocity + gravity - passive)
+        return QuantityKernel(without_unused(builder.program({name: entries})), [[place] for place in range(len(entries))])

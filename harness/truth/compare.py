@@ -9,9 +9,9 @@ with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ CERTIFIED_RADIUS = 2.0**-60
 # Of a sensitivity: a backward error is read to three digits.
 MOST_DOUBT = 2.0**-10
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
+C = TypeVar("C", bound="Certified")
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,13 @@ class Certified(Rows):
 
     def _in_metric(self, vectors: Array) -> Array:
         return np.asarray(vectors @ self.norm_factor.transpose(0, 2, 1))
+
+
+def in_order(parts: Iterable[tuple[C, Indices]]) -> C:
+    """Values that were certified in parts, each with the places of its states, in the order of these."""
+    values, places = map(list, zip(*parts, strict=True))
+    found: C = values[0].concatenate(values)[np.argsort(np.concatenate(places))]
+    return found
 
 
 # Largest relative error of an answer that lost digits; one that is further off has too few left to be excused.

@@ -22,8 +22,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.programs.numbers import SMALLEST_SCALE
 from harness.programs.states import States
-from harness.truth.balls.factorisation import forward_substitute
-from harness.truth.balls.reverse_mode import columns_in_balls
+from harness.truth.balls import columns_in_balls, forward_substitute
 from harness.truth.reference import PRECISIONS, Reference, ReferenceKernel
 
 # Of the largest component of an error: what solving for it by least squares may leave.

@@ -2,7 +2,7 @@
 
 Most states are certified in double-double with proven bounds, by ``harness.programs.loops.interpreter``, which gives the data roundoff
 too. What its bounds do not decide, and programs that it has no code for, are evaluated in balls and solved rigorously; precision
-doubles until the radius is negligible beside the data roundoff, which then comes from ``harness.truth.balls.reverse_mode``.
+doubles until the radius is negligible beside the data roundoff, which then comes from ``harness.truth.balls``.
 
 Beside it stands the share of the motion and of the weight. Engines work in Cartesian frames, in which centripetal forces, v x (m v)
 and moments of weights are formed and cancel; the equations have lost these terms to algebra, so no derivative shows them. Of the motion
@@ -40,16 +40,16 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.programs.states import States
-from harness.truth.balls.factorisation import (
+from harness.truth.balls import (
+    MOST_IN_FLOAT64,
+    BallSolver,
+    columns_in_balls,
     condition_number,
     forward_substitute,
     norm_over_first_axis,
 )
-from harness.truth.balls.in_balls import MOST_IN_FLOAT64, BallSolver
-from harness.truth.balls.reverse_mode import columns_in_balls
-from harness.truth.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags
-from harness.truth.constraints.manifold import closes
-from harness.truth.constraints.rank import free_size, rank_condition
+from harness.truth.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags, in_order
+from harness.truth.manifold import closes, free_size, rank_condition
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits that are tried one after the other beyond double-double
 # Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
@@ -151,7 +151,7 @@ class ReferenceKernel:
         parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
         if len(parts) == 1:
             return parts[0][0] if self.mechanism.constraints is None else self._constrained(parts[0][0], states, parameters)
-        return Reference.concatenate([part for part, _ in parts])[np.argsort(np.concatenate([chosen for _, chosen in parts]))]
+        return in_order(parts)
 
     def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
         """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
@@ -192,8 +192,7 @@ class ChartKernel:
             in_balls = self._in_balls(states[left], parameters[left], inputs[left], scales[left])
         if found is None:
             return in_balls
-        for name, values in vars(in_balls).items():
-            getattr(found, name)[left] = values
+        _put(found, left, in_balls)
         return found
 
     def derivatives(self, inputs: Array, accelerations: Array) -> Array:
@@ -219,46 +218,36 @@ class ChartKernel:
         norms = self._norms(states, found.high, found.radius, found.terms, found.scale, found.factor)
         is_known = self._is_believed(found.sensitivity, found.doubt, norms.condition) & (norms.condition < MOST_IN_FLOAT64)
         bits = np.where(is_known & (norms.radius <= _ENOUGH * found.sensitivity), DOUBLE_DOUBLE, 0)
-        return Reference(
-            high=found.high,
-            low=found.low,
-            radius=norms.radius,
-            norm_factor=norms.norm_factor,
-            sensitivity=found.sensitivity,
-            share=norms.motion + self.weight,
-            instability=norms.instability,
-            condition=norms.condition,
-            certified=bits > 0,
-            bits=bits,
-        )
+        return self._reference(found.high, found.low, norms, found.sensitivity, bits > 0, bits)
 
     def _in_balls(self, states: States, parameters: Array, inputs: Array, scales: Array) -> Reference:
         """The reference by ball arithmetic, at rising precision."""
-        n, nv = len(states), self.mechanism.nv
-        high, low, radii = np.empty((n, nv)), np.empty((n, nv)), np.empty((n, nv))
-        norm_factor, shares, instability, condition = np.empty((n, nv, nv)), np.empty(n), np.empty(n), np.empty(n)
-        bits, radius = np.zeros(n, dtype=np.int64), np.empty(n)
-        sensitivity, in_balls = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)
-        pending = np.arange(n)
+        in_balls, pending = np.zeros(len(states), dtype=np.bool_), np.arange(len(states))
+        found: Reference | None = None
         for precision in PRECISIONS:
             now = states[pending]
-            high[pending], low[pending], radii[pending], scale, factor, terms = self.balls.solve(now, parameters[pending], precision)
-            bits[pending] = precision
-            norms = self._norms(now, high[pending], radii[pending], terms, scale.T, factor.transpose(2, 0, 1))
-            norm_factor[pending], instability[pending] = norms.norm_factor, norms.instability
-            shares[pending] = norms.motion + self.weight
-            condition[pending] = norms.condition
-            found, is_known = self._sensitivity(inputs[pending], scales[pending], high[pending], scale, factor)
-            sensitivity[pending] = np.where(in_balls[pending], sensitivity[pending], found)
+            high, low, radii, scale, factor, terms = self.balls.solve(now, parameters[pending], precision)
+            norms = self._norms(now, high, radii, terms, scale.T, factor.transpose(2, 0, 1))
+            sensitivity, is_known = self._sensitivity(inputs[pending], scales[pending], high, scale, factor)
+            part = self._reference(high, low, norms, sensitivity, np.zeros_like(is_known), np.full(len(pending), precision))
+            if found is None:
+                found = part
+            else:
+                np.copyto(part.sensitivity, found.sensitivity[pending], where=in_balls[pending])
+                _put(found, pending, part)
             for index in pending[~is_known & ~in_balls[pending] & np.isfinite(inputs[pending]).all(axis=1)].tolist():
-                _, sensitivity[index] = columns_in_balls(self.program, inputs[index].tolist(), scales[index].tolist(), PRECISIONS)
+                _, found.sensitivity[index] = columns_in_balls(self.program, inputs[index].tolist(), scales[index].tolist(), PRECISIONS)
                 in_balls[index] = True
-            radius[pending] = norms.radius
-            pending = pending[~(radius[pending] <= SOUGHT_RADIUS * sensitivity[pending]) & np.isfinite(now.q).all(axis=1)]
+            sought = found.radius[pending] <= SOUGHT_RADIUS * found.sensitivity[pending]
+            pending = pending[~sought & np.isfinite(now.q).all(axis=1)]
             if not len(pending):
                 break
-        certified = (radius <= CERTIFIED_RADIUS * sensitivity) & np.isfinite(sensitivity)
-        return Reference(high, low, radius, norm_factor, sensitivity, shares, instability, condition, certified, bits)
+        assert found is not None
+        return replace(found, certified=(found.radius <= CERTIFIED_RADIUS * found.sensitivity) & np.isfinite(found.sensitivity))
+
+    def _reference(self, high: Array, low: Array, norms: Norms, sensitivity: Array, certified: Flags, bits: Indices) -> Reference:
+        lengths = norms.radius, norms.norm_factor, sensitivity, norms.motion + self.weight, norms.instability, norms.condition
+        return Reference(high, low, *lengths, certified, bits)
 
     def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
         """Sensitivities in float64, (n,), at accelerations and factors of M that are known, and whether they can be believed."""
@@ -281,6 +270,12 @@ class ChartKernel:
         separate = np.concatenate([states.tau[:, None], terms], axis=1)
         rotating = np.array(self.mechanism.rotating, dtype=np.float64)
         return measure(scale, factor, (accelerations, radii, states.v, separate), rotating, float(ROUNDINGS))
+
+
+def _put(reference: Reference, places: Indices, part: Reference) -> None:
+    """Replace the states at ``places``."""
+    for name, values in vars(part).items():
+        getattr(reference, name)[places] = values
 
 
 def energy_norm(norm_factor: Array, vectors: Array) -> Array:

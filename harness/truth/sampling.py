@@ -18,7 +18,7 @@ from harness.arrays import Array
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.storage import cache_directory, read_entry, write_entry
-from harness.truth.constraints.manifold import closed
+from harness.truth.manifold import closed
 from harness.version import version_of
 
 if TYPE_CHECKING:

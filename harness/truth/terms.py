@@ -44,8 +44,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import OUTPUTS, upper_triangle
 from harness.programs.states import States
-from harness.truth.balls.factorisation import forward_substitute, norm_over_first_axis
-from harness.truth.balls.in_balls import factorise, parts_of
+from harness.truth.balls import factorise, forward_substitute, norm_over_first_axis, parts_of
 from harness.truth.compare import CERTIFIED_RADIUS, SOUGHT_RADIUS
 from harness.truth.reference import PRECISIONS, ChartKernel, ReferenceKernel
 

@@ -17,7 +17,7 @@ from harness.library import MODEL_SUFFIXES
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import compare
-from harness.truth.constraints.manifold import closed
+from harness.truth.manifold import closed
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import generic_sample
 

@@ -13,7 +13,7 @@ from harness.comparison import judgement
 from harness.comparison.judgement import ILL_CONDITIONED
 from harness.comparison.robot_library import engines_of_files
 from harness.explain.changes.readings import find_readings
-from harness.truth.far_links import FarLinks
+from harness.truth.quantities.accelerations import FarLinks
 from harness.verdict import AGREEMENT, Verdict
 
 EXPLAINED = [

@@ -24,7 +24,7 @@ from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.truth.compare import Comparison, compare
-from harness.truth.constraints.manifold import closed, closes, distances
+from harness.truth.manifold import closed, closes, distances
 
 CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), case.library)]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")

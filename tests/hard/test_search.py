@@ -27,7 +27,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.hard_states import as_lines, load_found, path_of
 from harness.study import run_study
-from harness.truth.balls.factorisation import condition_number, scaled_cholesky
+from harness.truth.balls import condition_number, scaled_cholesky
 from harness.truth.compare import Comparison
 from harness.truth.sampling import HUGE_ANGLES, generic_sample
 from harness.verdict import Verdict

@@ -22,7 +22,7 @@ from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.program import StraightLineProgram, right_hand_side
 from harness.programs.states import States
 from harness.truth.compare import compare
-from harness.truth.constraints.manifold import closed
+from harness.truth.manifold import closed
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 
 SYSTEMS = {"four bar": four_bar(), "upright disc": upright_disc()}

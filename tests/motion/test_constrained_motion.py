@@ -24,7 +24,7 @@ from harness.motion.trajectories import Start, drift
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.states import States
 from harness.results.benchmark import MotionCost, MotionTruth, Order
-from harness.truth.constraints.manifold import closes
+from harness.truth.manifold import closes
 
 LIBRARY = Library.built_in()
 HORIZON = 0.5

@@ -17,7 +17,7 @@ from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import compare
-from harness.truth.constraints.manifold import closes, enclosed
+from harness.truth.manifold import closes, enclosed
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample, sample_in_blocks
 from harness.verdict import AGREEMENT

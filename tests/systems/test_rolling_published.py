@@ -16,7 +16,7 @@ from harness.programs.mechanisms.constraint_forces import by_reduction, constrai
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
-from harness.truth.constraints.manifold import closed, closes
+from harness.truth.manifold import closed, closes
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 from harness.truth.sampling import sample
 

@@ -18,7 +18,7 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.constraints.manifold import closed, closes
+from harness.truth.manifold import closed, closes
 from harness.truth.reference import ReferenceKernel
 
 NAMES = ("x", "y", "yaw", "lean", "pitch", "rear", "steer", "front")

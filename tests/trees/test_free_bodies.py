@@ -23,7 +23,7 @@ from harness.programs.evaluation import mass_matrix
 from harness.programs.program import right_hand_side
 from harness.programs.states import States
 from harness.trees.quantities import forces
-from harness.trees.quantities.tree_motion import computed, have_same_points, tree_motion
+from harness.trees.quantities.motion import computed, have_same_points, tree_motion
 from harness.trees.recursion import recursion_program
 from harness.trees.robot import read_robot, tree_of
 from harness.truth.compare import compare

@@ -15,7 +15,7 @@ from free_bodies import FreeBodies, free_bodies
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.states import States
-from harness.trees.constraints.tied import independent_rows
+from harness.trees.mechanism import independent_rows
 from harness.trees.robot import tree_of
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel

@@ -13,11 +13,10 @@ from harness.programs.mechanisms.constraint_forces import Tied, by_multipliers, 
 from harness.programs.states import States
 from harness.programs.terms import Vector
 from harness.trees.bodies.spatial import FileProgram
-from harness.trees.constraints.rows import untied
-from harness.trees.constraints.tied import tied_tree
-from harness.trees.mechanism import accelerations_of
+from harness.trees.mechanism import accelerations_of, tied_tree
 from harness.trees.recursion import recursion_program
 from harness.trees.robot import read_robot
+from harness.trees.rows import untied
 
 FILES = Path(__file__).parents[1] / "comparison" / "files"
 STATES = 8

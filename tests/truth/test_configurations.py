@@ -24,10 +24,9 @@ from harness.programs.loops.language import Writer
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.storage import Kept
-from harness.truth.constraints import manifold
-from harness.truth.constraints.configurations import Configurations, Enclosed
-from harness.truth.constraints.enclosure import Encloser
-from harness.truth.constraints.manifold import Branch, closed, closes
+from harness.truth import manifold
+from harness.truth.enclosure import Configurations, Enclosed, Encloser
+from harness.truth.manifold import Branch, closed, closes
 from harness.truth.sampling import sample
 
 TIED = [name for name in BUILT_IN.system_names() if is_tied(name)]

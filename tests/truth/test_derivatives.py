@@ -13,6 +13,7 @@ from catalogue import BUILT_IN, TREES
 from harness.arrays import Array
 from harness.crosscheck.expected import load_expectations
 from harness.engines import EQUATIONS, InvalidAnswer, Model, NotOffered, Subject, Unsupported, load_model
+from harness.engines.coordinates import rotations
 from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.kernels import BallKernel, solve_symmetric
@@ -22,7 +23,6 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import right_hand_side, upper_triangle
 from harness.programs.states import States
 from harness.truth.compare import Certified, compare
-from harness.truth.quantities._derivative_mistakes import rotations
 from harness.truth.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth, Dynamics
 from harness.truth.sampling import generic_sample, sample
 

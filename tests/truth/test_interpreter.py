@@ -27,7 +27,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import SMALLEST_SCALE
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.programs.states import States
-from harness.truth.balls.reverse_mode import columns_in_balls
+from harness.truth.balls import columns_in_balls
 from harness.truth.compare import DOUBLE_DOUBLE
 from harness.truth.reference import PRECISIONS, Reference, ReferenceKernel, energy_norm
 from harness.truth.sampling import sample

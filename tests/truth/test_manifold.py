@@ -18,7 +18,7 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.constraints.manifold import closed, closes, enclosed
+from harness.truth.manifold import closed, closes, enclosed
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
 

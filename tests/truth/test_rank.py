@@ -12,7 +12,7 @@ from loops import four_bar, upright_disc
 from harness.lagrange.system import System
 from harness.programs.evaluation import values
 from harness.programs.program import right_hand_side, upper_triangle
-from harness.truth.constraints.rank import free_size, rank_condition
+from harness.truth.manifold import free_size, rank_condition
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
 

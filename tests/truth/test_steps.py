@@ -15,6 +15,7 @@ from lxml import etree
 from harness.arrays import Array
 from harness.crosscheck.expected import load_expectations
 from harness.engines import Model, NotOffered, load_engine
+from harness.engines.coordinates import multiplied
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.rules import ImplicitPart, StepRule
@@ -25,7 +26,7 @@ from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import robot_of
 from harness.truth.compare import compare, farthest_block
 from harness.truth.quantities import TruthBasis
-from harness.truth.quantities.steps import StepTruth, _product, describe
+from harness.truth.quantities.steps import StepTruth
 from harness.truth.sampling import generic_sample, sample
 from harness.verdict import AGREEMENT
 
@@ -181,7 +182,7 @@ class Spoiled:
         elif self._mistake == "velocities not advanced" and integrator == "Euler":
             after[:, q.shape[1] :] = v
         elif self._mistake == "turned about the world's axes" and integrator == "implicit":
-            after[:, :4] = _product(_product(conjugate(q), after[:, :4]), q)
+            after[:, :4] = multiplied(multiplied(conjugate(q), after[:, :4]), q)
         elif self._mistake == "scalar last" and integrator == "RK4":
             after[:, :4] = after[:, [1, 2, 3, 0]]
         elif self._mistake == "a rounding too many" and integrator == "discrete":
@@ -226,7 +227,7 @@ def test_a_mistake_in_a_step_disagrees_and_is_named(mistake: str) -> None:
     found = compare(certified, answers)
     assert set(found.verdicts.tolist()) == {"disagrees"} and found.backward_error.max() > 2 * AGREEMENT
     expected = "; ".join(filter(None, [f"Farthest off are the {what} after a step by {integrator}", sentence]))
-    assert describe(setting.truth, states, certified, answers) == expected
+    assert setting.truth.describe(certified, states, answers, setting.model) == expected
 
 
 PARTS = {

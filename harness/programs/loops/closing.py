@@ -1,7 +1,7 @@
 """The closing of constraints, as loops are written: the way along a branch in float64, and the proof in double-double.
 
 A state stands in each lane. The program has the rows' residual and Jacobian for its outputs. Which way is gone, and what is
-proved, say ``manifold`` and ``configurations`` of ``harness.truth.constraints``.
+proved, say ``manifold`` and ``enclosure`` of ``harness.truth``.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ _SQUARE, _MOST_SWEEPS = 1e-10, 40
 
 
 def factorise(code: Writer, nv: Value, mass: Array, scale: Array, factor: Array, inverse: Array) -> None:
-    """Scale and factor as ``harness.truth.balls.factorisation.scaled_cholesky``, and L^-1; NaN for the scale where M has none."""
+    """Scale and factor as ``harness.truth.balls.scaled_cholesky``, and L^-1; NaN for the scale where M has none."""
     zero = code.lanes(0.0)
     is_regular = code.variable(zero)
     for i in code.range(nv):
@@ -226,7 +226,7 @@ class SumOfNorms:
 
 
 def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> Value:
-    """That of L L', as ``harness.truth.balls.factorisation.condition_number``, by Jacobi's rotations of the columns of L.
+    """That of L L', as ``harness.truth.balls.condition_number``, by Jacobi's rotations of the columns of L.
 
     ``columns``, (nv + 1, nv rounded up to whole vectors), is room for them and for their squares.
     """

@@ -20,10 +20,10 @@ from harness.files.tree import Tree
 from harness.programs.terms import Term, Vector, cross, length, sqrt
 from harness.trees.bodies.rigid import Lump, Spatial, joined, power, spatial
 from harness.trees.bodies.spatial import Frame
-from harness.trees.constraints.rows import rows_in, rows_of
-from harness.trees.joint_forces import forces_of_joints
 from harness.trees.nodes import composite_inertias, joints_by_themselves
-from harness.trees.quantities.tree_motion import Block, TreeMotion, size_of
+from harness.trees.quantities.motion import Block, TreeMotion, size_of
+from harness.trees.recursion import forces_of_joints
+from harness.trees.rows import rows_in, rows_of
 from harness.trees.world_motion import (
     Parts,
     World,
@@ -41,20 +41,20 @@ def mass_matrix(motion: TreeMotion) -> Iterator[Block]:
 
     Source: Featherstone, section 6.2, in one frame.
     """
-    entries, lengths = entries_of_mass(motion.world), _lengths_of_columns(motion)
+    entries, lengths = entries_of_mass(motion), _lengths_of_columns(motion)
     for i, one in enumerate(motion.columns):
         for j, other in enumerate(motion.columns):
-            entry = entries.get((min(i, j), max(i, j)), motion.builder.zero)
+            entry = entries.get((min(i, j), max(i, j)), motion.kinematics.builder.zero)
             yield Block(f"entry of M for {one} and {other}", (entry,), lengths[i] * lengths[j])
 
 
 def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
     """The generalised force of each velocity that gives the accelerations, beside springs and dampers."""
-    nodes = motion.world.kinematics
-    parts = parts_of_motion(motion.world, nodes.coordinates.third)
-    for number, pull in enumerate(motion.world.pulls()):
+    nodes = motion.kinematics
+    parts = parts_of_motion(motion, nodes.coordinates.third)
+    for number, pull in enumerate(motion.pulls()):
         parts[number].append(-pull)
-    values, sizes = generalised(motion.world, range(len(motion.moving)), parts, parts)
+    values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
     of_joints = forces_of_joints(nodes)
     for node in nodes.nodes:
         reflected = node.armature
@@ -69,8 +69,8 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
 
 def power_of_forces(motion: TreeMotion) -> Iterator[Block]:
     """What the forces of inverse dynamics do: kinetic and potential energy gain as much, beside what dampers take."""
-    found = size = motion.builder.zero
-    for velocity, block in zip(motion.world.kinematics.coordinates.velocities, inverse_dynamics(motion), strict=True):
+    found = size = motion.kinematics.builder.zero
+    for velocity, block in zip(motion.kinematics.coordinates.velocities, inverse_dynamics(motion), strict=True):
         found = found + velocity * block.values[0]
         size = size + size_of(velocity) * block.size
     yield Block("power of the applied forces", (found,), size)
@@ -78,17 +78,17 @@ def power_of_forces(motion: TreeMotion) -> Iterator[Block]:
 
 def bias(motion: TreeMotion) -> Iterator[Block]:
     """Velocity terms and gravity: what inverse dynamics without springs, dampers and accelerations ask for."""
-    world = motion.world
-    return _forces_of(motion, parts_of_motion(world, world.kinematics.builder.zeros(world.kinematics.nv)), "bias force")
+    still = motion.kinematics.builder.zeros(motion.kinematics.nv)
+    return _forces_of(motion, parts_of_motion(motion, still), "bias force")
 
 
 def gravity(motion: TreeMotion) -> Iterator[Block]:
     """What holds the tree at rest against its weight."""
-    return _forces_of(motion, weights(motion.world), "gravity force")
+    return _forces_of(motion, weights(motion), "gravity force")
 
 
 def _forces_of(motion: TreeMotion, parts: Parts, kind: str) -> Iterator[Block]:
-    values, sizes = generalised(motion.world, range(len(motion.moving)), parts, parts)
+    values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
     for name, value, size in zip(motion.columns, values, sizes, strict=True):
         yield Block(f"{kind} on {name}", (value,), size)
 
@@ -128,7 +128,7 @@ def entries_of_mass(world: World) -> dict[tuple[int, int], Term]:
 
 def _lengths_of_columns(motion: TreeMotion) -> Vector:
     """The length of each velocity's motion of all bodies in the metric of their masses, with all arms at their longest."""
-    builder = motion.builder
+    builder = motion.kinematics.builder
     mass = inertia = builder.zero
     for number, one in enumerate(motion.moving):
         for lump in one.lumps:
@@ -138,7 +138,7 @@ def _lengths_of_columns(motion: TreeMotion) -> Vector:
             for row in lump.moments:
                 inertia = inertia + length(row)
     turning, sliding = sqrt(inertia), sqrt(mass)
-    found = builder.zeros(motion.world.kinematics.nv)
+    found = builder.zeros(motion.kinematics.nv)
     for one in motion.moving:
         joint = one.node.joint
         reflected = size_of(builder.number(joint.multiplier) * sqrt(builder.number(joint.armature)))
@@ -170,22 +170,22 @@ def reactions(
     Raises:
         ValueError: a tree has other joints, or a constraint couples tendons.
     """
-    world, nodes = motion.world, motion.world.kinematics
-    parts = parts_of_motion(world, nodes.coordinates.third)
-    rows = rows_in(world, rows_of(nodes.tree, constraints))
+    nodes = motion.kinematics
+    parts = parts_of_motion(motion, nodes.coordinates.third)
+    rows = rows_in(motion, rows_of(nodes.tree, constraints))
     for multiplier, row in zip(nodes.coordinates.further, (rows[number] for number in bearing), strict=True):
         # What bodies need against the forces of constraints, which are -J' times the multipliers.
         for number, acts in row.on_nodes:
             parts[number].append(multiplier * acts)
-    for number, pull in enumerate(world.pulls()):
+    for number, pull in enumerate(motion.pulls()):
         parts[number].append(-pull)
-    of_points = world if points_of is None else world.of_other(points_of)
+    of_points: World = motion if points_of is None else motion.of_other(points_of)
     points, numbers = of_points.points, {node.joint.name: number for number, node in enumerate(nodes.nodes)}
     blocks: dict[str, list[Block]] = {"force": [], "moment": []}
     for name in transmitting_joints(nodes.tree):
         number, point = numbers[name], points[name]
-        moment, force = wrench(world, parts, number, point)
-        size_of_moment, size_of_force = size_of_wrench(world, parts, number, point, root(world, number, of_points.kinematics))
+        moment, force = wrench(motion, parts, number, point)
+        size_of_moment, size_of_force = size_of_wrench(motion, parts, number, point, root(motion, number, of_points.kinematics))
         blocks["force"].append(Block(f"force of joint {name!r}", force, size_of_force))
         blocks["moment"].append(Block(f"moment of joint {name!r}", moment, size_of_moment))
     yield from (*blocks["force"], *blocks["moment"])
@@ -217,9 +217,9 @@ def regressor(motion: TreeMotion) -> Iterator[Block]:
 
     The parameters are about the anchor of the last joint of the body, along the axes of the body's frame.
     """
-    nodes = motion.world.kinematics
+    nodes = motion.kinematics
     numbers = {one.node.joint.name: number for number, one in enumerate(motion.moving)}
-    accelerations = accelerations_of_nodes(motion.world, nodes.coordinates.third)
+    accelerations = accelerations_of_nodes(motion, nodes.coordinates.third)
     for joint in carrying_joints(nodes.tree, nodes.coordinates.joints):
         number = numbers[joint]
         for parameter in PARAMETERS:
@@ -234,9 +234,9 @@ def regressor(motion: TreeMotion) -> Iterator[Block]:
 
 def _unit(motion: TreeMotion, number: int, parameter: str, acceleration: Spatial) -> UnitWrench:
     """The wrench of a unit of a parameter of a node's body, which moves with an acceleration against gravity."""
-    builder, one, (turning, of_origin) = motion.builder, motion.moving[number], acceleration
+    builder, one, (turning, of_origin) = motion.kinematics.builder, motion.moving[number], acceleration
     still, nothing = builder.still, builder.zeros(3, 3)
-    upward = -builder.vector(motion.world.kinematics.tree.gravity)
+    upward = -builder.vector(motion.kinematics.tree.gravity)
     axes = one.orientation.T
     if parameter == "m":
         parts = [spatial(still, of_origin), spatial(still, upward)]

@@ -1,27 +1,192 @@
-"""Energies, momenta, and the frames of bodies of a tree, along the world's axes.
+"""What engines compute of a tree beside accelerations, as programs of positions, velocities, accelerations and the numbers of a file.
 
-Sources: Goldstein, Classical Mechanics, sections 1.1 and 1.2 (momentum, energy), 5.1 and 5.3 (rigid bodies); Featherstone, Rigid
-Body Dynamics Algorithms, section 2.5 (velocities).
+Everything is written along the world's axes, in blocks: a number, or a vector whose length says how large an error is. Each block
+comes with how large the parts are that an algorithm may form of it and cancel, which no derivative shows. Algorithms add the
+arms of a tree one after another, take momenta about a point of their own choice, as the centre of mass of the whole tree, and
+turn vectors from frame to frame; so an arm counts with the sum of the lengths on the way to it.
+
+Energies, momenta, and the frames of bodies are here, forces in ``forces``.
+
+Sources: Featherstone, Rigid Body Dynamics Algorithms, section 2.5 (velocities), chapters 5 and 6 (inverse dynamics, composite rigid
+bodies); Goldstein, Classical Mechanics, sections 1.1 and 1.2 (momentum, energy), 5.1 and 5.3 (rigid bodies).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
+from typing import Any
 
-from harness.programs.terms import Term, cross, length
+from harness.files.tree import Tree
+from harness.programs.program import StraightLineProgram
+from harness.programs.terms import Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Spatial, spatial
-from harness.trees.joint_forces import coupled, position_and_rest
-from harness.trees.quantities.tree_motion import Block, TreeMotion, size_of
-from harness.trees.world_motion import World, in_world
+from harness.trees.bodies.spatial import FileProgram
+from harness.trees.nodes import kinematics
+from harness.trees.recursion import coupled, position_and_rest
+from harness.trees.world_motion import World, in_world, root
+
+
+@dataclass(frozen=True)
+class Block:
+    """A vector of a quantity.
+
+    Attributes:
+        name: as a report says it. values: its components. size: how large the parts are that cancel in it.
+    """
+
+    name: str
+    values: Sequence[Term]
+    size: Term
+
+
+@dataclass(frozen=True)
+class ComputedQuantity(FileProgram):
+    """The blocks of a quantity as programs.
+
+    The program takes q, v, qdd, multipliers of constraints, time and the parameters; its outputs are the components of the blocks, one
+    after another.
+
+    Attributes:
+        sizes: from the same inputs; its outputs are the sizes of the blocks.
+        blocks: what each block is. width: the number of components of each.
+    """
+
+    sizes: StraightLineProgram
+    blocks: tuple[str, ...]
+    width: int
+
+
+@dataclass(frozen=True)
+class TreeMotion(World):
+    """The bodies of one tree as they move at given accelerations, and how large the parts of their motion are.
+
+    Attributes:
+        anchors: by joint, the point that moves with its body. last: by joint, the last joint of its body.
+    """
+
+    anchors: Mapping[str, Vector]
+    last: Mapping[str, str]
+
+    @property
+    def columns(self) -> list[str]:
+        """The name of each velocity."""
+        counts = {name: len(columns) for name, columns in self.kinematics.coordinates.columns.items()}
+        return [f"joint {name!r}" + (f"[{place}]" if count > 1 else "") for name, count in counts.items() for place in range(count)]
+
+    def named(self) -> Iterator[tuple[int, str]]:
+        """The joints that have velocities of their own, in the order of these, each with the node that moves with its body."""
+        numbers = {one.node.joint.name: number for number, one in enumerate(self.moving)}
+        for name in self.kinematics.coordinates.joints:
+            yield numbers[self.last[name]], name
+
+    # Sizes.
+
+    @cached_property
+    def extent(self) -> Term:
+        """The distance of the centre of mass from the roots, at most."""
+        first = mass = self.kinematics.builder.zero
+        for number, one in enumerate(self.moving):
+            for lump in one.lumps:
+                reach = self.from_root(number) + length(lump.centre)
+                first, mass = first + lump.mass * reach, mass + lump.mass
+        return first / mass
+
+    def from_root(self, number: int) -> Term:
+        """The length of the way from the first joint of the tree to a node."""
+        *way, _ = self.up_from(number)
+        return sum((length(one.arm) for one in way), self.kinematics.builder.zero)
+
+    def distance(self, number: int) -> Term:
+        """The length of the way from the world's origin to a node."""
+        return self.from_root(number) + length(root(self, number))
+
+    def reach_of(self, number: int, point: Vector) -> Term:
+        return self.distance(number) + length(point + -self.moving[number].position)
+
+    def sizes_of_columns(self, number: int, point: Vector) -> dict[int, tuple[Term, Term]]:
+        """What each velocity does to that of a point of a node's body, and to its spin, with arms taken from anywhere in the tree."""
+        reach = self.extent + (self.from_root(number) + length(point + -self.moving[number].position))
+        found: dict[int, tuple[Term, Term]] = {}
+        for one in self.up_from(number):
+            for (about, along), column in one.rates:
+                linear, angular = found.get(column, (self.kinematics.builder.zero, self.kinematics.builder.zero))
+                turning = length(about)
+                sliding = length(along) + turning * reach
+                found[column] = linear + sliding, angular + turning
+        return found
+
+    def speeds(self, number: int, point: Vector) -> tuple[Term, Term]:
+        """How large the parts are of the velocity of a point of a node's body, and of its spin."""
+        speed = spin = self.kinematics.builder.zero
+        for column, (linear, angular) in self.sizes_of_columns(number, point).items():
+            rate = size_of(self.kinematics.coordinates.velocities[column])
+            speed, spin = speed + rate * linear, spin + rate * angular
+        return speed, spin
+
+
+def size_of(value: Term) -> Term:
+    """|value|."""
+    return length(vector((value,)))
+
+
+def tree_motion(
+    tree: Tree,
+    joints: Sequence[str],
+    is_in_body: bool = False,
+    read: Tree | None = None,
+    has_other_points: bool = False,
+    multipliers: int = 0,
+) -> TreeMotion:
+    """The motion of a tree, each of whose joints moves by itself; its program takes q, v, qdd, so many multipliers, and the time.
+
+    ``read`` is another tree of the same joints, whose bodies and anchors are asked for: what is one body with two joints in one file is two
+    bodies in another. ``has_other_points``: whether its anchors are other points, see ``have_same_points``.
+    """
+    further = [f"lambda{place}" for place in range(multipliers)]
+    world = in_world(kinematics(tree, joints, is_in_body, "qdd", further))
+    read = world.kinematics.tree if read is None else read
+    # Another point is a number of another file, with roundings of its own.
+    anchors = world.of_other(read).points if has_other_points else world.points
+    return TreeMotion(
+        world.kinematics, world.moving, anchors, {joint.name: body.joints[-1].name for body in read.bodies for joint in body.joints}
+    )
+
+
+def computed(motion: TreeMotion, blocks_of: Callable[[TreeMotion], Iterable[Block]]) -> ComputedQuantity:
+    """The programs of a quantity's blocks, all of one width."""
+    blocks, builder = list(blocks_of(motion)), motion.kinematics.builder
+    own = builder.written({"values": [value for block in blocks for value in block.values]})
+    sizes = builder.written({"sizes": [block.size for block in blocks]})
+    return ComputedQuantity(own.program, own.parameters, sizes.program, tuple(block.name for block in blocks), len(blocks[0].values))
+
+
+def have_same_points(tree: Tree, other: Tree, joints: Sequence[str]) -> bool:
+    """Whether the anchors of ``TreeMotion`` are the same in two trees, wherever these stand."""
+    places = [_points_at_one_position(one, joints) for one in (tree, other)]
+    return places[0].keys() == places[1].keys() and all(
+        a.overlaps(b) for name in places[0] for a, b in zip(places[0][name], places[1][name], strict=True)
+    )
+
+
+def _points_at_one_position(tree: Tree, joints: Sequence[str]) -> dict[str, list[Any]]:
+    """The points in balls, at a position that no two trees agree at by chance."""
+    world = in_world(kinematics(tree, joints))
+    coordinates = world.kinematics.coordinates
+    count = sum(map(len, coordinates.positions.values())) + 2 * world.kinematics.nv + 1
+    return world.kinematics.builder.evaluated(world.points, 256, [math.sqrt(place + 2.0) for place in range(count)])
+
 
 # Energies and momenta.
 
 
 def energy(motion: TreeMotion) -> Iterator[Block]:
     """Kinetic energy, and potential energy beyond that of the position zero, of gravity and springs."""
-    kinetic = size = motion.builder.zero
-    half = motion.builder.number(Fraction(1, 2))
+    kinetic = size = motion.kinematics.builder.zero
+    half = motion.kinematics.builder.number(Fraction(1, 2))
     for number, one in enumerate(motion.moving):
         for lump in one.lumps:
             velocity = one.velocity_at(lump.centre)
@@ -31,19 +196,19 @@ def energy(motion: TreeMotion) -> Iterator[Block]:
             size = size + (lump.mass * (speed * speed) + turning)
         reflected = one.node.armature
         for column in one.node.columns:
-            rate = motion.world.kinematics.coordinates.velocities[column]
+            rate = motion.kinematics.coordinates.velocities[column]
             turning = reflected * (rate * rate)
             kinetic, size = kinetic + turning, size + turning
     yield Block("kinetic energy", (half * kinetic,), half * size)
-    potential, size = _potential(motion.world)
-    at_zero, size_at_zero = _potential(in_world(motion.world.kinematics.at_zero()))
+    potential, size = _potential(motion)
+    at_zero, size_at_zero = _potential(in_world(motion.kinematics.at_zero()))
     yield Block("potential energy", (potential - at_zero,), size + size_at_zero)
 
 
 def momentum(motion: TreeMotion) -> Iterator[Block]:
     """Momentum, and moments of momentum about the world's origin and about the centre of mass, of all that moves."""
-    linear = about_origin = first = motion.world.still
-    mass = size = size_about_origin = motion.builder.zero
+    linear = about_origin = first = motion.still
+    mass = size = size_about_origin = motion.kinematics.builder.zero
     for number, one in enumerate(motion.moving):
         for lump in one.lumps:
             position = one.position + lump.centre
@@ -105,13 +270,13 @@ def _springs(world: World) -> Iterator[tuple[Term, Term, list[Term]]]:
 
 def positions(motion: TreeMotion) -> Iterator[Block]:
     """Of each joint the anchor that moves with its body, and how its body is turned from where it stands at zero."""
-    before = in_world(motion.world.kinematics.at_zero()).moving
+    before = in_world(motion.kinematics.at_zero()).moving
     for number, name in motion.named():
         orientation, anchor = motion.moving[number].orientation, motion.anchors[name]
         yield Block(f"position at joint {name!r}", anchor, motion.reach_of(number, anchor))
         turned = orientation @ before[number].orientation.T
         for axis, column in zip("xyz", turned.T, strict=True):
-            yield Block(f"orientation of {axis} at joint {name!r}", column, motion.builder.one)
+            yield Block(f"orientation of {axis} at joint {name!r}", column, motion.kinematics.builder.one)
 
 
 def velocities(motion: TreeMotion) -> Iterator[Block]:
@@ -126,11 +291,11 @@ def velocities(motion: TreeMotion) -> Iterator[Block]:
 
 def jacobians(motion: TreeMotion) -> Iterator[Block]:
     """Of each joint what each velocity adds to those of ``velocities``."""
-    still, nothing = motion.world.kinematics.still, (motion.builder.zero, motion.builder.zero)
+    still, nothing = motion.kinematics.still, (motion.kinematics.builder.zero, motion.kinematics.builder.zero)
     for number, name in motion.named():
         anchor = motion.anchors[name]
         columns: dict[int, Spatial] = dict.fromkeys(range(len(motion.columns)), still)
-        for one in motion.world.up_from(number):
+        for one in motion.up_from(number):
             arm = anchor + -one.position
             for (angular, linear), column in one.rates:
                 columns[column] = columns[column] + spatial(linear + cross(angular, arm), angular)

@@ -7,24 +7,22 @@ from __future__ import annotations
 
 import functools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 from harness.arrays import Array
 from harness.engines import Model
-from harness.errors import InvalidRequest
 from harness.files.model_file import ModelFile
 from harness.files.rules import StepRule
-from harness.library import nearest
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
-from harness.registry import Registry
+from harness.registry import Registry, select
 from harness.storage import Kept
-from harness.trees.constraints.rows import untied
 from harness.trees.mechanism import RobotMechanism
-from harness.trees.quantities.tree_motion import have_same_points
+from harness.trees.quantities.motion import have_same_points
 from harness.trees.robot import Robot, robot_of
+from harness.trees.rows import untied
 from harness.truth.compare import Certified, Comparison, compare, farthest_block
 
 # Stands for every quantity.
@@ -169,7 +167,7 @@ _REGISTRY = Registry(__name__, Quantity, "quantity")
 
 
 @functools.cache
-def find_quantities() -> Mapping[str, Quantity]:
+def find_quantities() -> dict[str, Quantity]:
     """Every quantity that a module of this package holds, by name, the default one first."""
     return dict(sorted(_REGISTRY.all().items(), key=lambda item: (not item[1].is_default, item[0])))
 
@@ -187,15 +185,13 @@ def select_quantities(names: Sequence[str]) -> list[str]:
     Raises:
         InvalidRequest: there is no such quantity.
     """
-    known = find_quantities().values()
-    for name in names:
-        require_quantity(name, [*dict.fromkeys(one.group for one in known if one.group), ALL])
-    chosen = [one.name for one in known if {one.name, one.group, ALL} & set(names)]
-    return chosen or [one.name for one in known if one.is_default]
+    known = find_quantities()
+    groups = dict.fromkeys([one.group for one in known.values() if one.group])
+    select(names, known | groups | {ALL: None}, "quantity")
+    chosen = [one.name for one in known.values() if {one.name, one.group, ALL} & set(names)]
+    return chosen or [one.name for one in known.values() if one.is_default]
 
 
-def require_quantity(name: str, groups: Sequence[str] = ()) -> None:
-    """Raises InvalidRequest where there is no such quantity, nor one of the ``groups``."""
-    known = [*find_quantities(), *groups]
-    if name not in known:
-        raise InvalidRequest(f"no quantity is called {name!r}; {nearest(name, known)}")
+def require_quantity(name: str) -> None:
+    """Raises InvalidRequest where there is no such quantity."""
+    select([name], find_quantities(), "quantity")

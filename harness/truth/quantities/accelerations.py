@@ -26,13 +26,14 @@ from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS as NAME
 from harness.storage import Kept
+from harness.trees.canonical import CanonicalNode, canonical
 from harness.trees.inverse_weights import inverse_weights
 from harness.trees.mechanism import RobotMechanism
-from harness.truth.compare import Comparison, compare
-from harness.truth.constraints.manifold import rows_left
-from harness.truth.far_links import FarLinks
+from harness.trees.robot import Robot
+from harness.truth.compare import Comparison, Flags, compare
+from harness.truth.manifold import rows_left
 from harness.truth.quantities import Quantity, Truth, TruthBasis
-from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.reference import ROUNDINGS, Reference, ReferenceKernel, energy_norm
 from harness.verdict import AGREEMENT, Verdict
 
 # Weight of a row that data leave no room at all, as where all joints stand at zero: what is open there counts, and zero times it is zero.
@@ -48,14 +49,9 @@ def gaps_of(model: Model, states: States) -> Gaps:
     return {name: found[name] for name in sorted(found)}
 
 
-def with_gaps(answers: Array, gaps: Gaps) -> Array:
-    """Accelerations, (n, nv), and behind them the rows of all constraints."""
-    return np.hstack([answers, *gaps.values()])
-
-
 def answers_with_gaps(model: Model, states: States) -> Array:
-    """``with_gaps`` of what a model answers at ``states``."""
-    return with_gaps(accelerations(model, states), gaps_of(model, states))
+    """Accelerations of a model at ``states``, (n, nv), and behind them the rows of all constraints."""
+    return np.hstack([accelerations(model, states), *gaps_of(model, states).values()])
 
 
 def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
@@ -74,13 +70,6 @@ def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps
     none = np.zeros_like(weights)
     high, low = (np.hstack([part, none]) for part in (reference.high, reference.low))
     return replace(reference, high=high, low=low, norm_factor=factor)
-
-
-def compare_with_gaps(
-    reference: Reference, mechanism: Mechanism, states: States, answers: Array, gaps: Gaps, factorises: bool
-) -> Comparison:
-    """``harness.truth.compare.compare`` of accelerations, (n, nv), and of what the model's constraints leave open beside them."""
-    return compare(beside_gaps(reference, mechanism, states, gaps), with_gaps(answers, gaps), factorises)
 
 
 def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
@@ -106,7 +95,7 @@ def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]
 
 @dataclass(frozen=True, eq=False)
 class AccelerationTruth(Truth):
-    """Equations, the frame of the linear velocity of free joints, and the precision of whom they judge; equal where these are.
+    """Equations, the frame of the linear velocity of free joints, and the precision of whom they judge.
 
     Attributes:
         linear_velocity_in_body: whether that is the body's frame, not the joint's.
@@ -128,12 +117,6 @@ class AccelerationTruth(Truth):
     def key(self) -> Hashable:
         """See ``Truth``."""
         return self.mechanism.key, self.linear_velocity_in_body, self.unit_roundoff
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, AccelerationTruth) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
 
     @property
     def kernel(self) -> ReferenceKernel:
@@ -163,7 +146,7 @@ class AccelerationTruth(Truth):
         An answer is unstable too where the links of a user's file are too far from one another for what its engine documents.
         """
         gaps = gaps_of(model, states)
-        found = compare(beside_gaps(certified, self._own, states, gaps), with_gaps(answers, gaps), self.may_lose_digits(model))
+        found = compare(beside_gaps(certified, self._own, states, gaps), np.hstack([answers, *gaps.values()]), self.may_lose_digits(model))
         disagree = found.verdicts == Verdict.DISAGREES.value
         if self.far_links is None or not disagree.any():
             return found
@@ -243,3 +226,64 @@ def softened(mechanism: Mechanism, rows: Sequence[Softness]) -> Mechanism:
 
 
 _SOFTENED: Kept[Mechanism] = Kept(64)
+
+
+# The digits that MuJoCo loses at light links far from the centre of mass of their tree.
+
+FAR_LINKS = (
+    "no error is beyond what half ulps of m r^2 do at light links far from the centre of mass of their tree, about which the engine forms "
+    "inertias, and no number of the file explains them"
+)
+
+
+class FarLinks:
+    """What the joints of one robot carry, and how far from the centre of all that is, with every joint at zero.
+
+    MuJoCo forms composite inertias about that centre: what a joint carries has m r^2 there, of which the small inertia about the joint's
+    own axis is what is left of a difference. Half an ulp of m r^2 stays in the entries of M, whatever the arithmetic of the rest.
+
+    Source: MuJoCo documentation, Computation, ``mjData.cinert``: com-based body inertia; the hard case of this name in ``harness.hard``.
+
+    Attributes:
+        masses: (nv,) mass that the joint of each velocity carries [kg]. arms: (nv,) distance of its centre from that of all [m].
+        weight: length of gravity [m/s^2].
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        nodes = canonical(robot)
+        places: dict[str, Array] = {"": np.zeros(3)}
+        for name, node in nodes.items():
+            places[name] = places[node.parent] + node.anchor
+        carried = {name: _carried(nodes, places, name) for name in nodes}
+        roots = [carried[name] for name, node in nodes.items() if not node.parent]
+        mass = sum(one for one, _ in roots)
+        centre = sum((one * where for one, where in roots), np.zeros(3)) / mass if mass else np.zeros(3)
+        of_velocities = [carried[name] for name in robot.joints for _ in range(robot.joint(name).kind.velocities)]
+        self.masses = np.array([own for own, _ in of_velocities])
+        self.arms = np.array([float(np.linalg.norm(where - centre)) for _, where in of_velocities])
+        self.weight = float(np.linalg.norm([float(component) for component in robot.tree.gravity]))
+
+    def explain(self, truth: Reference, states: States, accelerations: Array) -> Flags:
+        """(n,) whether the error of accelerations (n, nv) is not beyond what half ulps of m r^2 in M, and of m r in forces, do."""
+        # |M^-1 e_j|_M = |R^-T e_j| with M = R' R.
+        inverse = np.linalg.inv(truth.norm_factor)
+        reach = np.sqrt((inverse**2).sum(axis=2))
+        # What a joint carries is accelerated by all joints, by their rates, and by gravity.
+        moved = np.abs(truth.high).sum(axis=1) + (states.v**2).sum(axis=1)
+        forces = self.masses * self.arms * (self.arms * moved[:, None] + self.weight)
+        bound = ROUNDINGS * UNIT_ROUNDOFF * (reach * forces).sum(axis=1)
+        error = energy_norm(truth.norm_factor, (accelerations - truth.high) - truth.low)
+        return np.asarray(error <= bound)
+
+
+def _carried(nodes: dict[str, CanonicalNode], places: dict[str, Array], name: str) -> tuple[float, Array]:
+    """Mass and centre, in the world, of all that moves with a joint."""
+    mass, first = 0.0, np.zeros(3)
+    for other, node in nodes.items():
+        at = other
+        while at and at != name:
+            at = nodes[at].parent
+        if at:
+            mass += node.total.mass
+            first = first + node.total.mass * (places[other] + node.total.centre)
+    return mass, first / mass if mass else places[name]

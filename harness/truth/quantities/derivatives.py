@@ -14,14 +14,17 @@ Derivatives of inverse dynamics are asked for at the accelerations that tau caus
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Model, NotOffered, answer_of
+from harness.engines.coordinates import rotations
 from harness.programs.evaluation import values
 from harness.programs.mechanisms.dynamics_derivatives import (
     forward_dynamics_derivatives,
@@ -34,10 +37,10 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import StraightLineProgram
 from harness.programs.states import States
 from harness.truth.blocks import QuantityKernel
-from harness.truth.compare import Certified
+from harness.truth.compare import Certified, compare, farthest_block, in_order
 from harness.truth.quantities import Quantity, Truth, TruthBasis
-from harness.truth.quantities._derivative_mistakes import describe
 from harness.truth.reference import Reference, ReferenceKernel
+from harness.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,7 @@ class DerivativeTruth(Truth):
         if mechanism.constraints is not None:
             raise NotOffered("its constraints tie the joints: no derivative along one of them alone is of a motion that they allow")
         self.dynamics, self.mechanism, self.in_body = dynamics, mechanism, linear_velocity_in_body
+        self.nv = mechanism.nv
         self.rows = list(coordinate_names(mechanism))
         self.parts = f"d({dynamics.result})/d(q)", f"d({dynamics.result})/d(v)", f"d({dynamics.result})/d({dynamics.given})"
         self.blocks = [f"column of {part} for {name}" for part in self.parts for name in self.rows]
@@ -90,9 +94,8 @@ class DerivativeTruth(Truth):
         """Columns by q, v and the third vector, (n, 3 nv, nv)."""
         reference = self._reference.evaluate(states)
         factor, inputs = self._factor(reference), self._inputs(states, self._third(states, reference))
-        split = list(self._charts.split(states.q))
-        parts = [self._kernels[chart].evaluate(inputs[some], norm_factor=factor[some]) for chart, some in split]
-        found = Certified.concatenate(parts)[np.argsort(np.concatenate([some for _, some in split]))]
+        split = self._charts.split(states.q)
+        found = in_order((self._kernels[chart].evaluate(inputs[some], norm_factor=factor[some]), some) for chart, some in split)
         return replace(found, certified=found.certified & reference.certified)
 
     def third(self, states: States) -> Array:
@@ -101,18 +104,27 @@ class DerivativeTruth(Truth):
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
-        nv = self.mechanism.nv
         time = (states.time,) if getattr(model, "takes_time", False) else ()
         arguments = states.q, states.v, self.third(states), *time
-        return by_columns(answer_of(model, self.dynamics.method, arguments, (len(states), 3, nv, nv)))
+        return by_columns(answer_of(model, self.dynamics.method, arguments, (len(states), 3, self.nv, self.nv)))
 
     def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
-        """See ``Truth``."""
-        return describe(self, states, certified, answers)
+        """The column and the row that are farthest off, and the mistake that explains all that disagrees, where one does."""
+        block, nv = farthest_block(certified, answers), self.nv
+        # Each component at the length that it has alone.
+        errors = np.abs(certified.errors(answers)[:, block]) * np.linalg.norm(certified.norm_factor, axis=1)
+        row = int(np.nan_to_num(errors[certified.certified]).max(axis=0).argmax())
+        said = f"Farthest off is the {self.blocks[block]}, in the row of {self.rows[row]}"
+        for mistake in MISTAKES:
+            for name, undone in mistake(self, states, answers.reshape(len(answers), 3, nv, nv)):
+                verdicts = compare(certified, undone.reshape(answers.shape)).verdicts[certified.certified]
+                if (verdicts == Verdict.AGREES.value).all():
+                    return f"{said}. {name}"
+        return said
 
     def of_terms(self, states: States) -> dict[str, Array]:
         """What each term of the forces adds to the blocks, in float64, by its name; see ``terms_of_forces``."""
-        reference, nv = self._reference.evaluate(states), self.mechanism.nv
+        reference, nv = self._reference.evaluate(states), self.nv
         inputs, found = self._inputs(states, reference.high), dict[str, Array]()
         factor = self._factor(reference)
         # Of forward dynamics, -M^-1 times the derivatives of the forces.
@@ -127,7 +139,7 @@ class DerivativeTruth(Truth):
 
     @cached_property
     def _kernels(self) -> dict[int, QuantityKernel]:
-        nv = self.mechanism.nv
+        nv = self.nv
         blocks = np.arange(3 * nv * nv).reshape(3 * nv, nv).tolist()
         found: dict[int, QuantityKernel] = {}
         for chart, program in enumerate(self._charts.programs):
@@ -137,7 +149,7 @@ class DerivativeTruth(Truth):
 
     def _factor(self, reference: Reference) -> Array:
         """The factor of the norm of a column, (n, nv, nv)."""
-        factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(self.mechanism.nv))
+        factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(self.nv))
         return np.ascontiguousarray(np.linalg.inv(factor).transpose(0, 2, 1)) if self.dynamics.is_inverse else factor
 
     def _third(self, states: States, reference: Reference) -> Array:
@@ -158,6 +170,68 @@ def coordinate_names(mechanism: Mechanism) -> Iterator[str]:
 def by_columns(matrices: Array) -> Array:
     """Matrices (n, 3, nv, nv) by columns, (n, 3 nv, nv)."""
     return np.ascontiguousarray(matrices.transpose(0, 1, 3, 2).reshape(len(matrices), -1, matrices.shape[-1]))
+
+
+# Mistakes that an engine may make of derivatives.
+
+# What the derivatives are by, in the order of the answers; the third is what is given beside q and v.
+_BY_POSITION, _BY_VELOCITY = 0, 1
+# The answers, (n, 3, nv, nv) by column and row, without a mistake, and what the mistake is.
+Undone = Iterator[tuple[str, Array]]
+
+
+def _with(matrices: Array, place: Any, other: Array) -> Array:
+    changed = matrices.copy()
+    changed[place] = other
+    return changed
+
+
+def _transposed(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
+    for part, name in enumerate(truth.parts):
+        yield f"{name} is transposed", _with(matrices, np.s_[:, part], matrices[:, part].transpose(0, 2, 1))
+    yield "All matrices are transposed", matrices.transpose(0, 1, 3, 2)
+
+
+def _signs(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
+    parts = {name: np.s_[:, part] for part, name in enumerate(truth.parts)}
+    columns = {f"The {name}": np.s_[:, block // truth.nv, block % truth.nv] for block, name in enumerate(truth.blocks)}
+    for name, place in (parts | columns).items():
+        yield f"{name} has the other sign", _with(matrices, place, -matrices[place])
+
+
+def _terms(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
+    ways = {"is missing": 1.0, "has the other sign": 2.0, "stands there twice": -1.0}
+    terms = {name: columns.reshape(matrices.shape) for name, columns in truth.of_terms(states).items()}
+    wholes = {f"In {truth.parts[part]} the": np.s_[:, part] for part in (_BY_POSITION, _BY_VELOCITY)} | {"The": np.s_[:]}
+    blocks = enumerate(truth.blocks[: 2 * truth.nv])
+    columns = {f"In the {name} the": np.s_[:, block // truth.nv, block % truth.nv] for block, name in blocks}
+    for places in (wholes, columns):
+        for (term, changes), (what, times) in itertools.product(terms.items(), ways.items()):
+            for where, place in places.items():
+                changed = _with(matrices, place, matrices[place] + times * changes[place])
+                yield f"{where} derivative of the {term} {what}", changed
+
+
+def _tangents(truth: DerivativeTruth, states: States, matrices: Array) -> Undone:
+    mechanism = truth.mechanism
+    for number, first in enumerate(mechanism.attitudes):
+        quaternions, place = states.q[:, first + number :][:, :4], np.s_[:, _BY_POSITION, first : first + 3]
+        turn = rotations(quaternions / np.linalg.norm(quaternions, axis=1)[:, None])
+        same = np.broadcast_to(np.eye(3), turn.shape)
+        ways = {
+            "about the axes of its parent": turn.transpose(0, 2, 1),
+            "by half its angle": 2.0 * same,
+            "by twice its angle": 0.5 * same,
+        }
+        for name, matrix in ways.items():
+            # Each of three columns is the sum of all three times a row of the matrix.
+            undone = _with(matrices, place, matrix @ matrices[place])
+            yield f"{truth.parts[_BY_POSITION]} turns joint {mechanism.joints[first]!r} {name}", undone
+
+
+# Each gives the ways in which it may have been made, with the answers without it. Where these agree with the certified derivatives at all
+# states, within the data roundoffs that an answer has, the mistake is named.
+MISTAKES: tuple[Callable[[DerivativeTruth, States, Array], Undone], ...] = (_transposed, _signs, _terms, _tangents)
 
 
 def _quantity(dynamics: Dynamics) -> Quantity:

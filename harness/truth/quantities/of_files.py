@@ -30,7 +30,7 @@ from harness.programs.states import States
 from harness.storage import Kept
 from harness.trees.mechanism import mechanism_of
 from harness.trees.quantities import forces, motion
-from harness.trees.quantities.tree_motion import Block, TreeMotion, computed, tree_motion
+from harness.trees.quantities.motion import Block, TreeMotion, computed, tree_motion
 from harness.truth.blocks import Between, QuantityKernel, inputs_of
 from harness.truth.compare import Certified, compare
 from harness.truth.quantities import Quantity, Truth, TruthBasis

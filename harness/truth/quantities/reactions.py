@@ -20,10 +20,9 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import without_unused
 from harness.programs.states import States
 from harness.storage import Kept
-from harness.trees.constraints.tied import TiedMechanism, tied_mechanism
-from harness.trees.mechanism import RobotMechanism, mechanism_of
+from harness.trees.mechanism import RobotMechanism, TiedMechanism, mechanism_of, tied_mechanism
 from harness.trees.quantities import forces
-from harness.trees.quantities.tree_motion import tree_motion
+from harness.trees.quantities.motion import tree_motion
 from harness.trees.robot import Robot
 from harness.truth.blocks import Between, QuantityKernel
 from harness.truth.compare import Certified

@@ -22,9 +22,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Model, NotOffered, answer_of
+from harness.engines.coordinates import multiplied
 from harness.files.rules import ImplicitPart, StepRule
 from harness.programs.evaluation import values
-from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.trees.bodies.spatial import FileProgram
 from harness.trees.mechanism import mechanism_of
@@ -97,8 +97,28 @@ class StepTruth(Truth):
         return found
 
     def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
-        """See ``Truth``."""
-        return describe(self, states, certified, answers)
+        """The block that is farthest off, and the mistake that explains both blocks of its rule, where one does."""
+        block = farthest_block(certified, answers)
+        number = block // 2
+        rule, own = self.rules[number], slice(2 * number, 2 * number + 2)
+        found = answers[:, own]
+        allowed = AGREEMENT * certified.roundoff_with_share[:, own]
+
+        def explains(expected: Array, found: Array) -> bool:
+            lengths = np.linalg.norm((found - expected) @ certified.norm_factor.transpose(0, 2, 1), axis=2)
+            return bool((lengths <= allowed)[certified.certified].all())
+
+        sentence = f"Farthest off are the {self.blocks[block]}"
+        of_others = ((one.name, certified.high[:, 2 * other : 2 * other + 2]) for other, one in enumerate(self.rules) if other != number)
+        if names := [name for name, expected in of_others if explains(expected, found)]:
+            return f"{sentence}; the step is that by {' and '.join(names)}"
+        for mistake, changed in _other_rules(rule):
+            if explains(self.by(changed, states), found):
+                return f"{sentence}; {mistake}"
+        for mistake, undo in CONVENTIONS.items():
+            if explains(certified.high[:, own], self._with_rotations(states, found, undo)):
+                return f"{sentence}; {mistake}"
+        return sentence
 
     def by(self, rule: StepRule, states: States) -> Array:
         """The state after a step by another rule, in float64, (n, 2, nv + nq), as of ``evaluate``."""
@@ -106,6 +126,15 @@ class StepTruth(Truth):
         after = values(steps.program, np.ascontiguousarray(_inputs(steps, (rule,), states).T))
         nv, found = states.v.shape[1], np.zeros((len(states), 2, states.v.shape[1] + states.q.shape[1]))
         found[:, 0, :nv], found[:, 1, nv:] = after[velocities(rule)].T, after[positions(rule)].T
+        return found
+
+    def _with_rotations(self, states: States, answers: Array, undo: Undone) -> Array:
+        """Answers, (n, 2, nv + nq), with each of their quaternions undone."""
+        mechanism, found = self.basis.mechanism, answers.copy()
+        for number, place in enumerate(mechanism.attitudes):
+            first = place + number
+            before = states.q[:, first : first + 4]
+            found[:, 1, mechanism.nv + first : mechanism.nv + first + 4] = undo(answers[:, 1, mechanism.nv + first :][:, :4], before)
         return found
 
     def _tangents(self, q: Array) -> Array:
@@ -157,30 +186,6 @@ STEPS = Quantity("steps", StepTruth, has_step_rules=True)
 Undone = Callable[[Array, Array], Array]
 
 
-def describe(truth: StepTruth, states: States, certified: Certified, answers: Array) -> str:
-    """The block of a wrong answer that is farthest off, and the mistake that explains both blocks of its rule, where one does."""
-    block = farthest_block(certified, answers)
-    number = block // 2
-    rule, own = truth.rules[number], slice(2 * number, 2 * number + 2)
-    allowed = AGREEMENT * UNIT_ROUNDOFF * (certified.sensitivity + certified.share)[:, own]
-
-    def explains(expected: Array, found: Array) -> bool:
-        lengths = np.linalg.norm((found - expected) @ certified.norm_factor.transpose(0, 2, 1), axis=2)
-        return bool((lengths <= allowed)[certified.certified].all())
-
-    sentence = f"Farthest off are the {truth.blocks[block]}"
-    of_others = ((one.name, certified.high[:, 2 * other : 2 * other + 2]) for other, one in enumerate(truth.rules) if other != number)
-    if names := [name for name, expected in of_others if explains(expected, answers[:, own])]:
-        return f"{sentence}; the step is that by {' and '.join(names)}"
-    for mistake, changed in _other_rules(rule):
-        if explains(truth.by(changed, states), answers[:, own]):
-            return f"{sentence}; {mistake}"
-    for mistake, undo in CONVENTIONS.items():
-        if explains(certified.high[:, own], _with_rotations(truth, states, answers[:, own], undo)):
-            return f"{sentence}; {mistake}"
-    return sentence
-
-
 def _other_rules(rule: StepRule) -> Iterator[tuple[str, StepRule]]:
     """Rules that differ in one thing, each with the mistake that makes it."""
     if rule.stages:
@@ -192,25 +197,10 @@ def _other_rules(rule: StepRule) -> Iterator[tuple[str, StepRule]]:
     yield "dampers act across branches as the rule does not say", replace(rule, along_branches=not rule.along_branches)
 
 
-def _with_rotations(truth: StepTruth, states: States, answers: Array, undo: Undone) -> Array:
-    """Answers, (n, 2, nv + nq), with each of their quaternions undone."""
-    mechanism, found = truth.basis.mechanism, answers.copy()
-    for number, place in enumerate(mechanism.attitudes):
-        first = place + number
-        before = states.q[:, first : first + 4]
-        found[:, 1, mechanism.nv + first : mechanism.nv + first + 4] = undo(answers[:, 1, mechanism.nv + first :][:, :4], before)
-    return found
-
-
-def _product(a: Array, b: Array) -> Array:
-    scalar = a[:, :1] * b[:, :1] - (a[:, 1:] * b[:, 1:]).sum(axis=1, keepdims=True)
-    return np.concatenate([scalar, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])], axis=1)
-
-
 def _about_own_axes(after: Array, before: Array) -> Array:
     """The turn that the world's axes were taken for, about the body's."""
     inverse = before * [1.0, -1.0, -1.0, -1.0] / (before**2).sum(axis=1, keepdims=True)
-    return _product(before, _product(after, inverse))
+    return multiplied(before, multiplied(after, inverse))
 
 
 CONVENTIONS: dict[str, Undone] = {

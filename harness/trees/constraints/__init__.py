@@ -1,1 +1,0 @@
-"""The rows of what a file ties beside its joints, the mechanisms that they tie, and how softly."""
