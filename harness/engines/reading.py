@@ -10,18 +10,16 @@ import os
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TypeVar
 
 from lxml import etree
 
 from harness.engines.interface import Unsupported
-from harness.engines.request import Refused, Request
+from harness.engines.request import Request
 from harness.files.document.xml import Document, describe, literal_tag, parse_any
 from harness.files.model_file import ModelFile
 from harness.files.tree import WORLD
 from harness.files.urdf.kinds import DRAKE_JOINT, JOINT_TAGS
 
-Found = TypeVar("Found")
 SHAPES = ("visual", "collision")
 
 
@@ -119,26 +117,6 @@ def without_shapes(root: etree._Element, meshes_alone: bool = False) -> etree._E
 
 def text_of(root: etree._Element) -> str:
     return str(etree.tostring(root, encoding="unicode"))
-
-
-def read_without_meshes(request: Request, read: Callable[[str], Found]) -> tuple[Found, tuple[str, ...]]:
-    """What ``read`` returns of the file; without its meshes where it refuses it with them, which a note says.
-
-    Engines refuse a file whose meshes are not where they look for them.
-
-    Raises:
-        Refused: from ``read``, with the meshes, where it refuses the file without them too.
-    """
-    try:
-        return read(request.content.decode()), ()
-    except Refused as refusal:
-        if elements_of(request).find(".//geometry/mesh") is None:
-            raise
-        try:
-            found = read(text_of(without_shapes(elements_of(request), meshes_alone=True)))
-        except Refused:
-            raise refusal from None
-        return found, (f"refused with its meshes, and read without them: {refusal}",)
 
 
 def refuse_unexpressed(file: ModelFile, no_constraints: str) -> None:

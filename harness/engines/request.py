@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.files.facts import PointSpring
+from harness.files.facts import JointSpring, PointSpring
 from harness.files.joint_kinds import JointKind
 
 
@@ -73,12 +73,11 @@ class JointForces:
     """Dampers and springs of joints.
 
     Attributes:
-        damping: (nv,) [N s/m or N m s]. springs: of each, its columns in q and in v, stiffness [N/m or N m], and the position at which
-            it is relaxed [m or rad].
+        damping: (nv,) [N s/m or N m s]. springs: each with the columns of its joint in q and in v.
     """
 
     damping: Array
-    springs: tuple[tuple[int, int, float, float], ...]
+    springs: tuple[tuple[JointSpring, int, int], ...]
 
     def of_dampers(self, v: Array) -> Array:
         """(n, nv) at velocities (n, nv)."""
@@ -87,8 +86,8 @@ class JointForces:
     def of_springs(self, q: Array) -> Array:
         """(n, nv) at positions (n, nq)."""
         found = np.zeros((len(q), len(self.damping)))
-        for position, velocity, stiffness, relaxed in self.springs:
-            found[:, velocity] = -stiffness * (q[:, position] - relaxed)
+        for spring, position, velocity in self.springs:
+            found[:, velocity] = -spring.stiffness * (q[:, position] - spring.reference)
         return found
 
 

@@ -9,7 +9,8 @@ base that floats: a model that hangs on the world is the rows of its joints; one
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from harness.files.facts import PointSpring
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD
 
-# World position (3,) of a point of a body, given in the body's frame, and its Jacobian (3, nv).
+# World position (3,) of a point of a body, given in the body's frame, and its Jacobian, (3, nv) or with that of the body's rotation.
 PointOf = Callable[[str, Array], tuple[Array, Array]]
 
 
@@ -85,8 +86,11 @@ class StateByState(LoadedFile):
         """Take one state over the columns of the joints found; (nv,) forces of springs between points that are supplied there."""
         self.turn = self.columns.turn(q, self.places, self.width, self.rotation_first)
         self._go_to(q, v @ self.turn)
-        springs = () if self.request.aid is None or self.applies_springs else self.request.aid.springs
-        return forces_of_springs(springs, self._point, v)
+        forces = np.zeros(len(v))
+        for spring in () if self.request.aid is None or self.applies_springs else self.request.aid.springs:
+            pull = pull_of(spring, self._point, v)
+            forces -= pull.tension * pull.gradient
+        return forces
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         tau = tau + self.supplied(q, v)
@@ -119,20 +123,38 @@ class StateByState(LoadedFile):
         return Terms(mass, velocity, gravity, passive, tau.copy())
 
 
-def forces_of_springs(springs: Iterable[PointSpring], point_of: PointOf, v: Array) -> Array:
-    """(nv,) forces of springs between points at the state that the engine is at, by its positions and Jacobians.
+class Pull(NamedTuple):
+    """A stretched spring at one state.
+
+    Attributes:
+        spring: as the file has it. points: its ends in the world, (2, 3) [m]. jacobians: of their velocities, (2, 3, nv), or (2, 6, nv)
+            with the angular velocities of their bodies. length: between the ends [m]; along: the direction from the first to the second.
+        gradient: of the length, (nv,). tension: (spring and damper) [N].
+    """
+
+    spring: PointSpring
+    points: Array
+    jacobians: Array
+    length: float
+    along: Array
+    gradient: Array
+    tension: float
+
+
+def pull_of(spring: PointSpring, point_of: PointOf, v: Array) -> Pull:
+    """A spring between points at the state that the engine is at, by its positions and Jacobians.
 
     Source: Drake documentation, ``LinearSpringDamper``.
     """
-    forces = np.zeros(len(v))
-    for spring in springs:
-        (point_a, jacobian_a), (point_b, jacobian_b) = (point_of(body, np.array(point)) for body, point in spring.ends)
-        span = point_b - point_a
-        length = np.linalg.norm(span)
-        # Rate of the length is (its gradient) . velocity; the tension does work along it.
-        gradient = (span / length) @ (jacobian_b - jacobian_a)
-        forces -= (spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ v)) * gradient
-    return forces
+    ends = [point_of(body, np.array(point)) for body, point in spring.ends]
+    points, jacobians = np.array([point for point, _ in ends]), np.array([jacobian for _, jacobian in ends])
+    span = points[1] - points[0]
+    length = float(np.linalg.norm(span))
+    along = span / length
+    # Rate of the length is (its gradient) . velocity; the tension does work along it.
+    gradient = along @ (jacobians[1] - jacobians[0])[:3]
+    tension = spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ v)
+    return Pull(spring, points, jacobians, length, along, gradient, float(tension))
 
 
 class FloatingBase:

@@ -12,7 +12,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.coordinates import multiplied, rotations
 from harness.engines.request import Aid, AskedJoint, BodyInertia, JointForces, Request, in_columns
-from harness.files.facts import PointSpring
+from harness.files.facts import JointSpring, PointSpring, in_radians
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
@@ -82,9 +82,8 @@ def aid_of(tree: Tree, joints: Sequence[AskedJoint]) -> Aid:
         armature[columns] = float(joint.armature)
         damping[columns] = float(joint.damping)
         if joint.stiffness and len(asked.positions) == 1:
-            reference = float(joint.spring_reference)
-            relaxed = math.radians(reference) if joint.in_degrees else reference
-            springs.append((asked.positions[0], asked.velocities[0], float(joint.stiffness), relaxed))
+            spring = JointSpring(joint.name, float(joint.stiffness), in_radians(joint, "spring_reference"), asked.line)
+            springs.append((spring, asked.positions[0], asked.velocities[0]))
     gravity = np.array([float(component) for component in tree.gravity])
     forces = JointForces(damping, tuple(springs))
     return Aid(gravity, forces, armature, springs=tuple(map(_point_spring, tree.springs)))

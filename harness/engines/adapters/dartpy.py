@@ -12,7 +12,7 @@ https://github.com/dartsim/dart/issues/1450.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.coordinates import FREE, rotation
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.reading import captured_standard_error, elements_of, links_without_inertia, read_without_meshes
+from harness.engines.reading import captured_standard_error, elements_of, links_without_inertia, text_of, without_shapes
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
 from harness.files.joint_kinds import JointKind
@@ -141,7 +141,7 @@ class DartEngine(Engine):
                     raise Refused(_COLOURS.sub("", " ".join((captured() or "its loader refuses the file without a reason").split())))
             return skeleton
 
-        skeleton, notes = read_without_meshes(request, read)
+        skeleton, notes = _read_without_meshes(request, read)
         if request.aid is not None:
             if request.aid.armature.any():
                 raise Refused("its algorithm knows no rotor inertias of joints, which no force supplies")
@@ -154,6 +154,24 @@ class DartEngine(Engine):
                     if body.getName() in empty:
                         body.setInertia(dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
         return DartModel(skeleton, request, notes)
+
+
+def _read_without_meshes(request: Request, read: Callable[[str], Any]) -> tuple[Any, tuple[str, ...]]:
+    """What ``read`` returns of the file; without its meshes where it refuses it with them, as where they are elsewhere, which a note says.
+
+    Raises:
+        Refused: from ``read``, with the meshes, where it refuses the file without them too.
+    """
+    try:
+        return read(request.content.decode()), ()
+    except Refused as refusal:
+        if elements_of(request).find(".//geometry/mesh") is None:
+            raise
+        try:
+            found = read(text_of(without_shapes(elements_of(request), meshes_alone=True)))
+        except Refused:
+            raise refusal from None
+        return found, (f"refused with its meshes, and read without them: {refusal}",)
 
 
 ENGINE = DartEngine()

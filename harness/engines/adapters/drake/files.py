@@ -215,7 +215,6 @@ def _reading(request: Request, text: str | None) -> Iterator[str]:
 def _supplying(request: Request, aid: Aid) -> Iterator[str]:
     for name, inertia in armatures_passed_over(request).items():
         yield f"p.AddJointActuator({name!r}, p.GetJointByName({name!r})).set_default_rotor_inertia({inertia!r})"
-    by_velocity = {joint.velocities[0]: joint.name for joint in request.joints}
     # A file of a user may hold what the parser leaves out with all that hangs on it.
     guard = "" if request.text is not None else "p.HasJointNamed({0!r}) and "
     if request.text is None and aid.armature.any():
@@ -225,11 +224,10 @@ def _supplying(request: Request, aid: Aid) -> Iterator[str]:
                 found = f"a.get({joint.name!r}) or p.AddJointActuator({f'rotor of {joint.name}'!r}, p.GetJointByName({joint.name!r}))"
                 made = f"[(r.set_default_gear_ratio(1.0), r.set_default_rotor_inertia({inertia!r})) for r in [{found}]]"
                 yield guard.format(joint.name) + made
-    for _, velocity, stiffness, reference in aid.forces.springs:
-        name = by_velocity[velocity]
-        sprung = f"p.GetJointByName({name!r})"
-        kinds = f"(t.RevoluteSpring if {sprung}.type_name() == 'revolute' else t.PrismaticSpring)"
-        yield f"{guard.format(name)}p.AddForceElement({kinds}({sprung}, {reference!r}, {stiffness!r}))"
+    for sprung, _, _ in aid.forces.springs:
+        of_drake = f"p.GetJointByName({sprung.joint!r})"
+        kinds = f"(t.RevoluteSpring if {of_drake}.type_name() == 'revolute' else t.PrismaticSpring)"
+        yield f"{guard.format(sprung.joint)}p.AddForceElement({kinds}({of_drake}, {sprung.reference!r}, {sprung.stiffness!r}))"
     read = set() if request.format == "mjcf" else {id(one) for one in aid.springs} - {id(one) for one in springs_at_world(request)}
     for spring in aid.springs:
         if id(spring) not in read:

@@ -27,7 +27,7 @@ from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.reading import elements_of, root_link, text_of
 from harness.engines.request import Aid, AskedJoint, BodyInertia, Refused, Request
-from harness.files.facts import ForceElement, JointSpring
+from harness.files.facts import ForceElement
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import StepRule
 
@@ -141,8 +141,7 @@ def _supply_springs(spec: Any, request: Request, aid: Aid) -> None:
     """The springs of joints and between points, and a ball joint at the root; the reader passes over all of them."""
     if request.supplied_ball_joint:
         spec.body(root_link(elements_of(request), ["joint"])).add_joint(name=request.supplied_ball_joint, type=mujoco.mjtJoint.mjJNT_BALL)
-    joints, bodies = {joint.velocities[0]: joint.name for joint in request.joints}, {body.name for body in spec.bodies}
-    elements: list[ForceElement] = [JointSpring(joints[v], stiffness, relaxed, 0) for _, v, stiffness, relaxed in aid.forces.springs]
+    bodies, elements = {body.name for body in spec.bodies}, list[ForceElement](spring for spring, _, _ in aid.forces.springs)
     for spring in aid.springs:
         # The root link is the world where links float from it.
         body_a, body_b = (body if body in bodies else "world" for body, _ in spring.ends)

@@ -27,6 +27,7 @@ import pinocchio
 from harness.arrays import Array
 from harness.engines.adapters.pinocchio.versions import carrier
 from harness.engines.request import AskedJoint
+from harness.engines.state_by_state import Pull, pull_of
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ForceElement, JointDamper, JointSpring, PointSpring
 
@@ -55,24 +56,6 @@ class JointPlace(NamedTuple):
     @property
     def velocities(self) -> range:
         return range(self.idx_v, self.idx_v + self.nv)
-
-
-class Pull(NamedTuple):
-    """A stretched spring at one state.
-
-    Attributes:
-        spring: as the file has it. points: its ends in the world, (2, 3) [m]. jacobians: of their velocities and of the angular
-            velocities of their bodies, (2, 6, nv). length: between the ends [m]; along: the direction from the first to the second.
-        gradient: of the length, (nv,). tension: (spring and damper) [N].
-    """
-
-    spring: PointSpring
-    points: Array
-    jacobians: Array
-    length: float
-    along: Array
-    gradient: Array
-    tension: float
 
 
 def places_of(model: Any, joints: Sequence[AskedJoint]) -> dict[str, JointPlace]:
@@ -183,7 +166,7 @@ class ForceElements:
         """The springs between points at one configuration (nq,) and velocity (nv,)."""
         if self._point_springs:
             pinocchio.computeJointJacobians(self.model, self._data, configuration)
-        return [self._pull(spring, velocity) for spring in self._point_springs]
+        return [pull_of(spring, self._point, velocity) for spring in self._point_springs]
 
     def derivatives(self, configuration: Array, velocity: Array) -> tuple[Array, Array]:
         """Of the forces at one configuration (nq,) and velocity (nv,), by q and by v, (nv, nv) each."""
@@ -215,18 +198,6 @@ class ForceElements:
                     turn = place.rotation.T
                     found[joint] += pinocchio.Force(turn @ force, turn @ np.cross(point - place.translation, force))
         return found
-
-    def _pull(self, spring: PointSpring, velocity: Array) -> Pull:
-        """A spring at the configuration of the Jacobians in ``_data``."""
-        ends = [self._point(body, np.array(point)) for body, point in spring.ends]
-        points, jacobians = np.array([point for point, _ in ends]), np.array([jacobian for _, jacobian in ends])
-        span = points[1] - points[0]
-        length = float(np.linalg.norm(span))
-        along = span / length
-        # Rate of the length is (its gradient) . velocity; the tension does work along it.
-        gradient = along @ (jacobians[1] - jacobians[0])[:3]
-        tension = spring.stiffness * (length - spring.free_length) + spring.damping * (gradient @ velocity)
-        return Pull(spring, points, jacobians, length, along, gradient, float(tension))
 
     def _point(self, body: str, local: Array) -> tuple[Array, Array]:
         """World position (3,) of a point fixed in ``body``; Jacobian (6, nv) of its velocity and of the body's angular velocity."""

@@ -20,7 +20,7 @@ from harness.engines.adapters.pinocchio.versions import has_body, mass_matrix, r
 from harness.engines.coordinates import accelerations_from_body, body_turn, to_body
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.request import AskedJoint, Refused, Request
-from harness.files.facts import ForceElement, JointDamper, JointSpring
+from harness.files.facts import ForceElement, JointDamper
 
 
 def read(request: Request) -> PinocchioFile:
@@ -83,11 +83,11 @@ class PinocchioFile(LoadedFile):
         for velocity, joint in by_velocity.items():
             if damping := float(forces.damping[velocity]):
                 yield JointDamper(joint.name, damping, joint.line)
-        for _, velocity, stiffness, reference in forces.springs:
-            if (sprung := by_velocity.get(velocity)) is not None:
-                if self._placed.force_elements.places[sprung.name].nq != 1:
-                    raise NotOffered(f"joint {sprung.name!r} with a spring stands in q as the cosine and sine of its position")
-                yield JointSpring(sprung.name, stiffness, reference, sprung.line)
+        for spring, _, velocity in forces.springs:
+            if velocity in by_velocity:
+                if self._placed.force_elements.places[spring.joint].nq != 1:
+                    raise NotOffered(f"joint {spring.joint!r} with a spring stands in q as the cosine and sine of its position")
+                yield spring
 
     def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
         model, data, asked = self.model, self.model.createData(), {joint.name: joint for joint in self.found}
