@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import copy
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import flint
 import mujoco
@@ -23,8 +24,7 @@ from catalogue import TREES
 
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, load_engine
-from harness.engines.adapters.pinocchio.forces import ForceElements
-from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, read_model
+from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.lagrange.euler_angles import sines_and_cosines
 from harness.lagrange.expressions import assemble
@@ -50,69 +50,48 @@ BAR = 64.0
 # Steps that add to a configuration without rounding, one of multiples of GRID.
 GRID = 2.0**-20
 DIFFERENCE_STEP = 2.0**-15
-POINT_SPRING_STEP = 2.0**-8
 # Balls of BITS leave third differences of step 2^-DERIVATIVE_BITS with 200 bits, and an error far below float64.
 BITS, DERIVATIVE_BITS = 500, 60
 
 
-class Probe(Protocol):
+class Probe(ABC):
     """An engine's own inverse dynamics, energies and derivatives, rows in the order of the coordinates."""
 
-    def accelerations(self, states: States) -> Array: ...
+    def __init__(self, loaded: Any) -> None:
+        self.loaded, self.model = loaded, loaded.model
+
+    def accelerations(self, states: States) -> Array:
+        return np.asarray(self.loaded.forward_dynamics(states.q, states.v, states.tau))
 
     def applied_forces(self, q: Array, v: Array, qdd: Array) -> Array:
         """Inverse dynamics: the forces beyond springs and dampers that give ``qdd``."""
+        return np.asarray(self.loaded.inverse_dynamics(q[None], v[None], qdd[None])[0])
 
     def energies(self, q: Array, v: Array) -> tuple[float, float]:
         """T and V [J]."""
+        kinetic, potential = self.loaded.energies(q[None], v[None])[0].tolist()
+        return kinetic, potential
 
+    @abstractmethod
     def derivatives(self, q: Array, tau: Array) -> tuple[Array, Array]:
         """dqdd/dq and dqdd/dv at rest, (nv, nv) each."""
 
+    @abstractmethod
     def allowed_errors(self, at: Linearisation) -> Array:
         """(2 nv) what the columns of ``derivatives`` may be off, in the energy norm."""
 
 
-class MujocoProbe:
-    def __init__(self, loaded: Any, file: ModelFile) -> None:
-        self._loaded = loaded
-        self._model = copy.copy(loaded.model)
-        self._model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-        # One step is then v + qacc, without a damper made implicit and without a product to round.
-        self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-        self._model.opt.timestep = 1.0
-        self._data = mujoco.MjData(self._model)
-        self._positions, self._rates = loaded.addresses
-
-    def accelerations(self, states: States) -> Array:
-        return self._loaded.forward_dynamics(states.q, states.v, states.tau)
-
-    def _set(self, q: Array, v: Array) -> None:
-        mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[self._positions] = q
-        self._data.qvel[self._rates] = v
-
-    def applied_forces(self, q: Array, v: Array, qdd: Array) -> Array:
-        self._set(q, v)
-        self._data.qacc[self._rates] = qdd
-        mujoco.mj_inverse(self._model, self._data)
-        return np.array(self._data.qfrc_inverse[self._rates])
-
-    def energies(self, q: Array, v: Array) -> tuple[float, float]:
-        self._set(q, v)
-        mujoco.mj_forward(self._model, self._data)
-        potential, kinetic = self._data.energy
-        return float(kinetic), float(potential)
-
+class MujocoProbe(Probe):
     def derivatives(self, q: Array, tau: Array) -> tuple[Array, Array]:
-        nv = self._model.nv
-        self._set(q, np.zeros(nv))
-        self._data.qfrc_applied[self._rates] = tau
-        transition = np.zeros((2 * nv + self._model.na, 2 * nv + self._model.na))
-        mujoco.mjd_transitionFD(self._model, self._data, DIFFERENCE_STEP, True, transition, None, None, None)
+        model, nv, (positions, rates) = copy.copy(self.model), self.model.nv, self.loaded.addresses
+        # One step is then v + qacc, without a damper made implicit and without a product to round.
+        model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, 1.0
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+        data, transition = mujoco.MjData(model), np.zeros((2 * nv + model.na, 2 * nv + model.na))
+        data.qpos[positions], data.qfrc_applied[rates] = q, tau
+        mujoco.mjd_transitionFD(model, data, DIFFERENCE_STEP, True, transition, None, None, None)
         by_position, by_rate = transition[nv : 2 * nv, :nv], transition[nv : 2 * nv, nv : 2 * nv] - np.eye(nv)
-        order = np.ix_(self._rates, self._rates)
+        order = np.ix_(rates, rates)
         return by_position[order], by_rate[order]
 
     def allowed_errors(self, at: Linearisation) -> Array:
@@ -123,59 +102,11 @@ class MujocoProbe:
         return DIFFERENCE_STEP**2 / 6 * 1.01 * energy_norms(at.mass, at.thirds) + at.difference_roundoff
 
 
-class PinocchioProbe:
-    def __init__(self, loaded: Any, file: ModelFile) -> None:
-        self._loaded = loaded
-        self._model = loaded.model
-        self._data = self._model.createData()
-        self._elements = file.force_elements
-        self._positions, self._rates = loaded.addresses
-
-    def _joint(self, name: str) -> Any:
-        return self._model.joints[self._model.getJointId(name)]
-
-    def accelerations(self, states: States) -> Array:
-        return self._loaded.forward_dynamics(states.q, states.v, states.tau)
-
-    def _engine_order(self, addresses: list[int], values: Array) -> Array:
-        ordered = np.zeros(len(values))
-        ordered[addresses] = values
-        return ordered
-
-    def _of_elements(self, elements: Sequence[Any], position: Array, rate: Array) -> Array:
-        return ForceElements(self._model, elements, self._loaded.force_elements.places).at(position, rate)
-
-    def applied_forces(self, q: Array, v: Array, qdd: Array) -> Array:
-        position, rate = self._engine_order(self._positions, q), self._engine_order(self._rates, v)
-        forces = pinocchio.rnea(self._model, self._data, position, rate, self._engine_order(self._rates, qdd))
-        return np.array(forces - self._of_elements(self._elements, position, rate))[self._rates]
-
-    def energies(self, q: Array, v: Array) -> tuple[float, float]:
-        position, rate = self._engine_order(self._positions, q), self._engine_order(self._rates, v)
-        kinetic = pinocchio.computeKineticEnergy(self._model, self._data, position, rate)
-        potential = pinocchio.computePotentialEnergy(self._model, self._data, position)
-        for element in self._elements:
-            if isinstance(element, JointSpring):
-                potential += element.stiffness * (position[self._joint(element.joint).idx_q] - element.reference) ** 2 / 2
-            elif isinstance(element, PointSpring):
-                span = self._point(element.body_b, element.point_b) - self._point(element.body_a, element.point_a)
-                potential += element.stiffness * (np.linalg.norm(span) - element.free_length) ** 2 / 2
-        return float(kinetic), float(potential)
-
-    def _point(self, body: str, local: tuple[float, float, float]) -> Array:
-        frame = self._model.frames[self._model.getFrameId(body, pinocchio.FrameType.BODY)]
-        return (self._data.oMi[frame.parentJoint] * frame.placement).act(np.array(local))
-
+class PinocchioProbe(Probe):
     def derivatives(self, q: Array, tau: Array) -> tuple[Array, Array]:
-        """ABA's, and those of the force elements on top: their rule is the harness's, not the engine's."""
-        position, rate = self._engine_order(self._positions, q), np.zeros(self._model.nv)
-        force = self._engine_order(self._rates, tau) + self._of_elements(self._elements, position, rate)
-        pinocchio.computeABADerivatives(self._model, self._data, position, rate, force)
-        inverse = np.triu(self._data.Minv) + np.triu(self._data.Minv, 1).T
-        by_position = self._data.ddq_dq + inverse @ self._stiffness(position)
-        by_rate = self._data.ddq_dv + inverse @ self._damping(position)
-        order = np.ix_(self._rates, self._rates)
-        return by_position[order], by_rate[order]
+        """ABA's, with those of the force elements, whose rule is the harness's."""
+        by_position, by_rate, _ = self.loaded.forward_dynamics_derivatives(q[None], np.zeros((1, len(tau))), tau[None])[0]
+        return by_position, by_rate
 
     def allowed_errors(self, at: Linearisation) -> Array:
         """Of a product of M^-1 with the derivative of the forces, and of what half an ulp of the inputs does to it.
@@ -183,57 +114,17 @@ class PinocchioProbe:
         Its terms may cancel: M^-1 e_i has the norm sqrt((M^-1)_ii). So may those of the forces, which Pinocchio forms
         in the world's frame, where every weight has a moment about the origin.
         """
-        position = self._engine_order(self._positions, at.q)
-        pinocchio.forwardKinematics(self._model, self._data, position)
-        bodies = zip(list(self._data.oMi)[1:], list(self._model.inertias)[1:], strict=True)
-        gravity = np.linalg.norm(self._model.gravity.linear)
+        data, still = self.model.createData(), np.zeros((1, len(at.tau)))
+        pinocchio.forwardKinematics(self.model, data, self.loaded.columns(at.q[None], still, still)[0][:, 0])
+        bodies = zip(list(data.oMi)[1:], list(self.model.inertias)[1:], strict=True)
+        gravity = np.linalg.norm(self.model.gravity.linear)
         moment = gravity * sum(body.mass * np.linalg.norm(placement.act(body.lever)) for placement, body in bodies)
         forces = np.abs(at.mass @ at.slopes)
         forces[:, : len(at.mass)] += moment * np.outer(at.rotating, at.rotating)
-        forces[:, : len(at.mass)] += self._point_spring_roundoff(position)[self._rates][:, None]
         return BAR * UNIT_ROUNDOFF * (at.sensitivity + np.sqrt(np.linalg.inv(at.mass).diagonal()) @ forces)
 
-    def _point_spring_roundoff(self, position: Array) -> Array:
-        """(nv) half ulps of the forces of point springs [in units of u], over the step of their differences.
 
-        The weights of the differences sum to 110 / 60. A stretch is a difference of lengths.
-        """
-        total = np.zeros(self._model.nv)
-        for element in self._elements:
-            if isinstance(element, PointSpring):
-                span = self._point(element.body_b, element.point_b) - self._point(element.body_a, element.point_a)
-                # A spring of unit stiffness, one metre longer than free, pulls with the gradient of its length.
-                unit = replace(element, stiffness=1.0, free_length=float(np.linalg.norm(span)) - 1.0, damping=0.0)
-                gradient = np.abs(self._of_elements([unit], position, np.zeros(self._model.nv)))
-                total += element.stiffness * (np.linalg.norm(span) + element.free_length) * gradient
-        return total * 110 / 60 / POINT_SPRING_STEP
-
-    def _stiffness(self, position: Array) -> Array:
-        """d(force)/dq at rest; that of point springs by differences of sixth order."""
-        points = [element for element in self._elements if isinstance(element, PointSpring)]
-        slopes = np.zeros((self._model.nv, self._model.nv))
-        for element in self._elements:
-            if isinstance(element, JointSpring):
-                address = self._joint(element.joint).idx_v
-                slopes[address, address] -= element.stiffness
-        if points:
-            for column in range(self._model.nv):
-                step = np.zeros(self._model.nv)
-                step[column] = POINT_SPRING_STEP
-                for multiple, weight in ((1, 45), (2, -9), (3, 1)):
-                    ahead, back = (self._of_elements(points, position + sign * multiple * step, 0 * step) for sign in (1, -1))
-                    slopes[:, column] += weight * (ahead - back) / (60 * POINT_SPRING_STEP)
-        return slopes
-
-    def _damping(self, position: Array) -> Array:
-        """d(force)/dv at rest: forces are linear in v, so that unit rates give its columns."""
-        damped = [element for element in self._elements if isinstance(element, JointDamper | PointSpring)]
-        still = self._of_elements(damped, position, np.zeros(self._model.nv))
-        columns = [self._of_elements(damped, position, unit) - still for unit in np.eye(self._model.nv)]
-        return np.array(columns).T
-
-
-PROBES = {Subject("mujoco", "mjcf"): MujocoProbe, Subject("pinocchio", "urdf"): PinocchioProbe}
+PROBES: dict[Subject, type[Probe]] = {Subject("mujoco", "mjcf"): MujocoProbe, Subject("pinocchio", "urdf"): PinocchioProbe}
 
 
 @dataclass(frozen=True)
@@ -493,7 +384,7 @@ def case(modelled_mechanism: Mechanism, modelled_system: System, subject: Subjec
 def probe(case: Case, subject: Subject) -> Probe:
     library, mechanism = Library.built_in(), case.mechanism
     file = read_model(library.model_path(mechanism.name, subject.format), subject.format)
-    return PROBES[subject](load_audited(Assignment(library, subject, mechanism, file)), file)
+    return PROBES[subject](load_audited(Assignment(library, subject, mechanism, file)))
 
 
 @pytest.mark.costly
