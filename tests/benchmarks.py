@@ -20,7 +20,7 @@ import pytest
 import sympy as sp
 
 from harness.bench import costs
-from harness.bench.growth import arms
+from harness.bench.further_costs import arms
 from harness.bench.methods import find_methods
 from harness.crosscheck.scene import Scene
 from harness.engines import Subject, load_model

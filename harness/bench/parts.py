@@ -16,10 +16,9 @@ import numpy as np
 
 from harness.bench.costs import Effort, acceleration_costs
 from harness.bench.energy_drift import drifts
-from harness.bench.growth import FAMILY, growth, robot_growth
+from harness.bench.further_costs import FAMILY, SIZES, STATES, derivative_costs, growth, quantity_costs, robot_growth
 from harness.bench.methods import DERIVATIVES, Method, find_methods
 from harness.bench.motion_cost import motion_costs
-from harness.bench.quantity_cost import SIZES, STATES, derivative_costs, quantity_costs
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.crosscheck.scene import Scene

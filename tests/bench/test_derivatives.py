@@ -11,9 +11,9 @@ import pytest
 from studies import scene, silent
 
 from harness.bench.costs import Effort
+from harness.bench.further_costs import STATES, derivative_costs
 from harness.bench.methods import DERIVATIVES, Method, find_methods
 from harness.bench.parts import PARTS, BenchmarkSettings
-from harness.bench.quantity_cost import STATES, derivative_costs
 from harness.bench.study import BenchmarkStudy, not_for
 from harness.engines import installed_version, load_engine
 from harness.errors import InvalidRequest

@@ -15,7 +15,7 @@ import harness.bench.methods
 from harness.arrays import Array
 from harness.bench import costs as bench_costs
 from harness.bench.costs import Effort, acceleration_costs
-from harness.bench.growth import exponent, growth, robot_growth
+from harness.bench.further_costs import exponent, growth, robot_growth
 from harness.bench.methods import Method, Prepared, find_methods
 from harness.bench.parts import BenchmarkSettings, _accelerations
 from harness.crosscheck.scene import Scene

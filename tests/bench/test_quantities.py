@@ -13,8 +13,8 @@ from studies import silent
 
 from harness.arrays import Array
 from harness.bench.costs import Effort
+from harness.bench.further_costs import EngineCalls, quantity_costs
 from harness.bench.parts import QUANTITIES, THOROUGHNESS, BenchmarkSettings, parts_of
-from harness.bench.quantity_cost import EngineCalls, quantity_costs
 from harness.bench.study import BenchmarkStudy
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
@@ -69,7 +69,7 @@ def test_who_offers_nothing_is_left_out_with_the_reason() -> None:
 
 
 def test_times_are_of_calls_and_costs_of_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.bench.quantity_cost.measure", lambda *arguments: [12.0, 3.0, 6.0])
+    monkeypatch.setattr("harness.bench.further_costs.measure", lambda *arguments: [12.0, 3.0, 6.0])
     for cost in costs("mass_matrix", SUBJECTS[2:]):
         expected = 6.0 / cost.states, 3.0 / cost.states, 12.0 / cost.states, 3
         assert (cost.seconds_per_state, cost.fastest, cost.slowest, cost.repetitions) == expected
@@ -83,7 +83,7 @@ class _Wrong:
 
 
 def test_an_answer_that_depends_on_how_many_states_are_asked_for_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.bench.quantity_cost.load_audited", lambda assignment: _Wrong())
+    monkeypatch.setattr("harness.bench.further_costs.load_audited", lambda assignment: _Wrong())
     single, few, many = costs("mass_matrix", [Subject("mujoco", "mjcf")])
     assert single.backward_error and few.backward_error and many.backward_error
     assert AGREEMENT < single.backward_error < few.backward_error < many.backward_error
@@ -97,7 +97,7 @@ def test_what_fails_costs_its_own_row_alone(monkeypatch: pytest.MonkeyPatch) -> 
     def load(assignment: Assignment) -> Any:
         return Broken() if assignment.subject.engine == "mujoco" else load_audited(assignment)
 
-    monkeypatch.setattr("harness.bench.quantity_cost.load_audited", load)
+    monkeypatch.setattr("harness.bench.further_costs.load_audited", load)
     broken, *others = costs("mass_matrix", SUBJECTS[1:])
     assert broken.failed and "no license" in broken.note and broken.seconds_per_state is None
     assert [cost.method for cost in others] == ["pinocchio/urdf"] * len(COUNTS)
