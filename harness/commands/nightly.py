@@ -99,7 +99,7 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
         InvalidInput: the library, or a place to survey, cannot be used.
         InvalidRequest: a name of anything that does not exist.
     """
-    from harness.crosscheck.description import describe_run
+    from harness.crosscheck.settings import describe_run
     from harness.night.course import digests, subjects_of
     from harness.night.stage import NightChoice
     from harness.results.night import NightSettings

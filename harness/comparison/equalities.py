@@ -24,7 +24,7 @@ from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.files.rules import ConstraintLaw
 from harness.files.tree import WORLD
 from harness.programs.kernels import BallKernel
-from harness.programs.mechanisms.constraint_forces import Softness, softened_program
+from harness.programs.mechanisms.constraint_forces import Softness
 from harness.programs.mechanisms.mechanism import RESIDUAL
 from harness.programs.program import without_unused
 from harness.programs.states import States
@@ -33,6 +33,7 @@ from harness.trees.inverse_weights import inverse_weights_of
 from harness.trees.mechanism import TiedTree, tied_tree
 from harness.trees.robot import Robot
 from harness.truth.compare import compare
+from harness.truth.quantities.accelerations import softened
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
 
@@ -134,13 +135,11 @@ def _declared_truth(read: Meant, caller: Engine, numbers: Sequence[int]) -> Refe
         )
         for law, place in ((laws[name], place) for name, place in zip(rows, places, strict=True))
     ]
-    program, named = softened_program(tied.constraints, softness)
-    own = [(str(number), float(value), "") for number, value in enumerate(tied.parameters)]
-    tree = reference_of(robot).mechanism
-    parameters = (*own, *((name, value, "") for name, value in named))
-    mechanism = replace(tree, program=program, parameters=parameters, other_charts=(), charts_in_body=())
-    values = np.tile([value for _, value, _ in parameters], (len(states), 1))
-    columns = {name: len(own) + number for number, (name, _) in enumerate(named)}
+    own = tuple((str(number), float(value), "") for number, value in enumerate(tied.parameters))
+    mechanism = replace(reference_of(robot).mechanism, parameters=own, constraints=tied.constraints, other_charts=(), charts_in_body=())
+    mechanism = replace(softened(mechanism, softness), constraints=None)
+    values = np.tile(mechanism.parameter_values, (len(states), 1))
+    columns = {name: column for column, (name, _, _) in enumerate(mechanism.parameters)}
     for row, impedances in enumerate(_impedances(tied, states, laws).T):
         values[:, columns[f"{rows[row]}[{row}] impedance"]] = impedances
     return ReferenceKernel(mechanism).evaluate(states, values)

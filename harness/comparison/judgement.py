@@ -43,7 +43,9 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, aided: bool) -> Sub
         rest = why_refused(meant.robot, answers.element)
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
-        return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=_of_undetermined(meant, answers))
+        finite = int(np.isfinite(answers.of(meant.robot.joints)).all(axis=1).sum())
+        message = f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
+        return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=message)
     readings = find_readings(caller.name, meant.robot.format, caller.reader)
     folded = fold(meant.robot, (one for one in readings if not (aided and one.supplied)))
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
@@ -88,11 +90,6 @@ def _lost(after: Comparison, cause: str) -> str:
     known = after.known("backward_error")
     count = f"{int((known > AGREEMENT).sum())} of {counted(len(after), 'state')}"
     return f"it loses digits at {count}, up to {error_text(float(known.max()))} data roundoffs: {cause}"
-
-
-def _of_undetermined(meant: Meant, answers: EngineAnswers) -> str:
-    finite = int(np.isfinite(answers.of(meant.robot.joints)).all(axis=1).sum())
-    return f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
 
 
 def subject_of(meant: Meant, caller: Engine, aided: bool) -> dict[str, Any]:

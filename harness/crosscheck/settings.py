@@ -1,19 +1,25 @@
-"""The choice of a cross-check, the states stored for it, and the commands that repeat it."""
+"""The choice of a cross-check, the states stored for it, the commands that repeat it, and the run in which it is made."""
 
 from __future__ import annotations
 
 import json
+import os
+import platform
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 
+from harness.engines import engine_files
+from harness.environments import split_name
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.hard_states import load_found, path_of
-from harness.results.records import ACCELERATIONS, quantity_options
+from harness.results.records import ACCELERATIONS, Run, quantity_options
+from harness.version import __version__, version_of
 
 DEFAULT_STATES = 1000
 # States of a run that hypothesis chooses; the rest is sampled in bulk.
@@ -77,3 +83,27 @@ def stored_states(library: Library, mechanism: Mechanism) -> States | None:
             raise InvalidInput(path_of(library, mechanism.name), None, f"{problem}; {expected}")
         distinct[json.dumps(found.state)] = found.state
     return States.concatenate([States.at(**state) for state in distinct.values()]) if distinct else None
+
+
+def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str], workers: str) -> Run:
+    """Versions, machine and settings of a run that starts now; ``workers`` is how many processes it is spread over."""
+    versions = {"harness": __version__, "python": platform.python_version()}
+    for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
+        versions[distribution] = version_of(distribution)
+    known = {name: file for name, file in engine_files(library).items() if not split_name(name)[1]}
+    engines = {name: file for name, file in known.items() if file.version is not None}
+    versions |= {file.requires[1]: str(file.version) for file in engines.values()}
+    machine = {"system": platform.system(), "processor": platform.machine(), "cpus": str(os.cpu_count()), "worker processes": workers}
+    # Of other programs: at the start none of the run's own is at work.
+    machine |= {"load": f"{os.getloadavg()[0]:.2f} at the start"} if hasattr(os, "getloadavg") else {}
+    return Run(
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        versions=versions,
+        machine=machine,
+        seed=seed,
+        profile=profile,
+        states=states,
+        library=library.name,
+        command=shlex.join(command),
+        engines={name: str(file.version) for name, file in engines.items()},
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
@@ -129,7 +130,9 @@ class Explanations(Study):
     def __init__(self, settings: Settings, records: Sequence[Record], before: str, after: str) -> None:
         super().__init__()
         self._library, self._seed, self._versions = settings.library, settings.seed, (before, after)
-        old, new = ({(one.system, one.subject) for one in _answered(of_version(records, version))} for version in (before, after))
+        old, new = (
+            {(one.system, one.subject) for one in of_version(records, version) if one.verdict in _ANSWERED} for version in (before, after)
+        )
         self._keys = sorted(old & new)
         self.steps = len(self._keys)
         self._found: list[RunChange] = []
@@ -149,10 +152,6 @@ class Explanations(Study):
         return self._found
 
 
-def _answered(records: Iterable[Record]) -> Iterator[Record]:
-    return (record for record in records if record.verdict in _ANSWERED)
-
-
 _Answer = TypeVar("_Answer")
 
 
@@ -167,11 +166,5 @@ def first_changed(
     first = ask(versions[0])
     if not changed(first, ask(versions[-1])):
         return None
-    same, other = 0, len(versions) - 1
-    while other - same > 1:
-        middle = (same + other) // 2
-        if changed(first, ask(versions[middle])):
-            other = middle
-        else:
-            same = middle
-    return versions[same], versions[other]
+    place = bisect_left(versions, True, 1, len(versions) - 1, key=lambda version: changed(first, ask(version)))
+    return versions[place - 1], versions[place]

@@ -15,10 +15,9 @@ from catalogue import BUILT_IN, VARIANTS
 from support import cross_checked, harness, make_library
 
 from harness.arrays import Array
-from harness.crosscheck.description import describe_run
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.run import CrossCheck
-from harness.crosscheck.settings import Settings
+from harness.crosscheck.settings import Settings, describe_run
 from harness.engines import load_engine
 from harness.engines.adapters.mujoco import urdf as mujoco_urdf
 from harness.engines.adapters.pinocchio import mjcf as pinocchio_mjcf

@@ -97,7 +97,7 @@ class Bracket:
 
     def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
-        from harness.crosscheck.description import describe_run
+        from harness.crosscheck.settings import describe_run
 
         workers = "of a cluster" if self.scheduler else str(self.workers or os.cpu_count())
         self.run = describe_run(self.library, states, self.seed, profile, ["harness", *sys.argv[1:]], workers)
