@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,12 +21,12 @@ from harness.crosscheck.scene import Scene, with_parameters
 from harness.engines import Unsupported
 from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
-from harness.motion.integrators import Advance, Integrator
-from harness.motion.taylor import Path, Taylor
+from harness.motion.integrators import Integrator
+from harness.motion.taylor import Taylor
 from harness.motion.trajectories import HORIZON, Start, drift
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
-from harness.programs.program import StraightLineProgram
+from harness.programs.program import StraightLineProgram, without_unused
 from harness.results.benchmark import Drift
 from harness.study import Note
 from harness.truth.sampling import generic_sample
@@ -70,15 +70,8 @@ def without_dampers(scene: Scene) -> Scene:
 
 def _inputs_of(program: StraightLineProgram, output: str) -> set[int]:
     """Indices of the inputs that an output depends on."""
-    # An instruction only refers to instructions before it.
-    of: list[set[int]] = []
-    for operation, *operands in program.instructions:
-        if operation == "input":
-            of.append({operands[0]})
-        else:
-            used = {"integer_power": operands[:1], "rational": [], "pi": []}.get(operation, operands)
-            of.append(set().union(*(of[operand] for operand in used)))
-    return set().union(*(of[index] for index in program.outputs[output]))
+    alone = without_unused(replace(program, outputs={output: program.outputs[output]}))
+    return {operands[0] for operation, *operands in alone.instructions if operation == "input"}
 
 
 def drifts(scene: Scene, chosen: Sequence[Integrator], steps: int, note: Note, step: float = STEP, seconds: float = LONGEST) -> list[Drift]:
@@ -98,15 +91,15 @@ def drifts(scene: Scene, chosen: Sequence[Integrator], steps: int, note: Note, s
     for integrator in chosen:
         note(f"{conservative.name}: {integrator.name} over {steps} steps")
         try:
-            run = _runs(integrator, integrator.prepare(scene), start, step)
+            advance = integrator.prepare(scene)
         except Unsupported:
             continue
-        trial = min(steps, TRIAL_STEPS)
+        size, trial = TOLERANCE if integrator.adaptive else step, min(steps, TRIAL_STEPS)
         began = time.perf_counter()
-        run(trial, 1)
+        integrator.run(advance, replace(start, horizon=trial * step), size, trial, 1)
         allowed = seconds * trial / (time.perf_counter() - began)
         count = min(steps, max(KEPT, int(allowed) // KEPT * KEPT))
-        path = run(count, KEPT)
+        path = integrator.run(advance, replace(start, horizon=count * step), size, count, KEPT)
         energy = energies.along(path.q, path.v, path.times).energy
         errors = np.abs(energy - energy[0]) / largest_kinetic
         growth = growth_of(path.times, errors)
@@ -127,13 +120,6 @@ def drifts(scene: Scene, chosen: Sequence[Integrator], steps: int, note: Note, s
             )
         )
     return found
-
-
-def _runs(integrator: Integrator, advance: Advance, start: Start, step: float) -> Callable[[int, int], Path]:
-    """From numbers of steps and of states that are kept to the path."""
-    if integrator.adaptive:
-        return lambda count, kept: advance(replace(start, horizon=count * step), TOLERANCE, kept, 1)
-    return lambda count, kept: advance(start, step, count, max(1, count // kept))
 
 
 def growth_of(times: Array, errors: Array) -> float | None:

@@ -163,15 +163,12 @@ def _sweep(integrator: Integrator, advance: Advance, judge: MotionJudge, steps: 
 
 def _run(integrator: Integrator, advance: Advance, start: Start, size: float, count: int) -> tuple[Path, float]:
     """A path with states kept along it, and the wall time of the motion when they are not."""
-    if integrator.adaptive:
-        elapsed = min(advance(start, size, 1, 1).seconds for _ in range(REPETITIONS))
-        return advance(start, size, KEPT, 1), elapsed
-    step = start.horizon / count
+    size = size if integrator.adaptive else start.horizon / count
     if count > FEWEST_STEPS:
-        path = advance(start, step, count, count // KEPT)
+        path = integrator.run(advance, start, size, count, KEPT)
         return path, path.seconds
-    elapsed = min(advance(start, step, count, count).seconds for _ in range(REPETITIONS))
-    return advance(start, step, count, max(1, count // KEPT)), elapsed
+    elapsed = min(integrator.run(advance, start, size, count, 1).seconds for _ in range(REPETITIONS))
+    return integrator.run(advance, start, size, count, KEPT), elapsed
 
 
 def _nothing(system: str, integrator: Integrator, size: float | None, reason: str) -> MotionCost:

@@ -58,6 +58,10 @@ class Integrator:
     explain: Callable[[Scene, Start, float], str] | None = None
     of: tuple[str, ...] = (MECHANISMS,)
 
+    def run(self, advance: Advance, start: Start, size: float, count: int, kept: int) -> Path:
+        """The motion in ``count`` steps of ``size`` [s], or to the tolerance ``size``, of which about ``kept`` states are kept."""
+        return advance(start, size, kept, 1) if self.adaptive else advance(start, size, count, max(1, count // kept))
+
 
 _INTEGRATORS = Registry(__name__, Integrator, "integrator")
 
