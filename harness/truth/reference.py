@@ -8,7 +8,8 @@ Beside it stands the share of the motion and of the weight. Engines work in Cart
 and moments of weights are formed and cancel; the equations have lost these terms to algebra, so no derivative shows them. Of the motion
 it is half an ulp of twice the kinetic energy, as a torque on every rotating coordinate. Of the weight it is half an ulp of g sqrt(m):
 by Gauss's principle the accelerations are those that the joints leave of an acceleration of each element of mass, which makes none
-longer, and a fall of all elements at g is that long. Without the share a wheel that is carried along at 10 m/s, a pendulum at its dead
+longer, and a fall of all elements at g is that long; it counts where the exact answer is shorter than an eighth of it, so that weights
+cancel for the most part. Without the share a wheel that is carried along at 10 m/s, a pendulum at its dead
 centre, or a rod that hangs from a turntable would condemn every general algorithm. It depends on the observer, and ``compare`` grants
 it only to an answer that would fail without it.
 
@@ -57,6 +58,8 @@ _ENOUGH = 2.0**-68
 _STATES_AT_ONCE = 2048
 # Of every entry of M that an unstable factorisation may lose.
 ROUNDINGS = 16
+# Length of the exact answer, of a free fall, below which weights have cancelled for the most part.
+MOSTLY_CANCELLED = 1 / 8
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,8 @@ class Reference(Certified):
     Attributes:
         norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|.
         sensitivity: sum over inputs z of |dqdd/dz z|_M. share: of the motion, the sum over rotating
-            coordinates i of 2 T |M^-1 e_i|_M, and of the weight, g sqrt(m).
+            coordinates i of 2 T |M^-1 e_i|_M, and of the weight, g sqrt(m) where
+            the accelerations are much shorter.
         instability: 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
             are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
@@ -171,8 +175,6 @@ class ChartKernel:
         self.mechanism = mechanism
         self.program = program
         self.balls = BallSolver(mechanism, program)
-        # Length of a fall of all that moves.
-        self.weight = mechanism.gravity * math.sqrt(mechanism.total_mass)
 
     @functools.cached_property
     def encoded(self) -> Encoded | None:
@@ -246,7 +248,8 @@ class ChartKernel:
         return replace(found, certified=(found.radius <= CERTIFIED_RADIUS * found.sensitivity) & np.isfinite(found.sensitivity))
 
     def _reference(self, high: Array, low: Array, norms: Norms, sensitivity: Array, certified: Flags, bits: Indices) -> Reference:
-        lengths = norms.radius, norms.norm_factor, sensitivity, norms.motion + self.weight, norms.instability, norms.condition
+        share = norms.motion + self._cancelled_weight(norms.norm_factor, high)
+        lengths = norms.radius, norms.norm_factor, sensitivity, share, norms.instability, norms.condition
         return Reference(high, low, *lengths, certified, bits)
 
     def _sensitivity(self, inputs: Array, scales: Array, accelerations: Array, scale: Array, factor: Array) -> tuple[Array, Flags]:
@@ -259,6 +262,11 @@ class ChartKernel:
         inverse = forward_substitute(factor, np.broadcast_to(np.eye(self.mechanism.nv)[:, :, None], factor.shape))
         doubt = self.encoded.gamma * np.sqrt((inverse**2).sum(axis=(0, 1))) * (sizes * scales).sum(axis=1)
         return found, self._is_believed(found, doubt, condition_number(factor))
+
+    def _cancelled_weight(self, norm_factor: Array, accelerations: Array) -> Array:
+        """Length of a fall of all that moves, where the exact answer is so short that most of it has cancelled; 0 elsewhere."""
+        fall = self.mechanism.gravity * math.sqrt(self.mechanism.total_mass)
+        return np.where(energy_norm(norm_factor, accelerations) < MOSTLY_CANCELLED * fall, fall, 0.0)
 
     def _is_believed(self, sensitivity: Array, doubt: Array, condition: Array) -> Flags:
         # Substituting into the factor of M costs the root of its condition number.

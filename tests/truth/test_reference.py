@@ -131,7 +131,8 @@ def test_data_roundoff_is_what_half_an_ulp_in_every_input_does(plain_mechanism: 
     for index in range(len(states)):
         sensitivity, motion = exact_sensitivity(plain_exact, flat(plain_exact, states, index))
         assert float(sensitivity) == pytest.approx(reference.sensitivity[index], rel=1e-6)
-        weight = plain_mechanism.gravity * math.sqrt(plain_mechanism.total_mass)
+        fall = plain_mechanism.gravity * math.sqrt(plain_mechanism.total_mass)
+        weight = fall if reference.size[index] < fall / 8 else 0.0
         assert float(motion) + weight == pytest.approx(reference.share[index], rel=1e-6)
         assert reference.data_roundoff[index] == 2.0**-53 * reference.sensitivity[index]
 
