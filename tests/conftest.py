@@ -53,7 +53,7 @@ CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
 # files beside the rooms, so that no processor is left with one of their files in the end.
 SLOW_ROOMS = (
     "workers", "commands", "crosscheck", "diagnosis", "environments", "hostile", "night", "tests", "upgrade",
-    "systems", "equations", "motion",
+    "systems", "lagrange", "motion",
 )  # fmt: skip
 
 
