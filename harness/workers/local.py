@@ -39,19 +39,15 @@ class LocalPool:
     """At most ``count`` processes; one more starts when a task waits that no idle one may take."""
 
     def __init__(self, count: int, time_limit: float) -> None:
-        self._count = count
+        # Number of tasks that can run at once.
+        self.seats = count
         self._time_limit = time_limit
         self._processes: list[_Process] = []
         self._owners: dict[Hashable, _Process] = {}
 
-    @property
-    def seats(self) -> int:
-        """Number of tasks that can run at once."""
-        return self._count
-
     def close(self) -> None:
         """Kill the processes; nothing runs afterwards."""
-        self._count = 0
+        self.seats = 0
         for process in list(self._processes):
             self._remove(process)
 
@@ -60,7 +56,7 @@ class LocalPool:
         run = _LocalRun(tasks)
         try:
             while run.queue or run.done or any(process.run is run for process in self._processes):
-                if run.queue and not self._count:
+                if run.queue and not self.seats:
                     raise RuntimeError("the context of these workers has ended")
                 self._give_out(run)
                 if not run.done:
@@ -78,7 +74,7 @@ class LocalPool:
         idle = [process for process in self._processes if process.run is None]
         for process in sorted(idle, key=lambda process: not run.queue.owned_by(process, self._owners)):
             self._start(run, process)
-        while len(self._processes) < self._count and self._start(run, None):
+        while len(self._processes) < self.seats and self._start(run, None):
             pass
 
     def _start(self, run: _LocalRun, process: _Process | None) -> bool:
@@ -98,7 +94,7 @@ class LocalPool:
                 if not self._processes:
                     raise
                 # The system has no room for more; those that run do the work.
-                self._count = len(self._processes)
+                self.seats = len(self._processes)
                 run.queue.add([task])
                 return False
             self._processes.append(process)

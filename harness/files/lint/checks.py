@@ -117,14 +117,12 @@ def check_elements(document: Document, model_format: str) -> None:
     declared = _declared_decoration(document, model_format)
     for element, path in _understood(document, model_format, declared):
         _check_attributes(document, element, model_format, path, declared)
-    for element, tags in _of_places(document, formats.AT_MOST_ONE[model_format]):
+    for element, (single, required) in _of_places(document, formats.CHILDREN[model_format]):
         found = [child.tag for child in element]
-        for tag in tags if len(set(found)) < len(found) else ():
+        for tag in single if len(set(found)) < len(found) else ():
             for repeated in element.findall(tag)[1:]:
                 document.refuse(repeated, f"second <{tag}> in {describe(element)}; expected one, keep the right one")
-    for element, tags in _of_places(document, formats.REQUIRED[model_format]):
-        found = [child.tag for child in element]
-        for tag in tags:
+        for tag in required:
             if tag not in found:
                 document.refuse(element, f"{describe(element)} has no <{tag}>; add it")
     for element, rules in _of_places(document, formats.ALSO[model_format]):

@@ -220,28 +220,18 @@ DECORATIVE_ATTRIBUTES: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "urdf": {},
 }
 
-# format -> element path -> children it cannot do without
-REQUIRED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "mjcf": {},
+_OF_GAZEBO, _OF_TRANSMISSION = ("springStiffness", "springReference"), ("joint", "actuator")
+# format -> element path -> children of which readers silently take one, and children it cannot do without
+CHILDREN: Mapping[str, Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
+    "mjcf": {".//body": (("inertial",), ())},
     "urdf": {
-        "joint": ("parent", "child"),
-        "joint[@type='revolute']": ("limit",),
-        "joint[@type='prismatic']": ("limit",),
-        "link/inertial": ("mass", "inertia"),
-        "gazebo": ("springStiffness", "springReference"),
-        "transmission": ("joint", "actuator"),
-    },
-}
-
-# format -> element path -> children of which readers silently take one
-AT_MOST_ONE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "mjcf": {".//body": ("inertial",)},
-    "urdf": {
-        "link": ("inertial",),
-        "link/inertial": ("origin", "mass", "inertia"),
-        "joint": ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic"),
-        "gazebo": ("springStiffness", "springReference"),
-        "transmission": ("type", "joint", "actuator"),
+        "link": (("inertial",), ()),
+        "link/inertial": (("origin", "mass", "inertia"), ("mass", "inertia")),
+        "joint": (("parent", "child", "origin", "axis", "limit", "dynamics", "mimic"), ("parent", "child")),
+        "joint[@type='revolute']": ((), ("limit",)),
+        "joint[@type='prismatic']": ((), ("limit",)),
+        "gazebo": (_OF_GAZEBO, _OF_GAZEBO),
+        "transmission": (("type", *_OF_TRANSMISSION), _OF_TRANSMISSION),
     },
 }
 
@@ -256,7 +246,7 @@ def context_of(model_format: str, path: Sequence[str]) -> str:
 
 def rules_at(model_format: str, path: Sequence[str]) -> Attributes | None:
     """Attributes of the element at ``path``, tags from the root down; None where it is not understood."""
-    for depth in range(len(path)):
-        if path[depth] not in SUPPORTED[model_format].get(context_of(model_format, path[:depth]), {}):
-            return None
+    holders = ((SUPPORTED[model_format].get(context_of(model_format, path[:depth]), {}), tag) for depth, tag in enumerate(path))
+    if any(tag not in known for known, tag in holders):
+        return None
     return SUPPORTED[model_format][context_of(model_format, path[:-1])][path[-1]]

@@ -5,14 +5,14 @@ A file that passes has been read: here stands what is well-defined, but taken di
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from lxml import etree
 
 from harness.errors import InvalidModel
 from harness.files.document.source import children, positive
 from harness.files.document.xml import Document, describe, shorten
-from harness.files.equalities import Linkage, Meeting, TendonLinkage
+from harness.files.equalities import Linkage, Meeting
 from harness.files.lint.checks import check_inertia
 from harness.files.lint.formats import SOLVER_OPTIONS
 from harness.files.mjcf.attributes import JOINTS, ORIENTATIONS, is_on, resolved
@@ -118,31 +118,21 @@ def _check_equalities(document: Document, reading: Meaning) -> None:
         said = equality.says
         if said is None:
             document.refuse(element, f"{describe(element)} {equality.why_not}")
+        tied: tuple[str | None, ...]
+        held: list[etree._Element] = []
+        problem = f"couples {equality.couples} {{!r}} to itself; name another one"
         if isinstance(said, Meeting):
-            ends = [sites[element.get(name)] for name in ("site1", "site2")]
-            if said.bodies[0] == said.bodies[1]:
-                what = f"holds two sites of body {said.bodies[0]!r} together"
-                document.refuse(element, f"{describe(element)} {what}; name one of another body")
-            for site in ends:
-                _check_site(document, site, turned=element.tag == "weld")
+            tied, held = said.bodies, [sites[element.get(name)] for name in ("site1", "site2")]
+            problem = "holds two sites of body {!r} together; name one of another body"
         elif isinstance(said, Linkage):
-            _refuse_itself(document, element, "joint", said.joint, said.leader)
+            tied = said.joint, said.leader
         else:
-            _refuse_itself(document, element, "tendon", said.tendon.name, None if said.leader is None else said.leader.name)
-            for site in _sites_of(said, tendons, sites):
-                _check_site(document, site, turned=False)
-
-
-def _refuse_itself(document: Document, element: etree._Element, what: str, name: str, leader: str | None) -> None:
-    if name == leader:
-        document.refuse(element, f"{describe(element)} couples {what} {name!r} to itself; name another one")
-
-
-def _sites_of(
-    said: TendonLinkage, tendons: dict[str | None, etree._Element], sites: dict[str | None, etree._Element]
-) -> Iterator[etree._Element]:
-    for tendon in said.tendons:
-        yield from (sites[part.get("site")] for part in tendons[tendon.name].iterchildren("site"))
+            tied = tuple(one.name for one in said.tendons)
+            held = [sites[part.get("site")] for name in tied for part in tendons[name].iterchildren("site")]
+        if len(set(tied)) < len(tied):
+            document.refuse(element, f"{describe(element)} {problem.format(tied[0])}")
+        for site in held:
+            _check_site(document, site, turned=element.tag == "weld")
 
 
 def _check_site(document: Document, site: etree._Element, turned: bool) -> None:
