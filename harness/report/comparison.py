@@ -70,7 +70,7 @@ def file_sections(found: FilesComparison) -> Iterator[Section]:
 def pair_sections(found: FilesComparison) -> Iterator[Section]:
     """The files held against the first of them."""
     for pair in found.pairs:
-        yield Section(f"{Path(pair.first).name} and {Path(pair.second).name}", [*_pair(pair)])
+        yield Section(f"{Path(pair.first).name} and {Path(pair.second).name}", _pair(pair))
 
 
 def gap_sections(found: Gaps) -> Iterator[Section]:
@@ -175,26 +175,23 @@ def lines_text(lines: Sequence[int]) -> str:
 
 def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
     for file in files:
-        if file.problem:
-            yield f"{file.path}: {file.problem}"
-            continue
-        followers = f" ({file.followers} of them mimic another)" if file.followers else ""
-        gravity = " ".join(f"{component:g}" for component in file.gravity)
-        yield (
-            f"{file.path}: {file.format.upper()}, {file.bodies} bodies, {counted(file.joints, 'joint')}"
-            f"{followers}, {file.degrees_of_freedom} degrees of freedom, {file.total_mass:.6g} kg, gravity {gravity} m/s^2"
-        )
-        if file.remark:
-            yield f"  {file.remark}"
-        elif file.degrees_of_freedom:
-            undecided = f", of which {file.undecided} have none: M is singular or not positive definite there" if file.undecided else ""
-            yield f"  certified accelerations at {counted(file.states, 'state')}{undecided}"
-        if file.meshes:
-            count = f"{len(file.meshes)} mesh{'es' if len(file.meshes) > 1 else ''}"
-            yield f"  inertia of {count} as MuJoCo compiled it ({lines_text(file.meshes)}): not judged"
-        for part in file.left_out:
-            bearing = "would move it, and is off in every engine" if part.bears_on_motion else "bears on no acceleration"
-            yield f"  left out: {part.what}, {len(part.lines)} ({lines_text(part.lines)}): {bearing}"
+        yield from [f"{file.path}: {file.problem}"] if file.problem else filter(None, _description(file))
+
+
+def _description(file: FileRecord) -> list[str]:
+    followers = f" ({file.followers} of them mimic another)" if file.followers else ""
+    gravity = " ".join(f"{component:g}" for component in file.gravity)
+    undecided = f", of which {file.undecided} have none: M is singular or not positive definite there" if file.undecided else ""
+    certified = f"  certified accelerations at {counted(file.states, 'state')}{undecided}" if file.degrees_of_freedom else ""
+    meshes = f"{len(file.meshes)} mesh{'es' if len(file.meshes) > 1 else ''}"
+    bearing = {True: "would move it, and is off in every engine", False: "bears on no acceleration"}
+    return [
+        f"{file.path}: {file.format.upper()}, {file.bodies} bodies, {counted(file.joints, 'joint')}"
+        f"{followers}, {file.degrees_of_freedom} degrees of freedom, {file.total_mass:.6g} kg, gravity {gravity} m/s^2",
+        f"  {file.remark}" if file.remark else certified,
+        f"  inertia of {meshes} as MuJoCo compiled it ({lines_text(file.meshes)}): not judged" if file.meshes else "",
+        *(f"  left out: {one.what}, {len(one.lines)} ({lines_text(one.lines)}): {bearing[one.bears_on_motion]}" for one in file.left_out),
+    ]
 
 
 def _impossible(found: FilesComparison) -> Iterator[str]:
@@ -212,24 +209,25 @@ def _impossible(found: FilesComparison) -> Iterator[str]:
 
 def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     for subject in subjects:
-        if not (subject.readings or subject.notes or subject.message or subject.lost_digits):
-            continue
-        yield f"{subject.subject}, {subject.kind}: {subject.outcome}"
-        if subject.message:
-            yield f"  {'it says: ' if subject.outcome == 'refused' else ''}{subject.message}"
-        if subject.outcome == "refused":
-            yield from (f"  {sentence}" for sentence in subject.rest[:MOST_LINES])
-        yield from (f"  {note}" for note in subject.notes)
-        for reading in sorted(subject.readings, key=lambda one: -(one.alone or 0.0)):
-            yield f"  {reading.sentence}: {_count(reading)}, {lines_text(reading.lines)}; {reading.moves}"
-            yield f"    {reading.source}"
-        if subject.readings and subject.left is not None:
-            these = "these readings" if len(subject.readings) > 1 else "this reading"
-            yield f"  with {these} {error_text(subject.left)} data roundoffs are left"
-        if subject.cancels:
-            yield "  together they cancel: the answer is that of the file"
-        if subject.lost_digits:
-            yield f"  {subject.lost_digits}"
+        if subject.readings or subject.notes or subject.message or subject.lost_digits:
+            yield f"{subject.subject}, {subject.kind}: {subject.outcome}"
+            yield from filter(None, _reading_lines(subject))
+
+
+def _reading_lines(subject: SubjectRecord) -> list[str]:
+    is_refused = subject.outcome == "refused"
+    readings = sorted(subject.readings, key=lambda one: -(one.alone or 0.0))
+    told = [(f"  {one.sentence}: {_count(one)}, {lines_text(one.lines)}; {one.moves}", f"    {one.source}") for one in readings]
+    these = "these readings" if len(readings) > 1 else "this reading"
+    return [
+        f"  {'it says: ' if is_refused else ''}{subject.message}" if subject.message else "",
+        *(f"  {sentence}" for sentence in subject.rest[: MOST_LINES if is_refused else 0]),
+        *(f"  {note}" for note in subject.notes),
+        *(line for lines in told for line in lines),
+        f"  with {these} {error_text(subject.left)} data roundoffs are left" if readings and subject.left is not None else "",
+        "  together they cancel: the answer is that of the file" if subject.cancels else "",
+        f"  {subject.lost_digits}" if subject.lost_digits else "",
+    ]
 
 
 def _equalities(found: FilesComparison, file: FileRecord) -> Iterator[str]:
@@ -278,25 +276,24 @@ def _unexplained(found: FilesComparison) -> Iterator[str]:
             yield from (f"  {sentence}" for sentence in subject.rest)
 
 
-def _pair(pair: PairRecord) -> Iterator[str | Table]:
+def _pair(pair: PairRecord) -> list[str | Table]:
     if pair.problem:
-        yield pair.problem
-        return
+        return [pair.problem]
     error = "" if pair.backward_error is None else f": {error_text(pair.backward_error)} data roundoffs apart"
     relative = "" if not pair.relative_error else f", {pair.relative_error:.2g} of the accelerations"
-    verdict = "the same robot" if pair.same else "not the same robot"
-    yield f"{verdict}{error}{relative}"
-    if pair.equivalent and pair.differences:
-        yield "  their numbers differ, and no acceleration feels it"
-    yield from (f"  {remark}" for remark in pair.remarks)
-    if pair.differences:
-        columns: dict[Column | str, str | Callable[[Any], object]] = {
-            "what": "what",
-            Path(pair.first).name: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
-            Path(pair.second).name: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
-            Column("alone it moves qdd by", "error"): "alone",
-        }
-        yield Table.of(pair.differences, columns, "Differences, the one that moves the accelerations most first.")
+    columns: dict[Column | str, str | Callable[[Any], object]] = {
+        "what": "what",
+        Path(pair.first).name: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
+        Path(pair.second).name: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
+        Column("alone it moves qdd by", "error"): "alone",
+    }
+    table = Table.of(pair.differences, columns, "Differences, the one that moves the accelerations most first.")
+    return [
+        f"{'the same robot' if pair.same else 'not the same robot'}{error}{relative}",
+        *(["  their numbers differ, and no acceleration feels it"] if pair.equivalent and pair.differences else []),
+        *(f"  {remark}" for remark in pair.remarks),
+        *([table] if pair.differences else []),
+    ]
 
 
 def published(found: FilesComparison, names: Mapping[str, str] | None = None) -> FilesComparison:

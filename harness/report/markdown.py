@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from harness.report import benchmarks, hard_cases
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
+from harness.report.site_tables import expectation
 from harness.report.summary import Summary, changes_table, states_of, worst
 from harness.results.records import Record, Records
 from harness.results.table import Cell, Column, Table, error_text, grouped, markdown_cell, markdown_line, printable
@@ -104,10 +105,7 @@ def _matrix(summary: Summary) -> Table:
 
 def _verdict_cell(records: Sequence[Record]) -> Cell:
     """The records of one pair, nearly always one."""
-    notes = []
-    for record in records:
-        expected = "as expected" if record.as_expected else f"expected: {record.expected}"
-        notes += [error_text(record.backward_error), *([expected] if not record.as_expected or record.expected != "agrees" else [])]
+    notes = [note for record in records for note in (error_text(record.backward_error), *expectation(record))]
     mark = "" if all(record.as_expected for record in records) else "✗ "
     return Cell(mark + "; ".join(record.verdict for record in records), notes)
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from statistics import median
+from typing import TYPE_CHECKING
 
 from harness.results.site import (
     FeatureLine,
@@ -21,6 +22,9 @@ from harness.results.site import (
 from harness.results.table import Cell, Column, Table, error_text, grouped
 from harness.results.trend_numbers import change_of
 from harness.verdict import SEVERITY, Verdict, gravest
+
+if TYPE_CHECKING:
+    from harness.results.records import Record
 
 INDEX, BENCHMARK, HARD, ROBOTS = "index.html", "benchmark.html", "hard.html", "robots.html"
 
@@ -158,19 +162,22 @@ def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str
     if not cells:
         return Cell(absent, tone="empty", fills=True, attributes={**attributes, "data-verdict": absent})
     is_surprise = not all(cell.as_expected for cell in cells)
-    notes = []
-    for cell in cells:
-        expected = "as expected" if cell.as_expected else f"expected: {cell.expected}"
-        error = [] if cell.backward_error is None else [error_of(cell.backward_error)]
-        notes += [*error, *([expected] if not cell.as_expected or cell.expected != "agrees" else [])]
+    errors = [[] if cell.backward_error is None else [error_of(cell.backward_error)] for cell in cells]
+    notes = [note for cell, error in zip(cells, errors, strict=True) for note in (*error, *expectation(cell))]
     looks = "agrees" if all(cell.agrees for cell in cells) else gravest(cell.verdict for cell in cells)
-    first = cells[0]
+    first, outcomes = cells[0], "; ".join(cell.outcome for cell in cells)
     numbers = {"error": first.backward_error, "median": first.median_backward_error, "seconds": first.seconds_per_state}
     data = {f"data-{name}": str(number) for name, number in numbers.items() if number is not None}
-    data |= {"data-verdict": "; ".join(cell.outcome for cell in cells), "data-agrees": "yes" if looks == "agrees" else "no"}
-    data |= {"data-expected": "no" if is_surprise else "yes"}
-    words = ("✗ " if is_surprise else "") + data["data-verdict"]
-    return Cell(words, notes, looks + (" surprise" if is_surprise else ""), fills=True, link=first.page, attributes={**attributes, **data})
+    data |= {"data-verdict": outcomes, "data-agrees": "yes" if looks == "agrees" else "no", "data-expected": "no" if is_surprise else "yes"}
+    mark, tone = ("✗ ", f"{looks} surprise") if is_surprise else ("", looks)
+    return Cell(f"{mark}{outcomes}", notes, tone, fills=True, link=first.page, attributes={**attributes, **data})
+
+
+def expectation(found: SiteCell | Record) -> list[str]:
+    """A note where the verdict is not the expected one, or the expected one is not agreement."""
+    if found.as_expected:
+        return [] if found.expected == "agrees" else ["as expected"]
+    return [f"expected: {found.expected}"]
 
 
 def engines(site: Site) -> Table:
