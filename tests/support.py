@@ -35,7 +35,7 @@ from harness.library import MODEL_SUFFIXES
 from harness.programs.program import StraightLineProgram
 from harness.results.records import ACCELERATIONS, Record
 from harness.storage import cache_directory
-from harness.study import Study, run_study
+from harness.study import Study, complete
 from harness.workers import Outcome, Task, Workers
 
 _ENGINE = """
@@ -322,9 +322,7 @@ def _note_where(tasks: Iterable[Task]) -> None:
 
 def completed(study: Study, workers: Any) -> Any:
     """The result of a study after it has run to the end."""
-    for _ in run_study(study, workers):
-        pass
-    return study.result()
+    return complete(study, workers)
 
 
 def cross_checked(settings: Settings, workers: Any = None) -> tuple[list[Record], CrossCheck]:

@@ -178,25 +178,20 @@ class RobotDiagnoses(RobotComparison):
         )
         super().__init__(compared, "diagnosis")
 
-    def causes(self) -> list[Cause]:
-        """Of each wrong record that the comparison speaks of, by system and subject."""
+    def result(self) -> Any:
+        """A ``Cause`` of each wrong record that the comparison speaks of, by system and subject."""
         aided = {(record.path, record.subject): record for record in super().result().subjects}
         found = [(record, aided.get((str(Path(record.system)), record.subject))) for record in self._wrong]
         causes = [_cause(record, known) for record, known in found if known is not None]
         return sorted(causes, key=lambda cause: (cause.system, cause.subject))
 
-    def result(self) -> Any:
-        return self.causes()
-
 
 def _cause(record: Record, known: SubjectRecord) -> Cause:
     refuses = known.verdict == Verdict.UNSUPPORTED
     inference = f"the file is the truth, and {record.subject} {'refuses' if refuses else 'differs from'} it"
-    return Cause(system=record.system, subject=record.subject, inference=inference, first_line="; ".join(_sentences(known)) or inference)
-
-
-def _sentences(known: SubjectRecord) -> Iterator[str]:
+    sentences = []
     for reading in sorted(known.readings, key=lambda one: -(one.alone or 0.0)):
         lines = ", ".join(map(str, reading.lines))
-        yield f"{reading.sentence}{f' (lines {lines})' if lines else ''}"
-    yield from known.rest
+        sentences.append(f"{reading.sentence}{f' (lines {lines})' if lines else ''}")
+    first = "; ".join([*sentences, *known.rest]) or inference
+    return Cause(system=record.system, subject=record.subject, inference=inference, first_line=first)

@@ -43,7 +43,7 @@ class Pair:
     Attributes:
         quantity: what it is asked for. assignment: with what it is asked; None until that is known, and where it cannot be.
         componentwise: the componentwise backward error at the worst state; None where it was not measured.
-        counts: of verdicts. distribution: of backward errors by half decade. backward: those that are known, part by part.
+        counts: of verdicts. backward: the backward errors that are known, part by part.
         granted: to how many answers the share of motion and weight was. left_of_zero: of those whose exact value is zero, how many
             there are and their largest component. in_balls: how many truths took ball arithmetic.
         sampled: the backward errors among them, and verdicts, that are of sampled states.
@@ -65,7 +65,6 @@ class Pair:
     granted: int = 0
     left_of_zero: tuple[int, float] = (0, 0.0)
     in_balls: int = 0
-    distribution: Counter[str] = field(default_factory=Counter)
     backward: list[Array] = field(default_factory=list)
     shown: tuple[States, Comparison] | None = None
     sampled: list[Array] = field(default_factory=list)
@@ -103,14 +102,12 @@ class Pair:
         """Take the judgement of the answers at ``states``; ``sampled`` are those of the sample."""
         if not len(states):
             return
-        backward = comparison.known("backward_error")
         self.counts.update(comparison.verdicts.tolist())
         self.granted += int(comparison.granted.sum())
         left = comparison.left_of_zero
         self.left_of_zero = self.left_of_zero[0] + int(np.count_nonzero(left)), max(self.left_of_zero[1], float(left.max()))
         self.in_balls += int(comparison.in_balls.sum())
-        self.distribution.update(distribution_of(backward))
-        self.backward.append(backward)
+        self.backward.append(comparison.known("backward_error"))
         self.sampled.append(comparison[sampled].known("backward_error"))
         self.sampled_verdicts.update(comparison[sampled].verdicts.tolist())
         before = () if self.shown is None else (self.shown,)
@@ -174,7 +171,7 @@ def record_of(settings: Settings, expectations: Expectations, system: SystemProg
         median_bounds=_bounds(sample, 0.5),
         percentile_99_bounds=_bounds(sample, 0.99),
         unstable_share=verdicts[Verdict.UNSTABLE.value] / max(1, verdicts.total()),
-        distribution=dict(pair.distribution),
+        distribution=distribution_of(backward),
         verdict_counts=dict(counts),
         granted=pair.granted,
         in_balls=pair.in_balls,

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import toy_engine
 from comparison.robots import FILES
-from support import BUILT_IN, InThisProcess
+from support import BUILT_IN, InThisProcess, completed
 
 from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
 from harness.comparison.study import ComparisonSettings, RobotComparison
@@ -20,7 +20,6 @@ from harness.engines.request import Refused
 from harness.errors import InvalidRequest
 from harness.explain.changes import readings
 from harness.results.comparison import SubjectRecord
-from harness.study import run_study
 from harness.workers import Workers
 
 # What is right, what has a wrong number, and what leaves the damper out; a version whose program has no such function.
@@ -99,10 +98,9 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]:
     study = RobotComparison(ComparisonSettings([path], states=8, subjects=subjects))
-    for _ in run_study(study, InThisProcess()):
-        pass
+    found = completed(study, InThisProcess())
     assert not study.faults
-    return {(one.subject, one.kind): one for one in study.result().subjects}
+    return {(one.subject, one.kind): one for one in found.subjects}
 
 
 def test_an_adapter_is_a_file_and_its_engine_is_asked_in_its_environment(toy: Path) -> None:
