@@ -13,9 +13,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.comparison.gap import LENGTH, OWN_RULES, Motion, advanced, gap_of
 from harness.comparison.matching import SameStates, match, renamed_to
-from harness.comparison.robot_library import RobotLibrary, engines_of_files, robot_at
+from harness.comparison.robot_library import engines_of_files, robot_at
 from harness.comparison.truth import fold, request_of
-from harness.engines import NotOffered, installed_version, load_engine, runs_elsewhere
+from harness.engines import NotOffered, installed_version, runs_elsewhere
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidModel, InvalidRequest
@@ -23,9 +23,9 @@ from harness.explain.changes.readings import find_readings
 from harness.files.document.xml import read_any
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import StepRule
-from harness.library import nearest
 from harness.motion.trajectories import Start
 from harness.programs.states import States
+from harness.registry import select
 from harness.results.gap import Gap, Gaps, Mover
 from harness.study import Inquiry, Part, Study, ask, call
 from harness.trees.mechanism import mechanism_of
@@ -60,10 +60,8 @@ class By:
             form = None
         if form is None or (length is not None and not 0 < length < np.inf):
             raise InvalidRequest(f"{text!r}: expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS, as mujoco/RK4@0.001")
-        if form["engine"] not in (known := engines_of_files()):
-            raise InvalidRequest(f"no engine is called {form['engine']!r}; {nearest(form['engine'], known)}")
+        (engine,) = select([form["engine"]], engines_of_files(), "engine")
         # Its steps are taken in this process, state by state.
-        engine = load_engine(RobotLibrary.without_files(), form["engine"])
         if runs_elsewhere(engine) or installed_version(engine) is None:
             raise InvalidRequest(
                 f"{form['engine']} is not installed beside the harness, where steps are taken; install {engine.requires[1]}"
@@ -158,11 +156,8 @@ def _prepare(settings: GapSettings) -> tuple[tuple[_Case, _Case], tuple[str, ...
         rules = [replace(rule, length=length) for rule in rules]
     counts = (settings.steps, _as_long(settings.steps, rules[0].length, rules[1].length))
     cases = tuple(_case(*each) for each in zip(robots, settings.by, rules, counts, strict=True))
-    mechanism = mechanism_of(cases[0].read)
-    start = Start.of(mechanism)
-    q, v = start.q, start.v
-    if settings.start:
-        q, v = _given(settings.start, len(q), len(v))
+    start = Start.of(mechanism_of(cases[0].read))
+    q, v = _given(settings.start, len(start.q), len(start.v)) if settings.start else (start.q, start.v)
     names = cases[0].read.joints
     _hold_coordinates(cases[0].read, cases[1].read, q, v)
     return (cases[0], cases[1]), names, (q, v)
@@ -180,14 +175,9 @@ def _given(text: str, nq: int, nv: int) -> tuple[Array, Array]:
 
 
 def _rule(robot: Robot, by: By) -> StepRule:
-    caller = engines_of_files()[by.engine]
-    own = caller.own_rules(read_any(robot.path, "a model").root, robot.format)
-    rules = own or OWN_RULES
-    known = {rule.name: rule for rule in rules}
-    if by.integrator not in known:
-        whose = "" if own else f" of one's own by {by.engine}'s accelerations"
-        raise InvalidRequest(f"no integrator{whose} is called {by.integrator!r}; {nearest(by.integrator, known)}")
-    rule = known[by.integrator]
+    own = engines_of_files()[by.engine].own_rules(read_any(robot.path, "a model").root, robot.format)
+    noun = "integrator" if own else f"integrator of one's own by {by.engine}'s accelerations"
+    (rule,) = select([by.integrator], {rule.name: rule for rule in own or OWN_RULES}, noun)
     return rule if by.length is None else replace(rule, length=by.length)
 
 
@@ -253,4 +243,4 @@ def _move(case: _Case, q: Array, v: Array, names: Sequence[str]) -> tuple[Array,
 
 def _gap(cases: Sequence[_Case], start: _Place, names: Sequence[str], ends: Sequence[_Place]) -> Gap:
     first, second = (Motion(step_forces(case.read.tree, names), case.rule, case.mover, *end) for case, end in zip(cases, ends, strict=True))
-    return gap_of(first, second, *start, mechanism_of(replace(cases[0].read, joints=tuple(names))).attitudes)
+    return gap_of(first, second, *start, mechanism_of(cases[0].read).attitudes)
