@@ -110,6 +110,16 @@ def test_a_joint_that_mimics_in_one_file_only_is_a_difference(tmp_path: Path) ->
     assert (found.differences[0].first, found.differences[0].second) == ("mimics left", "moves by itself")
 
 
+def test_a_joint_that_mimics_by_zero_is_compared_in_files_that_are_built_otherwise(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    still = edited(FILES / "mimic.urdf", tmp_path, ('multiplier="0.75"', 'multiplier="0"'))
+    tip = '<link name="tip"/><joint name="weld" type="fixed"><parent link="right_finger"/><child link="tip"/></joint></robot>'
+    other = edited(still, tmp_path / "other", ('<mass value="0.5"/>', '<mass value="0.625"/>'), ("</robot>", tip))
+    (found,) = pair(still, other).differences
+    # It moves nothing, for the joint stands still.
+    assert (found.first, found.second) == ("0.5", "0.625") and found.alone is not None and found.alone < 1e-12
+
+
 BALL = """<mujoco><compiler angle="radian"/><worldbody><body name="one" pos="0 0 1"{pose}>{joint}
 <inertial pos="{centre}" mass="2" diaginertia="0.25 0.5 0.375"{turned}/>
 <body name="two" pos="{arm}"{turned}><joint name="hinge" axis="0 1 0"/><inertial pos="0.1 0 0.3" mass="1" diaginertia="0.1 0.1 0.1"/></body>
