@@ -93,14 +93,9 @@ class Diagnoses(Study):
     def _read(self, name: str) -> Inquiry[None]:
         library, wrong = self._settings.library, [record for record in self._wrong if record.system == name]
         states = [state for record in wrong for state in _states_of(record)]
-        if (name, None) in self._crashes or not any(subject_named(record.subject).format != EQUATIONS for record in wrong):
-            return
-        paths = {
-            form: self._settings.stand_ins.get(form, library.model_path(name, form))
-            for form in MODEL_SUFFIXES
-            if (form in self._settings.stand_ins or library.has_model(name, form)) and (name, form) not in self._crashes
-        }
-        if paths:
+        own = {form: library.model_path(name, form) for form in MODEL_SUFFIXES if library.has_model(name, form)}
+        paths = {form: path for form, path in {**own, **self._settings.stand_ins}.items() if (name, form) not in self._crashes}
+        if paths and any(subject_named(record.subject).format != EQUATIONS for record in wrong):
             outcome = yield from ask(errors_of_files, library, name, paths, states, self._settings.seed, affinity=name)
             self._meanings[name] = outcome.value or {}
 

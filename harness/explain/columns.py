@@ -165,11 +165,11 @@ def find_columns(
     certified: Certified,
     changes: Iterable[Change],
     is_spent: Callable[[], bool] = lambda: False,
-    step_of: Callable[[Change], float] = lambda change: DIFFERENCE * change.scale,
+    relative: float = DIFFERENCE,
 ) -> list[ChangeColumn]:
     """Columns of all changes with a free value on which some answer depends, at the model as it is.
 
-    ``answer`` gives the answers to a text, None where it is refused; ``step_of`` the step of a value in either direction.
+    ``answer`` gives the answers to a text, None where it is refused; ``relative`` the step of a value in either direction, in its scale.
     Of changes of one kind and place, later ones stand in for those that are refused in both directions.
     """
     whitening = Whitening(certified)
@@ -181,7 +181,7 @@ def find_columns(
         identity = change.kind, change.place
         if change.start is None or (change.kind == NUMBER and identity in answered):
             continue
-        step = step_of(change)
+        step = relative * change.scale
         slope = derivative(answer, change.text, change.start, step)
         if slope is None:
             continue

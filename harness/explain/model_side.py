@@ -55,8 +55,7 @@ class ModelSide(Side):
 
     def columns(self, changes: Sequence[Change], step: float | None = None) -> list[ChangeColumn]:
         """Of all changes with a free value, at the model as it is."""
-        relative = self.step if step is None else step
-        return find_columns(self.answer, self.certified, changes, lambda: self.is_spent, lambda change: relative * change.scale)
+        return find_columns(self.answer, self.certified, changes, lambda: self.is_spent, self.step if step is None else step)
 
     def shown(self, tried: Tried) -> TriedChange:
         change, value, model = tried.change, tried.value, self._model

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from harness.engines import subjects
-from harness.explain.pattern import RULES, Inference, infer, infer_from_records
+from harness.explain.pattern import RULES, infer, infer_from_records
 from harness.results.records import Record
 from harness.verdict import Verdict
 
@@ -40,10 +40,6 @@ def record(system: str, subject: str, verdict: str) -> Record:
         system=system, subject=subject, states=1, verdict=verdict, expected=AGREES, backward_error=0.0,
         relative_error=0.0, worst_state=None, seconds_per_state=None, message="",
     )  # fmt: skip
-
-
-def blamed(inference: Inference) -> str:
-    return inference.party
 
 
 @pytest.mark.parametrize(("party", "wrong"), SPOILED.items(), ids=list(SPOILED))
@@ -167,3 +163,27 @@ def test_the_plain_models_of_a_variant_tell_its_file_from_its_reader_and_from_th
         assert (found["arm"].party, found["arm.turned"].party) == ("nothing", party)
     alone = infer_from_records(records[-2:], EVERYONE, system_of=lambda name: name.partition(".")[0])["arm.turned"]
     assert alone.party == "undecided" and set(alone.ask) <= {subject.replace("/", "/plain ") for subject in EVERYONE}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "mjcf", "urdf", "expected"),
+    [
+        ({"mujoco/mjcf", "pinocchio/mjcf"}, 1e6, 1.0, "model mjcf"),
+        ({"pinocchio/mjcf"}, 1e6, 1.0, "model mjcf"),
+        ({"pinocchio/mjcf"}, 1.0, 1.0, "reader pinocchio/mjcf"),
+        ({"mujoco/mjcf", "pinocchio/mjcf"}, 1.0, 1.0, "readers mjcf"),
+        ({"mujoco/mjcf", "mujoco/urdf"}, 1.0, 1.0, "engine mujoco"),
+        (set(READERS), 1e6, 1e6, "equations"),
+        ({"mujoco/mjcf", "pinocchio/mjcf", "mujoco/urdf"}, 1e6, 1.0, "undecided"),
+        (set(), 1.0, 1.0, "nothing"),
+        ({EQUATIONS}, 1.0, 1.0, "kernel"),
+    ],
+)
+def test_what_a_file_means_goes_before_the_majority(wrong: set[str], mjcf: float, urdf: float, expected: str) -> None:
+    assert infer(pattern(wrong), meanings={"mjcf": mjcf, "urdf": urdf}).party == expected
+
+
+def test_two_faults_are_both_told() -> None:
+    sentence = infer(pattern({*READERS} - {"pinocchio/urdf"}), meanings={"mjcf": 1e6, "urdf": 1.0}).sentence
+    assert sentence.startswith("more than one fault: the mjcf model is at fault: ")
+    assert "mujoco/urdf" in sentence and "model urdf" not in sentence

@@ -25,6 +25,13 @@ def library(tmp_path: Path) -> Path:
 OPTIONS = ("-p", "no:cacheprovider")
 
 
+def settle(library: Path, **settings: str) -> Path:
+    """The folder of a project whose settings name the library and give the others besides."""
+    lines = "".join(f"{name} = {value}\n" for name, value in {"testpaths": library.name, **settings}.items())
+    (library.parent / "pytest.ini").write_text(f"[pytest]\nharness_library = {library.name}\n{lines}")
+    return library.parent
+
+
 def run_in_a_process(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """pytest as users run it."""
     command = [sys.executable, "-m", "pytest", *OPTIONS, *arguments]
@@ -91,24 +98,25 @@ def test_options_select_subjects_systems_and_states(library: Path) -> None:
 
 
 def test_a_project_names_its_library_in_its_settings(library: Path) -> None:
-    (library.parent / "pytest.ini").write_text("[pytest]\nharness_library = mechanisms\ntestpaths = mechanisms own\n")
-    own = library.parent / "own"
-    own.mkdir()
-    (own / "test_own.py").write_text("def test_own(): pass\n")
-    done = pytest_in_this_process("--harness-states", "40", cwd=library.parent)
+    project = settle(library, testpaths="mechanisms own")
+    (project / "own").mkdir()
+    (project / "own" / "test_own.py").write_text("def test_own(): pass\n")
+    done = pytest_in_this_process("--harness-states", "40", cwd=project)
     assert "2 failed, 9 passed" in done.stdout
 
 
-def test_a_project_names_its_number_of_states_in_its_settings(library: Path) -> None:
-    settings = library.parent / "pytest.ini"
-    for text, option, expected in (("30", (), 30), ("30", ("--harness-states=20",), 20), ("none", (), None)):
-        settings.write_text(f"[pytest]\nharness_library = mechanisms\ntestpaths = mechanisms\nharness_states = {text}\n")
-        done = pytest_in_this_process(*option, "-k", "spring_damper and lagrange", cwd=library.parent)
-        if expected is None:
-            assert done.returncode == pytest.ExitCode.USAGE_ERROR
-            assert "harness_states in the settings is 'none'" in done.stderr
-        else:
-            assert f"{expected} states per system" in done.stdout and "1 passed" in done.stdout
+@pytest.mark.parametrize(
+    ("states", "options", "said"),
+    [
+        ("30", (), "30 states per system"),
+        ("30", ("--harness-states=20",), "20 states per system"),
+        ("none", (), "harness_states in the settings is 'none'"),
+    ],
+)
+def test_a_project_names_its_number_of_states_in_its_settings(library: Path, states: str, options: tuple[str, ...], said: str) -> None:
+    done = pytest_in_this_process(*options, "-k", "spring_damper and lagrange", cwd=settle(library, harness_states=states))
+    assert done.returncode == (pytest.ExitCode.USAGE_ERROR if states == "none" else 0)
+    assert said in done.stdout + done.stderr and ("1 passed" in done.stdout) == (states != "none")
 
 
 def test_each_quantity_is_a_test_that_carries_its_name(tmp_path: Path) -> None:
@@ -124,12 +132,10 @@ def test_each_quantity_is_a_test_that_carries_its_name(tmp_path: Path) -> None:
 
 
 def test_a_project_names_its_quantities_in_its_settings(library: Path) -> None:
-    settings = library.parent / "pytest.ini"
-    settings.write_text("[pytest]\nharness_library = mechanisms\ntestpaths = mechanisms\nharness_quantity = accelerations energy\n")
-    chosen = ("-k", "spring_damper and mujoco", "--harness-states", "20")
-    done = pytest_in_this_process(*chosen, "-v", cwd=library.parent)
+    project, chosen = settle(library, harness_quantity="accelerations energy"), ("-k", "spring_damper and mujoco", "--harness-states", "20")
+    done = pytest_in_this_process(*chosen, "-v", cwd=project)
     assert "4 passed" in done.stdout and "spring_damper.py::mujoco/urdf[energy] PASSED" in done.stdout
-    done = pytest_in_this_process(*chosen, "--harness-quantity", "all", "--collect-only", "-q", cwd=library.parent)
+    done = pytest_in_this_process(*chosen, "--harness-quantity", "all", "--collect-only", "-q", cwd=project)
     names = [line.partition("::")[2] for line in done.stdout.splitlines() if "::mujoco/mjcf" in line]
     assert names == ["mujoco/mjcf", *(f"mujoco/mjcf[{one.name}]" for one in further_quantities())]
 
