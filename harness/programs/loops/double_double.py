@@ -23,7 +23,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.programs.loops.language import Writer
 from harness.programs.loops.values import Array as Place
-from harness.programs.loops.values import Flag, Operand, Value, as_integer, equals, floor, fma, root_of, select
+from harness.programs.loops.values import Operand, Value, as_integer, equals, floor, fma, root_of, select
 from harness.programs.numbers import exactly, of_ball
 
 # high, low and bound, as they are written.
@@ -85,7 +85,7 @@ def negative(a: Known) -> Known:
     return -a[0], -a[1], a[2]
 
 
-def _is_zero(a: Known) -> Flag:
+def _is_zero(a: Known) -> Value:
     return equals(a[0], 0.0) & equals(a[1], 0.0) & equals(a[2], 0.0)
 
 

@@ -12,7 +12,7 @@ Source: LLVM Language Reference Manual, sections Floating-Point Environment and 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Any
 
 from llvmlite import ir
@@ -25,7 +25,6 @@ from harness.programs.loops.values import (
     NUMBER,
     VECTOR,
     Array,
-    Flag,
     Operand,
     Value,
     Variable,
@@ -136,10 +135,10 @@ class Writer:
         raws = [argument.raw if isinstance(argument, Value) else argument.pointer for argument in arguments]
         self.builder.call(self.module.globals[name], raws)
 
-    @contextmanager
-    def when(self, flag: Flag) -> Iterator[None]:
-        with self.builder.if_then(flag.raw):
-            yield
+    def when(self, flag: Value) -> AbstractContextManager[Any]:
+        """What is written within is done where the flag is true."""
+        then: AbstractContextManager[Any] = self.builder.if_then(flag.raw)
+        return then
 
     def choose(self, key: Value, cases: Mapping[int, Callable[[], None]], otherwise: Callable[[], None]) -> None:
         """Do what stands in ``cases`` at the key."""

@@ -43,14 +43,14 @@ def _operator(of_numbers: str, of_integers: str, is_reversed: bool = False) -> C
     return write
 
 
-def _comparison(sign: str) -> Callable[[Value, Operand], Flag]:
+def _comparison(sign: str) -> Callable[[Value, Operand], Value]:
     """The comparison by a sign; false where a number is NaN."""
 
-    def write(value: Value, other: Operand) -> Flag:
+    def write(value: Value, other: Operand) -> Value:
         first, second = _alike(value, other)
         builder = value.code.builder
         compare = builder.icmp_signed if first.type in (INTEGER, INTEGERS) else builder.fcmp_ordered
-        return Flag(value.code, compare(sign, first, second))
+        return Value(value.code, compare(sign, first, second))
 
     return write
 
@@ -66,9 +66,9 @@ def _function(name: str) -> Callable[..., Value]:
 
 
 class Value:
-    """A number, four numbers, or an integer of the function that is being written; ``raw`` is LLVM's.
+    """A number, four numbers, an integer, or a flag or four of the function that is being written; ``raw`` is LLVM's.
 
-    Integers are divided by ``//``, where they are not negative.
+    Flags are the results of comparisons. Integers are divided by ``//``, where they are not negative.
     """
 
     def __init__(self, code: Writer, raw: Any) -> None:
@@ -80,37 +80,24 @@ class Value:
     __truediv__, __rtruediv__ = _operator("fdiv", ""), _operator("fdiv", "", is_reversed=True)
     __floordiv__ = _operator("", "udiv")
     __lt__, __le__, __gt__, __ge__ = (_comparison(sign) for sign in ("<", "<=", ">", ">="))
+    __and__, __or__ = _operator("and_", "and_"), _operator("or_", "or_")
     __abs__ = _function("fabs")
 
     def __mod__(self, other: int) -> Value:
         """Of integers, by a power of two: the remainder that is not negative."""
-        first, last = _alike(self, other - 1)
-        return Value(self.code, self.code.builder.and_(first, last))
+        return self & (other - 1)
 
     def __neg__(self) -> Value:
         builder = self.code.builder
         return Value(self.code, builder.neg(self.raw) if self.raw.type == INTEGER else builder.fneg(self.raw))
 
+    def __invert__(self) -> Value:
+        return Value(self.code, self.code.builder.not_(self.raw))
 
-class Flag:
-    """The result of a comparison, or four."""
-
-    def __init__(self, code: Writer, raw: Any) -> None:
-        self.code, self.raw = code, raw
-
-    def __and__(self, other: Flag) -> Flag:
-        return Flag(self.code, self.code.builder.and_(self.raw, other.raw))
-
-    def __or__(self, other: Flag) -> Flag:
-        return Flag(self.code, self.code.builder.or_(self.raw, other.raw))
-
-    def __invert__(self) -> Flag:
-        return Flag(self.code, self.code.builder.not_(self.raw))
-
-    def any(self) -> Flag:
+    def any(self) -> Value:
         """True where one of the lanes is."""
         bits = self.code.builder.bitcast(self.raw, ir.IntType(LANES))
-        return Flag(self.code, self.code.builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0)))
+        return Value(self.code, self.code.builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0)))
 
 
 Operand = Value | float
@@ -122,10 +109,10 @@ fma = _function("fma")
 root_of, floor = _function("sqrt"), _function("floor")
 
 
-def differs(value: Value, other: Operand) -> Flag:
+def differs(value: Value, other: Operand) -> Value:
     """True where a number is NaN."""
     first, second = _alike(value, other)
-    return Flag(value.code, value.code.builder.fcmp_unordered("!=", first, second))
+    return Value(value.code, value.code.builder.fcmp_unordered("!=", first, second))
 
 
 def as_integer(value: Value) -> Value:
@@ -211,7 +198,7 @@ def _align(pointer: Any) -> int:
     return 4 if pointer.type.pointee == HALF_INTEGER else _ALIGNMENT
 
 
-def select(flag: Flag, first: Operand, second: Operand) -> Value:
+def select(flag: Value, first: Operand, second: Operand) -> Value:
     """``first`` where the flag is true, else ``second``; both are known."""
     code = flag.code
     kind = _kind_of(first, second)
