@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from harness.programs.loops.double_double import add, multiply, negative, number_at, store
+from harness.programs.loops.double_double import add, multiply, negative, number_at, store, store_total
 from harness.programs.loops.instructions import RUN, Program, write_approximate_run, write_run
 from harness.programs.loops.language import Function, Writer
 from harness.programs.loops.solution import LinearEquations, Workspace, defect, refine, size_of
@@ -144,14 +144,11 @@ def _enclose(code: Writer) -> None:
         for i in code.range(code.argument("redundant")):
             high, low, bound = number_at(values, redundant[i])
             is_proved[block] = select(abs(high) + abs(low) <= bound, is_proved[block], 0.0)
-        inverse, approximate = _inverted(code, tied, matrix, values, by_rates), work.approximate
+        work.approximate = _inverted(code, tied, matrix, values, by_rates)
         for i in code.range(tied):
-            store(values, of_moved[i], (code.lanes(0.0), code.lanes(0.0), code.lanes(0.0)))
-            for j in code.range(tied):
-                approximate[i, j] = inverse[i, j]
-            for j in code.range(rows.free):
-                moved = multiply(negative(number_at(values, by_others[i, j])), (velocities[block, j], 0.0, 0.0))
-                store(values, of_moved[i], add(number_at(values, of_moved[i]), moved))
+            entries = ((j, number_at(values, by_others[i, j])) for j in code.range(rows.free))
+            moved = (multiply(negative(entry), (velocities[block, j], 0.0, 0.0)) for j, entry in entries)
+            store_total(values, of_moved[i], (0.0, 0.0, 0.0), moved)
         refine(LinearEquations(code, tied, values, by_rates, of_moved, ones), work, rates, radius)
         for i in code.range(tied):
             store(here, held + i, (rates[i, 0], rates[i, 1], radius[i]))
@@ -177,9 +174,8 @@ def _enclosed_positions(rows: _ClosingRows, inputs: Array, code: Writer, work: W
     rows.run()
     inverse = _inverted(code, held, code.array("matrix"), values, rows.by_positions)
     for i in code.range(held):
-        store(found, i, (zero, zero, zero))
-        for j in code.range(held):
-            store(found, i, add(number_at(found, i), multiply(number_at(values, rows.residual[j]), (inverse[i, j], 0.0, 0.0))))
+        steps = (multiply(number_at(values, rows.residual[j]), (inverse[i, j], 0.0, 0.0)) for j in code.range(held))
+        store_total(found, i, (0.0, 0.0, 0.0), steps)
     largest = code.largest((size_of(number_at(found, i)) for i in code.range(held)), first=zero)
     size = code.largest((abs(inputs[rows.positions[i]]) for i in code.range(held)), first=code.lanes(1.0))
     reach = _REACH * largest + _LEAST_REACH * size

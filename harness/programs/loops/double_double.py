@@ -16,6 +16,7 @@ Muller et al., Handbook of Floating-Point Arithmetic, 2nd ed., chapter 11 (reduc
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
 
 import numpy as np
@@ -118,6 +119,13 @@ def multiply(a: Known, b: Number) -> Known:
     product = high + rest
     bound = (abs(a[0]) * b[2] + abs(b[0]) * a[2] + a[2] * b[2] + _MULTIPLY * abs(product)) * _UPWARDS + UNDERFLOW
     return product, rest - (product - high), select(_is_zero(a) | _is_zero(b), abs(product), bound)
+
+
+def store_total(values: Place, place: Value | int, first: Number, terms: Iterable[Known]) -> None:
+    """``first`` and the sum of terms, as a generator expression over a range writes them, at a place."""
+    store(values, place, first)
+    for term in terms:
+        store(values, place, add(number_at(values, place), term))
 
 
 def divide(a: Known, b: Known) -> Known:

@@ -6,7 +6,7 @@ the instructions give. Values are computed at four states at once, each in its l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 
 from harness.programs.loops.instructions import RUN, SWEEP, Program, write_run, write_sweep
 from harness.programs.loops.language import Function, Writer
@@ -120,22 +120,20 @@ def _derive(code: Writer) -> None:
 
 def _measure(code: Writer) -> None:
     """Norms at n states at which factors of M are known; see ``harness.programs.loops.interpreter.Norms``."""
-    nv = code.argument("nv")
-    names = ("scale", "accelerations", "radii", "velocities", "rotating", "condition", "radius", "motion", "instability")
-    arrays = {name: code.array(name, nv) for name in names[:4]} | {name: code.array(name) for name in names[4:]}
-    arrays |= {name: code.array(name, nv, nv) for name in ("factor", "norm_factor")} | {"terms": code.array("terms", 4, nv)}
     for state in code.range(code.argument("n")):
-        _measure_one(code, nv, arrays, state)
+        _measure_one(code, state)
 
 
-def _measure_one(code: Writer, nv: Value, arrays: Mapping[str, Array], state: Value) -> None:
-    factor, upper, scale = (arrays[name].part(state) for name in ("factor", "norm_factor", "scale"))
-    inverse, room = code.array("inverse", nv), code.array("room", nv)
-    vector = room.part(0)
+def _measure_one(code: Writer, state: Value) -> None:
+    nv = code.argument("nv")
+    factor, upper = (code.array(name, nv, nv).part(state) for name in ("factor", "norm_factor"))
+    scale, inverse, room = code.array("scale", nv).part(state), code.array("inverse", nv), code.array("room", nv)
+    terms, vector = code.array("terms", 4, nv).part(state), room.part(0)
 
     def in_energy_norm(name: str, magnitude: Callable[[Value], Value] = lambda value: value) -> Value:
+        entries = code.array(name, nv).part(state)
         for i in code.range(nv):
-            vector[i] = code.total(magnitude(upper[i, j]) * arrays[name][state, j] for j in code.range(i, nv))
+            vector[i] = code.total(magnitude(upper[i, j]) * entries[j] for j in code.range(i, nv))
         return norm(code, vector, nv)
 
     def of_torque(k: Value) -> Value:
@@ -144,7 +142,7 @@ def _measure_one(code: Writer, nv: Value, arrays: Mapping[str, Array], state: Va
         return norm(code, vector, nv)
 
     def of_term(term: Value) -> Value:
-        return in_metric(code, nv, inverse, lambda j: arrays["terms"][state, term, j] / scale[j], room)
+        return in_metric(code, nv, inverse, lambda j: terms[term, j] / scale[j], room)
 
     for i in code.range(nv):
         for j in code.range(nv):
@@ -153,14 +151,18 @@ def _measure_one(code: Writer, nv: Value, arrays: Mapping[str, Array], state: Va
     invert(code, nv, factor, inverse, code.number(0.0))
     speed, of_torques = in_energy_norm("velocities"), code.variable(0.0)
     for k in code.range(nv):
-        with code.when(arrays["rotating"][k] > 0.0):
+        with code.when(code.array("rotating")[k] > 0.0):
             of_torques.value += of_torque(k)
     of_terms = code.total(of_term(term) for term in code.range(4))
-    arrays["condition"][state] = condition
-    arrays["radius"][state] = in_energy_norm("radii", abs)
-    arrays["motion"][state] = speed * speed * of_torques.value
     lost = code.argument("roundings") * as_number(nv) * condition
-    arrays["instability"][state] = lost * (in_energy_norm("accelerations") + of_terms)
+    results = {
+        "condition": condition,
+        "radius": in_energy_norm("radii", abs),
+        "motion": speed * speed * of_torques.value,
+        "instability": lost * (in_energy_norm("accelerations") + of_terms),
+    }
+    for name, result in results.items():
+        code.array(name)[state] = result
 
 
 _VECTORS = dict.fromkeys(("given", "solution", "radius", "scale", "factor", "terms", "work"), "vectors")

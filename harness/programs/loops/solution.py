@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from harness.programs.loops.double_double import UNDERFLOW, Known, add, multiply, negative, number_at, store
+from harness.programs.loops.double_double import UNDERFLOW, Known, add, multiply, negative, number_at, store_total
 from harness.programs.loops.language import Writer
 from harness.programs.loops.values import Array, Value, as_number, equals, larger, root_of, select, smaller, sum_of_lanes
 from harness.programs.numbers import LANES, UNIT_ROUNDOFF
@@ -157,10 +157,9 @@ def refine(equations: LinearEquations, work: Workspace, solution: Array, radius:
     for refinement in code.range(_REFINEMENTS + 1):
         with code.when((is_moving.value > 0.0).any()):
             for i in code.range(nv):
-                store(residual, i, number_at(values, equations.right[i]))
-                for j in code.range(nv):
-                    product = multiply(negative(number_at(values, equations.matrix[i, j])), (solution[j, 0], solution[j, 1], 0.0))
-                    store(residual, i, add(number_at(residual, i), product))
+                entries = ((j, number_at(values, equations.matrix[i, j])) for j in code.range(nv))
+                products = (multiply(negative(entry), (solution[j, 0], solution[j, 1], 0.0)) for j, entry in entries)
+                store_total(residual, i, number_at(values, equations.right[i]), products)
             for i in code.range(nv):
                 steps[i] = code.total((approximate[i, j] * (residual[j, 0] / scale[j]) for j in code.range(nv)), first=zero)
             largest = code.largest((abs(solution[i, 0] * scale[i]) for i in code.range(nv)), first=zero)
