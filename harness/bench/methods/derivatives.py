@@ -35,8 +35,8 @@ STEPS = tuple(10.0**-exponent for exponent in range(1, 13))
 
 
 def _compiled(is_inverse: bool, scene: Scene, states: States, third: Array, step: float) -> Compute:
-    kernel = scene.mechanism.derivatives()
-    evaluate = kernel.inverse if is_inverse else kernel.forward
+    kernel = scene.mechanism.float64()
+    evaluate = kernel.inverse_derivatives if is_inverse else kernel.forward_derivatives
     return lambda: evaluate(states.q, states.v, third, states.time)[:, :2]
 
 

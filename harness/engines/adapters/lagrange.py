@@ -25,7 +25,7 @@ class LagrangeModel:
     takes_time = True
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._kernel, self._derivatives = mechanism.float64(), mechanism.derivatives()
+        self._kernel = mechanism.float64()
 
     def loaded(self) -> None:
         return None
@@ -34,10 +34,10 @@ class LagrangeModel:
         return self._kernel.accelerations(q, v, tau, time)
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
-        return self._derivatives.forward(q, v, tau, time)
+        return self._kernel.forward_derivatives(q, v, tau, time)
 
     def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array, time: Array | None = None) -> Array:
-        return self._derivatives.inverse(q, v, qdd, time)
+        return self._kernel.inverse_derivatives(q, v, qdd, time)
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         return Terms(**self._kernel.terms(q, v, tau), applied=np.array(tau))

@@ -1,10 +1,10 @@
 """What is compiled of a mechanism in float64, each state in the chart that is most regular there.
 
-``MechanismKernel`` has accelerations and terms, ``DerivativeKernel`` their derivatives, and ``EnergyKernel`` and ``LagrangianKernel`` the
-energies: what a computed motion keeps, and what its dampers take. A mechanism's energy programs stand beside its equations, one for each
-chart, so that certification does not pay for them. Their inputs are those of the equations; their outputs are ``energy`` (Jacobi's
-energy function h), ``lagrangian`` (T - V), ``kinetic`` (T), ``power`` (Q . v), one number each, ``forces`` (the nv non-conservative
-generalised forces Q), and ``regularity`` where a chart can be singular. Along a motion
+``MechanismKernel`` has accelerations, terms and their derivatives, and ``EnergyKernel`` and ``LagrangianKernel`` the energies: what a
+computed motion keeps, and what its dampers take. A mechanism's energy programs stand beside its equations, one for each chart, so that
+certification does not pay for them. Their inputs are those of the equations; their outputs are ``energy`` (Jacobi's energy function h),
+``lagrangian`` (T - V), ``kinetic`` (T), ``power`` (Q . v), one number each, ``forces`` (the nv non-conservative generalised forces Q),
+and ``regularity`` where a chart can be singular. Along a motion
 
     dh/dt = power + tau . v - dL/dt,   the last term by explicit time.
 
@@ -86,14 +86,14 @@ class Charts:
 
 
 class MechanismKernel:
-    """The float64 evaluator of one mechanism's equations at its own parameters.
+    """The float64 evaluator of one mechanism's equations, and of their derivatives, at its own parameters.
 
     ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint.
     """
 
     def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
-        self._mechanism = mechanism
-        self._programs = mechanism.charts(linear_velocity_in_body)
+        self._mechanism, self._in_body = mechanism, linear_velocity_in_body
+        self._charts = Charts(mechanism.charts(linear_velocity_in_body))
 
     def accelerations(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         """qdd, (n, nv), at q (n, nq), v and tau (n, nv), and time (n,) [s], 0 for None."""
@@ -103,11 +103,41 @@ class MechanismKernel:
         """As ``Float64Kernel.terms``."""
         return self.compiled.terms(self.inputs(q, v, tau))
 
+    def forward_derivatives(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
+        """d qdd by q, v and tau, (n, 3, nv, nv) with the rows of qdd; arguments as of ``accelerations``.
+
+        Those by q are along the velocities, see ``harness.programs.mechanisms.dynamics_derivatives``.
+        """
+        return self._derivatives(forward_dynamics_derivatives, q, v, tau, time)
+
+    def inverse_derivatives(self, q: Array, v: Array, accelerations: Array, time: Array | None = None) -> Array:
+        """d tau by q, v and accelerations, (n, 3, nv, nv) with the rows of tau; arguments as of ``forward_derivatives``."""
+        return self._derivatives(inverse_dynamics_derivatives, q, v, accelerations, time)
+
+    def _derivatives(self, write: Callable[..., StraightLineProgram], q: Array, v: Array, third: Array, time: Array | None) -> Array:
+        nq, nv = self._mechanism.nq, self._mechanism.nv
+        inputs, found = self.inputs(q, v, third, time)[: nq + 2 * nv + 1], np.empty((len(q), 3, nv, nv))
+        for chart, chosen in self._charts.split(q):
+            columns = evaluated(self._compiled(write, chart), np.ascontiguousarray(inputs[:, chosen]))
+            found[chosen] = columns.T.reshape(-1, 3, nv, nv).transpose(0, 1, 3, 2)
+        return found
+
+    def _compiled(self, write: Callable[..., StraightLineProgram], chart: int) -> Any:
+        """heyoka's function of q, v, the third vector and time, of the derivatives that ``write`` writes of a chart, by columns."""
+        mechanism = self._mechanism
+
+        def make() -> Any:
+            program = write(mechanism, self._charts.programs[chart], self._in_body)
+            inputs, outputs = symbols_of(program, mechanism.parameter_values)
+            return compiled(inputs, outputs, outputs, len(program.instructions) > MOST_STRAIGHT)
+
+        return _COMPILED.get((mechanism.key, self._in_body, write.__name__, chart), make)
+
     @property
     def compiled(self) -> Float64Kernel:
         """The kernel for the columns of ``inputs``, which is compiled once per process."""
-        program, *others = self._programs
-        key = self._parameters, *(chart.key for chart in self._programs)
+        program, *others = self._charts.programs
+        key = self._parameters, *(chart.key for chart in self._charts.programs)
         return _KERNELS.get(key, lambda: Float64Kernel(program, self._parameters, others))
 
     def inputs(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
@@ -127,54 +157,12 @@ class MechanismKernel:
 
     @cached_property
     def _parameters(self) -> tuple[float, ...] | None:
-        is_long = len(self._programs[0].instructions) >= LEAST_WITH_PARAMETERS
+        is_long = len(self._charts.programs[0].instructions) >= LEAST_WITH_PARAMETERS
         return self._mechanism.parameter_values if is_long else None
 
     @cached_property
     def _turning(self) -> list[int]:
-        return [place for place in self._programs[0].turning if place < self._mechanism.nq]
-
-
-class DerivativeKernel:
-    """The derivatives of one mechanism at its own parameters; compiled on first use, and kept in the process.
-
-    ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint.
-    """
-
-    def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
-        self._mechanism, self._in_body = mechanism, linear_velocity_in_body
-        self._charts = Charts(mechanism.charts(linear_velocity_in_body))
-        self._inputs = mechanism.float64().inputs
-
-    def forward(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
-        """d qdd by q, v and tau, (n, 3, nv, nv) with the rows of qdd, at q (n, nq), v and tau (n, nv), and time (n,) [s], 0 for None.
-
-        Those by q are along the velocities, see ``harness.programs.mechanisms.dynamics_derivatives``.
-        """
-        return self._evaluate(forward_dynamics_derivatives, q, v, tau, time)
-
-    def inverse(self, q: Array, v: Array, accelerations: Array, time: Array | None = None) -> Array:
-        """d tau by q, v and accelerations, (n, 3, nv, nv) with the rows of tau; arguments as of ``forward``."""
-        return self._evaluate(inverse_dynamics_derivatives, q, v, accelerations, time)
-
-    def compiled(self, write: Callable[..., StraightLineProgram], chart: int) -> Any:
-        """heyoka's function of q, v, the third vector and time, of the derivatives that ``write`` writes of a chart, by columns."""
-        mechanism = self._mechanism
-
-        def make() -> Any:
-            program = write(mechanism, self._charts.programs[chart], self._in_body)
-            inputs, outputs = symbols_of(program, mechanism.parameter_values)
-            return compiled(inputs, outputs, outputs, len(program.instructions) > MOST_STRAIGHT)
-
-        return _COMPILED.get((mechanism.key, self._in_body, write.__name__, chart), make)
-
-    def _evaluate(self, write: Callable[..., StraightLineProgram], q: Array, v: Array, third: Array, time: Array | None) -> Array:
-        nv = self._mechanism.nv
-        inputs, found = self._inputs(q, v, third, time)[: self._mechanism.nq + 2 * nv + 1], np.empty((len(q), 3, nv, nv))
-        for chart, chosen in self._charts.split(q):
-            columns = evaluated(self.compiled(write, chart), np.ascontiguousarray(inputs[:, chosen]))
-            found[chosen] = columns.T.reshape(-1, 3, nv, nv).transpose(0, 1, 3, 2)
-        return found
+        return [place for place in self._charts.programs[0].turning if place < self._mechanism.nq]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from harness.programs.program import ENERGY_OUTPUTS, StraightLineProgram, used_i
 from harness.programs.states import States
 
 if TYPE_CHECKING:
-    from harness.programs.mechanisms.kernel import DerivativeKernel, MechanismKernel
+    from harness.programs.mechanisms.kernel import MechanismKernel
 
 # Outputs of the rows' program.
 RESIDUAL, JACOBIAN, RATE, BIAS = "residual", "jacobian", "rate", "bias"
@@ -209,16 +209,10 @@ class Mechanism:
         return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints
 
     def float64(self) -> MechanismKernel:
-        """The evaluator of accelerations and terms in float64; what it compiles stays in the process."""
+        """The evaluator of accelerations, terms and derivatives in float64; what it compiles stays in the process."""
         from harness.programs.mechanisms.kernel import MechanismKernel
 
         return MechanismKernel(self)
-
-    def derivatives(self) -> DerivativeKernel:
-        """The evaluator of derivatives of accelerations and of forces in float64; what it compiles stays in the process."""
-        from harness.programs.mechanisms.kernel import DerivativeKernel
-
-        return DerivativeKernel(self)
 
     def inputs(self, states: States, parameters: Array | None = None) -> Array:
         """The program's inputs at ``states``, (number of inputs, n), one column a state.
