@@ -4,47 +4,42 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 
 from harness.bench.costs import measure
 
-
-class Clock:
-    """A clock that stands still but for ``work``."""
-
-    def __init__(self, durations: Iterator[float]) -> None:
-        self.now, self.calls, self._durations = 100.0, 0, durations
-
-    def work(self) -> None:
-        self.calls += 1
-        self.now += next(self._durations)
+Timed = Callable[..., tuple[list[float], int]]
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[list[float]], Clock]:
-    def make(durations: list[float]) -> Clock:
-        # A long run keeps the last duration.
-        made = Clock(iter([*durations, *[durations[-1]] * 10_000]))
-        monkeypatch.setattr(time, "perf_counter", lambda: made.now)
-        return made
+def timed(monkeypatch: pytest.MonkeyPatch) -> Timed:
+    """Times of calls that take so long each, the last over and over, and how many calls there were."""
 
-    return make
+    def measured(durations: list[float], minimum_count: int, minimum_seconds: float) -> tuple[list[float], int]:
+        now, calls = 100.0, 0
 
+        def work() -> None:
+            nonlocal now, calls
+            now, calls = now + durations[min(calls, len(durations) - 1)], calls + 1
 
-def test_the_warm_up_does_not_count(clock: Callable[[list[float]], Clock]) -> None:
-    made = clock([50.0, 1.0, 3.0, 2.0])
-    assert measure(made.work, minimum_count=3, minimum_seconds=0.0) == [1.0, 3.0, 2.0]
-    assert made.calls == 4
+        monkeypatch.setattr(time, "perf_counter", lambda: now)
+        return measure(work, minimum_count, minimum_seconds), calls
 
-
-def test_both_minima_are_met(clock: Callable[[list[float]], Clock]) -> None:
-    assert len(measure(clock([0.25]).work, minimum_count=2, minimum_seconds=2.0)) == 8
-    assert len(measure(clock([0.25]).work, minimum_count=12, minimum_seconds=2.0)) == 12
+    return measured
 
 
-def test_what_the_function_raises_is_passed_on_and_the_collector_works_again() -> None:
+def test_the_warm_up_does_not_count(timed: Timed) -> None:
+    assert timed([50.0, 1.0, 3.0, 2.0], 3, 0.0) == ([1.0, 3.0, 2.0], 4)
+
+
+def test_both_minima_are_met(timed: Timed) -> None:
+    assert [len(timed([0.25], count, 2.0)[0]) for count in (2, 12)] == [8, 12]
+
+
+@pytest.mark.parametrize("is_on", [True, False])
+def test_what_the_function_raises_is_passed_on_and_the_collector_is_as_it_was(is_on: bool) -> None:
     calls: list[bool] = []
 
     def fails_when_timed() -> None:
@@ -53,17 +48,12 @@ def test_what_the_function_raises_is_passed_on_and_the_collector_works_again() -
             raise RuntimeError("broken")
 
     assert gc.isenabled()
-    with pytest.raises(RuntimeError, match="broken"):
-        measure(fails_when_timed, minimum_count=1, minimum_seconds=0.0)
-    assert calls == [True, False]
-    assert gc.isenabled()
-
-
-def test_a_collector_that_was_off_stays_off() -> None:
-    gc.disable()
     try:
-        measure(lambda: None, minimum_count=1, minimum_seconds=0.0)
-        assert not gc.isenabled()
+        if not is_on:
+            gc.disable()
+        with pytest.raises(RuntimeError, match="broken"):
+            measure(fails_when_timed, minimum_count=1, minimum_seconds=0.0)
+        assert calls == [is_on, False] and gc.isenabled() == is_on
     finally:
         gc.enable()
 

@@ -13,7 +13,7 @@ from harness.crosscheck.scene import Scene
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.motion.integrators.equations import EULER_CROMER
-from harness.motion.taylor import Path, Taylor, displacement, linear_velocities_turned
+from harness.motion.taylor import FirstOrderSystem, Path, Taylor, displacement, linear_velocities_turned
 from harness.motion.trajectories import TRUSTED_ERROR, Metric, Start, TrueMotion, reference_motion
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.kernel import EnergyKernel
@@ -50,7 +50,7 @@ def energy_balance(mechanism: Mechanism, program: StraightLineProgram, states: S
         time = flint.arb(float(states.time[index]))
         pairs = zip(reference.high[index], reference.low[index], strict=True)
         accelerations = [flint.arb(float(high)) + flint.arb(float(low)) for high, low in pairs]
-        rates = position_rates(mechanism, q, v)
+        rates = FirstOrderSystem(mechanism).position_rates(q, v)
         # The state moved along the motion, and the clock by itself.
         places = [(s, s) for s in (zero, DIFFERENCE_STEP, -DIFFERENCE_STEP)] + [(zero, DIFFERENCE_STEP), (zero, -DIFFERENCE_STEP)]
         here, ahead, behind, later, earlier = (
@@ -81,19 +81,6 @@ def power_of_constraints(mechanism: Mechanism, state: list[float]) -> flint.arb:
 
 def moved(values: list[flint.arb], rates: list[flint.arb], by: flint.arb) -> list[flint.arb]:
     return [value + by * rate for value, rate in zip(values, rates, strict=True)]
-
-
-def position_rates(mechanism: Mechanism, q: list[flint.arb], v: list[flint.arb]) -> list[flint.arb]:
-    rates: list[flint.arb] = []
-    for coordinate in range(mechanism.nv):
-        first = max((place for place in mechanism.attitudes if place <= coordinate < place + 3), default=None)
-        if first is None:
-            rates.append(v[coordinate])
-        elif first == coordinate:
-            w, x, y, z = q[len(rates) : len(rates) + 4]
-            a, b, c = v[first : first + 3]
-            rates += [(-x * a - y * b - z * c) / 2, (w * a + y * c - z * b) / 2, (w * b + z * a - x * c) / 2, (w * c + x * b - y * a) / 2]
-    return rates
 
 
 @pytest.mark.costly
