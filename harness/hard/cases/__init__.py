@@ -242,6 +242,20 @@ def posed(positions: Callable[[float], Mapping[int, float | Array]]) -> Callable
     return varied(lambda states, value: {"q": with_columns(states.q, positions(value))})
 
 
+def inertia_numbers(body: str, link: str, moments: Mapping[str, Rule], mass: Rule | None = None) -> dict[str, dict[str, Rule]]:
+    """Changes of one body's moments of inertia about some of its axes "x", "y" and "z", and of its mass."""
+    mjcf = {f"body {body}/inertial@diaginertia[{'xyz'.index(axis)}]": rule for axis, rule in moments.items()}
+    urdf = {f"link {link}/inertial/inertia@i{axis}{axis}": rule for axis, rule in moments.items()}
+    if mass is not None:
+        mjcf[f"body {body}/inertial@mass"] = urdf[f"link {link}/inertial/mass@value"] = mass
+    return {"mjcf": mjcf, "urdf": urdf}
+
+
+def together(parts: Sequence[Mapping[str, Changes]]) -> dict[str, Changes]:
+    """All changes of several parts of a mechanism."""
+    return {form: {address: rule for part in parts for address, rule in part[form].items()} for form in MODEL_SUFFIXES}
+
+
 def shares(*shape: int, low: float = -1.0) -> Array:
     """Random numbers from ``low`` to 1, the same on every call."""
     return np.random.default_rng(0).uniform(low, 1, shape)

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from harness.hard.cases import STATES, Changes, HardCase, Theory, decades, posed, shares, turned, varied
+from harness.hard.cases import STATES, HardCase, Theory, decades, inertia_numbers, posed, shares, together, turned, varied
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 
@@ -61,17 +61,6 @@ BALANCED_SPRINGS = HardCase(
 _GIMBALS = ("I_o", "I_x", "I_y", "I_z")
 # Of both gimbals: a millionth of a millionth of what the rotor has.
 _LIGHT = 1e-14
-
-
-def _gimbal_numbers() -> dict[str, Changes]:
-    inner = {"xx": "I_x", "yy": "I_z", "zz": "I_y"}
-    mjcf = {f"body outer/inertial@diaginertia[{place}]": "I_o" for place in (1, 2)}
-    mjcf |= {f"body inner/inertial@diaginertia[{place}]": name for place, name in enumerate(inner.values())}
-    urdf = {f"link outer/inertial/inertia@i{axis}": "I_o" for axis in ("yy", "zz")}
-    urdf |= {f"link inner/inertial/inertia@i{axis}": name for axis, name in inner.items()}
-    return {"mjcf": mjcf, "urdf": urdf}
-
-
 GIMBAL_LOCK = HardCase(
     name="gimbal_lock",
     title="gyroscope in gimbals of hardly any inertia, near gimbal lock",
@@ -79,7 +68,12 @@ GIMBAL_LOCK = HardCase(
     knob=("angle between the axle and the vertical", "rad"),
     values=decades(-9, 0),
     parameters=lambda angle: dict.fromkeys(_GIMBALS, _LIGHT),
-    changes=_gimbal_numbers(),
+    changes=together(
+        [
+            inertia_numbers("outer", "outer", {"y": "I_o", "z": "I_o"}),
+            inertia_numbers("inner", "inner", {"x": "I_x", "y": "I_z", "z": "I_y"}),
+        ]
+    ),
     states=posed(lambda angle: {1: angle - math.pi / 2}),
     source="Diebel, Representing attitude, 2006, section 5.6 (singularities); kappa_s grows as 1/angle^2",
     remedy="use a ball joint with a quaternion where the gimbals' inertia does not matter, or give them the inertia they have",

@@ -9,7 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from harness.hard.cases import Changes, HardCase, Rule, Theory, Values, at_each_seed, decades, of_sizes, with_columns
+from harness.hard.cases import (
+    Changes,
+    HardCase,
+    Rule,
+    Theory,
+    Values,
+    at_each_seed,
+    decades,
+    inertia_numbers,
+    of_sizes,
+    together,
+    with_columns,
+)
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 
@@ -67,19 +79,17 @@ def bar_numbers(n: int) -> dict[str, Changes]:
     def minus(name: str, share: float) -> Rule:
         return lambda values: -share * values[name]
 
-    mjcf: dict[str, Rule] = {}
-    urdf: dict[str, Rule] = {}
+    parts: list[dict[str, dict[str, Rule]]] = []
     for i in range(1, n + 1):
         across, along = bar_inertias(f"m{i}", f"L{i}")
-        body, link = f"body bar_{i}", f"link link_{i}/inertial"
-        mjcf |= {f"{body}/inertial@mass": f"m{i}", f"{body}/inertial@pos[2]": minus(f"L{i}", 0.5)}
-        mjcf |= {f"{body}/inertial@diaginertia[{axis}]": across for axis in (0, 1)}
-        mjcf[f"{body}/inertial@diaginertia[2]"] = along
-        urdf |= {f"{link}/mass@value": f"m{i}", f"{link}/origin@xyz[2]": minus(f"L{i}", 0.5)}
-        urdf |= {f"{link}/inertia@{moment}": across for moment in ("ixx", "iyy")}
+        body, link, half = f"body bar_{i}", f"link link_{i}", minus(f"L{i}", 0.5)
+        parts.append(inertia_numbers(f"bar_{i}", f"link_{i}", {"x": across, "y": across}, f"m{i}"))
+        mjcf = {f"{body}/inertial@pos[2]": half, f"{body}/inertial@diaginertia[2]": along}
+        parts.append({"mjcf": mjcf, "urdf": {f"{link}/inertial/origin@xyz[2]": half}})
         if i > 1:
-            mjcf[f"{body}@pos[2]"] = urdf[f"joint joint_{i}/origin@xyz[2]"] = minus(f"L{i - 1}", 1.0)
-    return {"mjcf": mjcf, "urdf": urdf}
+            above = minus(f"L{i - 1}", 1.0)
+            parts.append({"mjcf": {f"{body}@pos[2]": above}, "urdf": {f"joint joint_{i}/origin@xyz[2]": above}})
+    return together(parts)
 
 
 def _progression(n: int) -> Callable[[float], Values]:

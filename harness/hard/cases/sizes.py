@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from harness.hard.cases import KNOB, STATES, Changes, HardCase, Theory, decades, posed, shares, varied
+from harness.hard.cases import KNOB, STATES, HardCase, Theory, decades, inertia_numbers, posed, shares, together, varied
 from harness.hard.cases.long_chains import bar_numbers
 
 _SYMMETRY = "Landau, Lifshitz, Mechanics, section 7: space is homogeneous, so no acceleration feels where the origin is"
@@ -160,18 +160,6 @@ _WRIST_INERTIAS = {
     for axis, value in zip(("xx", "yy", "zz"), row, strict=True)
 }
 _WRIST_MASSES = {"m5": 3.0, "m6": 2.5}
-
-
-def _wrist_numbers() -> dict[str, Changes]:
-    mjcf: dict[str, str] = {}
-    urdf: dict[str, str] = {}
-    for i in (5, 6):
-        mjcf[f"body link{i}/inertial@mass"] = urdf[f"link link{i}/inertial/mass@value"] = f"m{i}"
-        for place, axis in enumerate(("xx", "yy", "zz")):
-            mjcf[f"body link{i}/inertial@diaginertia[{place}]"] = urdf[f"link link{i}/inertial/inertia@i{axis}"] = f"I{axis}{i}"
-    return {"mjcf": mjcf, "urdf": urdf}
-
-
 VANISHING_WRIST = HardCase(
     name="vanishing_wrist",
     title="seven-joint arm 1 mrad from its wrist singularity, links 5 and 6 without inertia",
@@ -179,7 +167,7 @@ VANISHING_WRIST = HardCase(
     knob=("share left of masses and inertias of links 5 and 6", "1"),
     values=decades(-12, 0),
     parameters=lambda share: {name: share * value for name, value in {**_WRIST_MASSES, **_WRIST_INERTIAS}.items()},
-    changes=_wrist_numbers(),
+    changes=together([inertia_numbers(f"link{i}", f"link{i}", {axis: f"I{axis}{axis}{i}" for axis in "xyz"}, f"m{i}") for i in (5, 6)]),
     states=posed(lambda value: {5: 1e-3}),
     source=_HIGHAM + "; axes 5 and 7 coincide at the singularity, and nothing between them weighs against the second turn",
     remedy="give every joint its rotor's reflected inertia (armature), which the real drive has",
