@@ -8,11 +8,13 @@ import copy
 import functools
 import importlib
 import importlib.util
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any, cast
+
+import msgspec
 
 from harness.arithmetic import Arithmetic
 from harness.engines.elsewhere.interpreter import EngineElsewhere
@@ -20,6 +22,7 @@ from harness.engines.engine import Engine
 from harness.environments import environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
+from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 from harness.version import version_of
 from harness.workers import Outcome, Task, Workers
 
@@ -33,26 +36,33 @@ _FOLDER = "__init__.py"
 
 
 @dataclass(frozen=True, kw_only=True)
-class EngineFile:
-    """An engine as plain data: what its file says, and where its program is.
+class Description:
+    """What an engine file says, as plain data.
 
     Attributes:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
-        of_users: the formats in which files of users are handed to it.
+        of_users: the formats in which files of users are handed to it. oldest, companions, optional: as of ``Engine``.
+    """
+
+    requires: tuple[str, str] = ("", "")
+    formats: tuple[str, ...]
+    of_users: tuple[str, ...] = ()
+    oldest: Mapping[str, str] = field(default_factory=dict)
+    companions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    optional: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineFile(Description):
+    """An engine as plain data: what its file says, and where its program is.
+
+    Attributes:
         version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
-        oldest, companions: as of ``Engine``.
-        optional: as of ``Engine``.
         elsewhere: whether it is run in an environment of its own.
         outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
     """
 
-    requires: tuple[str, str]
-    formats: tuple[str, ...]
-    of_users: tuple[str, ...] = ()
     version: str | None = None
-    oldest: Mapping[str, str] = field(default_factory=dict)
-    companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    optional: bool = False
     elsewhere: bool = False
     outcome: Outcome
 
@@ -91,20 +101,20 @@ def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mappin
     """Every engine by name, sorted, those of other versions as ``engine@version``; ``engine_files`` returns the same from then on.
 
     A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there.
-    The harness's own are loaded here.
     """
     _is_importable.cache_clear()
     paths = engine_paths(library)
     tasks = {name: Task(name, _describe, (library, name)) for name in paths}
-    outcomes = {name: Outcome(task, _describe(library, name)) for name, task in tasks.items() if _is_own(paths[name])}
+    own = _own_descriptions()
+    outcomes = {name: Outcome(task, own[name]) for name, task in tasks.items() if _is_own(paths[name])}
     if foreign := [task for name, task in tasks.items() if name not in outcomes]:
         made = workers()
         with replace(made, time_limit=min(made.time_limit, LOADING_SECONDS)) as loading:
             outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
     files = {}
     for name, path in paths.items():
-        described = outcomes[name].value or {"requires": ("", ""), "formats": _spelt_formats(path)}
-        files[name] = EngineFile(**described, outcome=outcomes[name])
+        described = outcomes[name].value or Description(formats=_spelt_formats(path))
+        files[name] = EngineFile(**vars(described), version=_version_beside(*described.requires), outcome=outcomes[name])
     for environment in find_environments():
         # The newest comes last.
         if (file := files.get(environment.engine)) is not None and file.requires[1] == environment.distribution:
@@ -134,18 +144,27 @@ def _module_name(path: Path) -> str:
     return ".".join([_PACKAGE.name, *own.relative_to(_PACKAGE).parts])
 
 
-def _describe(library: Library, name: str, note: object = None) -> dict[str, Any]:
-    """What an ``EngineFile`` says of a file itself, as a task for ``harness.workers``; raises as ``load_engine``."""
+def _own_descriptions() -> dict[str, Description]:
+    """Those of the harness's own engines, kept by the text of their files: a check imports the engines that it asks, and no others."""
+    entry, library = cache_directory() / "engines" / f"{sources_digest('engines').hex()}.json", Library.built_in()
+    if (text := read_entry(entry)) is not None:
+        return msgspec.json.decode(text, type=dict[str, Description])
+    found = {name: _describe(library, name) for name in engine_paths(library)}
+    write_entry(entry, msgspec.json.encode(found).decode())
+    return found
+
+
+def _describe(library: Library, name: str, note: object = None) -> Description:
+    """The description of an engine by its file, as a task for ``harness.workers``; raises as ``load_engine``."""
     engine = _load_file(library, name)
-    return {
-        "requires": (engine.requires[0], engine.requires[1]),
-        "formats": tuple(dict.fromkeys(engine.formats)),
-        "of_users": tuple(engine.call),
-        "version": installed_version(engine),
-        "optional": engine.optional,
-        "oldest": dict(engine.oldest),
-        "companions": {versions: tuple(those) for versions, those in engine.companions.items()},
-    }
+    return Description(
+        requires=(engine.requires[0], engine.requires[1]),
+        formats=tuple(dict.fromkeys(engine.formats)),
+        of_users=tuple(engine.call),
+        optional=engine.optional,
+        oldest=dict(engine.oldest),
+        companions={versions: tuple(those) for versions, those in engine.companions.items()},
+    )
 
 
 def _spelt_formats(path: Path) -> tuple[str, ...]:
@@ -260,9 +279,13 @@ def installed_version(engine: Engine) -> str | None:
     """Version of the program behind an engine, without importing it; None where it is not installed."""
     if isinstance(engine, EngineElsewhere):
         return engine.environment.version
-    module, distribution = engine.requires
+    return _version_beside(*engine.requires)
+
+
+def _version_beside(module: str, distribution: str) -> str | None:
+    """Version of the program of that module that is installed beside the harness; None without."""
     try:
-        return version_of(distribution) if _is_importable(module) else None
+        return version_of(distribution) if module and _is_importable(module) else None
     except ModuleNotFoundError:
         return None
 
