@@ -134,8 +134,8 @@ class Pages:
 
     def _engine(self, engine: str, page: str) -> Drawn:
         own = {column.name for column in self.site.columns if column.engine == engine}
-        lines = [line for line in self.site.features if line.column in own]
-        known = {name: issues(engine, [name]) for name in dict.fromkeys(line.feature for line in lines)}
+        features = dict.fromkeys(line.feature for line in self.site.features if line.column in own)
+        known = {name: issues(engine, [name]) for name in features}
         return draw(
             "engine.html",
             page,
@@ -143,7 +143,7 @@ class Pages:
             engine=engine,
             counts=[count for count in self.site.counts if count.engine == engine],
             subjects=site_tables.subjects(self.site, engine),
-            features=site_tables.features(lines, engine),
+            features=site_tables.features(self.site, engine),
             feature_issues={name: found for name, found in known.items() if found},
             findings=[finding for finding in self.site.findings if finding.engine == engine],
             red=[cell for cell in self.site.cells if cell.column in own and not cell.agrees],

@@ -13,7 +13,8 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -77,27 +78,23 @@ def rebuilt(site: Any) -> dict[str, dict[str, Lines]]:
     """The rows of every table, by page and by the table's name there; those that follow from cells and trends are computed from these."""
     count_again(site)
     pages: dict[str, dict[str, Lines]] = {}
-    kinds = {row.page: row for row in site.rows if row.kind != "robot"}
-    drawn = {column.page: column.engine for column in site.columns}
     for shown in site.tables:
-        page, caption, table = shown.page, shown.caption, held(shown)
-        row, engine = kinds.get(page), drawn.get(page)
-        if page == "index.html":
-            made = {"Verdict and worst": matrix, "Engines:": engines, "Changed in the trend": changes}
-            table = next((make(site) for start, make in made.items() if caption.startswith(start)), table)
-        elif row and caption.startswith("Other quantities on "):
-            table = quantities(site, row.name)
-        elif row and caption.startswith("Changed in the trend"):
-            table = changes(site, row.name)
-        elif row and caption.startswith("Trends of "):
-            table = trends(site, row.name, shown)
-        elif engine and caption.startswith("Verdicts of "):
-            table = subjects(site, engine)
-        elif engine and caption.startswith("What "):
-            own = {column.name for column in site.columns if column.engine == engine}
-            table = features([line for line in site.features if line.column in own], engine)
-        pages.setdefault(page, {})[shown.name] = lines_of(table)
+        made = next((make for start, make in makers(site, shown).items() if shown.caption.startswith(start)), partial(held, shown))
+        pages.setdefault(shown.page, {})[shown.name] = lines_of(made())
     return pages
+
+
+def makers(site: Any, shown: Any) -> dict[str, Callable[[], Table]]:
+    """What computes a table from cells and trends on the page of another one, by the beginning of its caption."""
+    if shown.page == "index.html":
+        makers = {"Verdict and worst": matrix, "Engines:": engines, "Changed in the trend": changes}
+        return {start: partial(make, site) for start, make in makers.items()}
+    for row in (one.name for one in site.rows if one.kind != "robot" and one.page == shown.page):
+        made = {"Other quantities on ": partial(quantities, site, row), "Changed in the trend": partial(changes, site, row)}
+        return {**made, "Trends of ": partial(trends, site, row, shown)}
+    for engine in (one.engine for one in site.columns if one.page == shown.page):
+        return {"Verdicts of ": partial(subjects, site, engine), "What ": partial(features, site, engine)}
+    return {}
 
 
 class Tables(HTMLParser):

@@ -214,8 +214,10 @@ def subjects(site: Site, engine: str) -> Table:
     )
 
 
-def features(lines: Sequence[FeatureLine], engine: str) -> Table:
+def features(site: Site, engine: str) -> Table:
     """A row for each feature and subject of an engine."""
+    own = {column.name for column in site.columns if column.engine == engine}
+    lines = [line for line in site.features if line.column in own]
     rows = [
         [line.feature, line.column, line.line, line.agrees, line.asked, value_of(line.worst), value_of(line.from_rigid)] for line in lines
     ]
