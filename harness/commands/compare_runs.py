@@ -12,7 +12,7 @@ from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
 
 if TYPE_CHECKING:
-    from harness.results.run_changes import ComparedRun
+    from harness.results.trend import ComparedRun
 
 SECTION = STUDIES
 LATEST, PREVIOUS = "latest", "previous"
@@ -41,7 +41,7 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
     from harness.report.summary import changes_table
     from harness.results.plain_json import to_json
     from harness.results.records import changed_versions
-    from harness.results.run_changes import changes_between, run_changes
+    from harness.results.trend import changes_between, run_changes
 
     if not (bracket.directory / "history.sqlite").is_file():
         raise InvalidRequest(f"{bracket.directory} holds no history; name the folder of a report with --out")
@@ -80,7 +80,7 @@ def _run_called(bracket: Bracket, name: str) -> ComparedRun:
     """
     from harness.results.cross_check import CrossCheckResult
     from harness.results.night import Night
-    from harness.results.run_changes import ComparedRun
+    from harness.results.trend import ComparedRun
 
     known, history = _runs(bracket), bracket.history
     place = {LATEST: 0, PREVIOUS: 1}.get(name)

@@ -13,7 +13,7 @@ from harness.commands.frame.options import states_option
 from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
 from harness.library import matching
-from harness.results.run_changes import TIME, RunChange
+from harness.results.trend import TIME, RunChange
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -133,7 +133,7 @@ def _write(bracket: Bracket, records: Sequence[Record], changes: Sequence[RunCha
 
 
 def _print(changes: Sequence[RunChange], records: Sequence[Record], versions: Sequence[str]) -> None:
-    from harness.results.run_changes import changes_between
+    from harness.results.trend import changes_between
 
     print_titled(f"what changed from {versions[0]} to {versions[1]}", changes_between(changes))
     pairs = {(one.system, one.subject.partition("/")[2]) for one in records}

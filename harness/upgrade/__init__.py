@@ -2,6 +2,6 @@
 
 May use ``diagnosis`` and what is below it.
 
-Start with ``study``, which asks both versions. What counts as a change is said by ``harness.results.run_changes``; It finds
+Start with ``study``, which asks both versions. What counts as a change is said by ``harness.results.trend``; It finds
 the terms and readings that changed, and the first version that changed something.
 """

@@ -18,7 +18,7 @@ from harness.errors import InvalidRequest
 from harness.explain.terms import compare_terms
 from harness.library import Library
 from harness.results.records import Record
-from harness.results.run_changes import READING, TERMS, RunChange, run_changes
+from harness.results.trend import READING, TERMS, RunChange, run_changes
 from harness.study import Inquiry, Note, Part, Study, ask
 from harness.truth.sampling import generic_sample
 from harness.verdict import SEVERITY, Verdict

@@ -9,7 +9,7 @@ import pytest
 from support_results import RECORD
 
 from harness.results.records import Record
-from harness.results.run_changes import RunChange, run_changes
+from harness.results.trend import RunChange, run_changes
 
 GOOD = replace(
     RECORD, verdict="agrees", backward_error=2.0, message="", median_backward_error=1.2, median_bounds=[1.17, 1.23],
