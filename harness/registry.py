@@ -5,9 +5,8 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from operator import attrgetter
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from harness.errors import InvalidRequest
 from harness.library import nearest
@@ -21,46 +20,21 @@ def module_names(package: str) -> list[str]:
     return sorted(module.name for module in found if not (module.ispkg or module.name.startswith("_")))
 
 
-@dataclass(frozen=True)
-class Registry(Generic[Declared]):
+def declared(package: str, kind: type[Declared], noun: str, key: Callable[[Declared], str] = attrgetter("name")) -> dict[str, Declared]:
     """Every object of one class that a module of one package holds, by itself or in a list or tuple.
 
-    Attributes:
-        package: whose modules are imported when the registry is asked, and not before.
-        kind: class of the declarations. noun: of one of them in a message, as "method".
-        key: of a declaration, by which it is told from the others.
+    They are by key, in the order of the modules' names and of their text; ``noun`` is one of them in a message, as "method".
+
+    Raises:
+        ValueError: two declarations have one key.
     """
-
-    package: str
-    kind: type[Declared]
-    noun: str
-    key: Callable[[Declared], str] = attrgetter("name")
-
-    def all(self) -> dict[str, Declared]:
-        """The declarations by key, in the order of the modules' names and of their text.
-
-        Raises:
-            ValueError: two declarations have one key.
-        """
-        found: dict[str, Declared] = {}
-        for name in module_names(self.package):
-            for value in vars(importlib.import_module(f"{self.package}.{name}")).values():
-                for one in value if isinstance(value, (list, tuple)) else (value,):
-                    if isinstance(one, self.kind) and found.setdefault(self.key(one), one) is not one:
-                        raise ValueError(f"{self.package} has two of the name {self.key(one)!r}; expected one {self.noun} of a name")
-        return found
-
-    def sorted(self) -> dict[str, Declared]:
-        """The declarations in the order of their keys."""
-        return dict(sorted(self.all().items()))
-
-    def select(self, names: Iterable[str]) -> list[Declared]:
-        """The declarations of these keys, each once; all for none.
-
-        Raises:
-            InvalidRequest: a name that none has; the message gives the nearest one.
-        """
-        return select(names, self.all(), self.noun)
+    found: dict[str, Declared] = {}
+    for name in module_names(package):
+        for value in vars(importlib.import_module(f"{package}.{name}")).values():
+            for one in value if isinstance(value, (list, tuple)) else (value,):
+                if isinstance(one, kind) and found.setdefault(key(one), one) is not one:
+                    raise ValueError(f"{package} has two of the name {key(one)!r}; expected one {noun} of a name")
+    return found
 
 
 def select(names: Iterable[str], known: Mapping[str, Declared], noun: str) -> list[Declared]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.errors import InvalidRequest
-from harness.registry import Registry, module_names
+from harness.registry import declared, module_names, select
 
 
 @dataclass(frozen=True)
@@ -36,21 +36,21 @@ def belfry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.Fixt
 
 
 def test_declarations_alone_and_in_lists_are_found_once_in_order_and_shared_modules_are_left_out(belfry: str) -> None:
-    bells = Registry(belfry, Bell, "bell")
+    bells = declared(belfry, Bell, "bell")
     assert module_names(belfry) == ["chapel", "tower"]
-    assert sorted(bells.all()) == list(bells.sorted()) == ["alto", "small", "tenor"]
-    assert list(bells.all()) == ["tenor", "alto", "small"]
+    assert sorted(bells) == ["alto", "small", "tenor"]
+    assert list(bells) == ["tenor", "alto", "small"]
 
 
 def test_names_are_selected_once_in_their_order_and_all_for_none(belfry: str) -> None:
-    bells = Registry(belfry, Bell, "bell")
-    assert [one.name for one in bells.select(["small", "alto", "small"])] == ["small", "alto"]
-    assert {one.name for one in bells.select([])} == {"alto", "small", "tenor"}
+    bells = declared(belfry, Bell, "bell")
+    assert [one.name for one in select(["small", "alto", "small"], bells, "bell")] == ["small", "alto"]
+    assert {one.name for one in select([], bells, "bell")} == {"alto", "small", "tenor"}
     with pytest.raises(InvalidRequest, match="no bell is called 'tenora'; did you mean 'tenor'"):
-        bells.select(["tenora"])
+        select(["tenora"], bells, "bell")
 
 
 def test_two_declarations_of_one_name_are_refused(belfry: str, tmp_path: Path) -> None:
     (tmp_path / belfry / "yard.py").write_text("from test_registry import Bell\nBELL = Bell('alto')")
     with pytest.raises(ValueError, match=f"{belfry} has two of the name 'alto'; expected one bell of a name"):
-        Registry(belfry, Bell, "bell").all()
+        declared(belfry, Bell, "bell")

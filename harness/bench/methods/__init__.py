@@ -19,7 +19,7 @@ from harness.engines import Subject
 from harness.files.text.scan import compact
 from harness.library import MECHANISMS
 from harness.programs.states import States
-from harness.registry import Registry
+from harness.registry import declared
 from harness.truth.quantities.accelerations import AccelerationTruth
 
 # What a method is of that computes derivatives, beside the kinds of scenes.
@@ -94,12 +94,9 @@ class Method:
     engine: str = ""
 
 
-_METHODS = Registry(__name__, Method, "method")
-
-
 def find_methods(of: str = MECHANISMS) -> list[Method]:
     """Every method of one of ``KINDS``, or of ``DERIVATIVES``, that a module of this package holds, sorted by name."""
-    return [method for method in _METHODS.sorted().values() if of in method.of]
+    return [method for _, method in sorted(declared(__name__, Method, "method").items()) if of in method.of]
 
 
 def truth_of_engine(scene: Scene, engine: str, model_format: str) -> AccelerationTruth:

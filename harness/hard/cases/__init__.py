@@ -30,7 +30,7 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.registry import Registry
+from harness.registry import declared
 from harness.truth.sampling import generic_sample
 
 POINTS = 30
@@ -196,9 +196,6 @@ def _own_library() -> Library:
     return replace(Library.at(Path(__file__).parent), name="hard_cases")
 
 
-_CASES = Registry(__name__, HardCase, "hard case")
-
-
 @functools.cache
 def hard_cases() -> Mapping[str, HardCase]:
     """Every case by name, in the order of the modules and of their text.
@@ -206,7 +203,7 @@ def hard_cases() -> Mapping[str, HardCase]:
     Raises:
         ValueError: two cases have one name.
     """
-    return _CASES.all()
+    return declared(__name__, HardCase, "hard case")
 
 
 def decades(low: float, high: float, count: int = POINTS) -> tuple[float, ...]:

@@ -20,7 +20,7 @@ from harness.crosscheck.scene import Scene
 from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
-from harness.registry import Registry, select
+from harness.registry import declared, select
 
 # What an integrator integrates, and a method computes: mechanisms that are trees, those with constraints, and robots' files.
 KINDS = (MECHANISMS, CONSTRAINED, ROBOTS)
@@ -63,12 +63,9 @@ class Integrator:
         return advance(start, size, kept, 1) if self.adaptive else advance(start, size, count, max(1, count // kept))
 
 
-_INTEGRATORS = Registry(__name__, Integrator, "integrator")
-
-
 def integrators(of: str = MECHANISMS) -> list[Integrator]:
     """All integrators of one of ``KINDS``, by module and in the order of their declaration."""
-    return [one for one in _INTEGRATORS.all().values() if of in one.of]
+    return [one for one in declared(__name__, Integrator, "integrator").values() if of in one.of]
 
 
 def kind_of(scene: Scene) -> str:

@@ -17,7 +17,7 @@ from harness.files.rules import StepRule
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
-from harness.registry import Registry, select
+from harness.registry import declared, select
 from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism
 from harness.trees.quantities.motion import have_same_points
@@ -163,13 +163,10 @@ class Quantity:
     group: str = ""
 
 
-_REGISTRY = Registry(__name__, Quantity, "quantity")
-
-
 @functools.cache
 def find_quantities() -> dict[str, Quantity]:
     """Every quantity that a module of this package holds, by name, the default one first."""
-    return dict(sorted(_REGISTRY.all().items(), key=lambda item: (not item[1].is_default, item[0])))
+    return dict(sorted(declared(__name__, Quantity, "quantity").items(), key=lambda item: (not item[1].is_default, item[0])))
 
 
 def further_quantities() -> list[Quantity]:

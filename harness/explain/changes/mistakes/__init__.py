@@ -17,7 +17,7 @@ from harness.files.model_file import ModelFile
 from harness.files.text.anatomy import anatomy
 from harness.files.text.scan import TextPlace, edited
 from harness.files.text.slots import Anatomy, Slot, Words
-from harness.registry import Registry
+from harness.registry import declared
 
 # A slot with its new words, None where it goes.
 Write = tuple[Slot, Words | None]
@@ -93,9 +93,7 @@ def _nowhere(_parts: Anatomy) -> Iterable[FixedChange]:
 
 def find_mistakes() -> list[Mistake]:
     """Every kind of mistake that a module of this package holds, those first that a diagnosis looks for, sorted by name."""
-    return sorted(
-        Registry(__name__, Mistake, "kind of mistake").all().values(), key=lambda mistake: (mistake.changes is None, mistake.name)
-    )
+    return sorted(declared(__name__, Mistake, "kind of mistake").values(), key=lambda mistake: (mistake.changes is None, mistake.name))
 
 
 def mended_mistakes() -> list[Mistake]:

@@ -23,7 +23,7 @@ from harness.arrays import Array
 from harness.environments import split_name
 from harness.files.document.xml import read_any
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
-from harness.registry import Registry
+from harness.registry import declared
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
@@ -104,7 +104,7 @@ def find_readings(engine: str, model_format: str, reader: str = "") -> list[Read
 
     Those of a version, ``engine@version``, are those of the engine.
     """
-    found = Registry(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}").all().values()
+    found = declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}").values()
     named = {one.name: one for one in found if one.engine in (split_name(engine)[0], reader) and model_format in one.formats}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return [named[name] for name in order.static_order() if name in named]
