@@ -90,13 +90,8 @@ class Chart:
     cells: int
     false_alarms: float = FALSE_ALARMS
 
-    @property
-    def limit(self) -> float:
-        """A score beyond it is a jump."""
-        return self.limit_of(1)
-
-    def limit_of(self, run: int) -> float:
-        """So many scores in a row beyond it on one side are a jump."""
+    def limit(self, run: int = 1) -> float:
+        """A score beyond it is a jump; of a run of nights, so many scores in a row beyond it on one side."""
         return -_NORMAL.inv_cdf((self.false_alarms / (4 * max(1, self.cells))) ** (1 / run))
 
     @cached_property
@@ -163,7 +158,7 @@ class _Segment:
         if self.count < (1 if reading.is_known else FEWEST_UNKNOWN):
             return ""
         score = self._score(reading)
-        if abs(score) > chart.limit_of(reading.run):
+        if abs(score) > chart.limit(reading.run):
             return JUMP
         if reading.run > 1:
             return ""

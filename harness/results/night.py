@@ -164,22 +164,14 @@ class Case:
 
 def case_of(record: Record, stage: str) -> Case:
     """A record of a cross-check as a case."""
-    outcome = PASSED
+    key, seconds = (stage, record.system, record.series), record.states * (record.seconds_per_state or 0.0)
     if not record.as_expected:
         outcome = BROKEN if record.verdict == Verdict.ERROR else FAILED
-    elif record.verdict == Verdict.UNSUPPORTED:
-        outcome = LEFT_OUT
-    first, *_ = record.explanation.split("\n")
-    return Case(
-        stage=stage,
-        group=record.system,
-        name=record.series,
-        outcome=outcome,
-        message="" if outcome == PASSED else record.expected_reason or record.message if outcome == LEFT_OUT else first,
-        details="" if outcome in (PASSED, LEFT_OUT) else record.explanation,
-        replay="" if outcome in (PASSED, LEFT_OUT) else record.replay,
-        seconds=record.states * (record.seconds_per_state or 0.0),
-    )
+        return Case.of(key, record.explanation.split("\n"), outcome=outcome, replay=record.replay, seconds=seconds)
+    case = Case.of(key, seconds=seconds)
+    if record.verdict != Verdict.UNSUPPORTED:
+        return case
+    return replace(case, outcome=LEFT_OUT, message=record.expected_reason or record.message)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -248,7 +248,7 @@ def _errors(before: Mapping[Key, Record], now: Mapping[Key, Record]) -> Iterator
     for cell in sorted(old.keys() & new.keys()):
         first, second = old[cell], new[cell]
         by = second.value - first.value
-        if abs(by) > chart.limit * math.hypot(first.noise, second.noise):
+        if abs(by) > chart.limit() * math.hypot(first.noise, second.noise):
             yield _change(cell[:2], cell[2], f"{first.measured:.3g}", f"{second.measured:.3g}", by > 0 and cell[2] != WORST)
 
 

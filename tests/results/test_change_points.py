@@ -122,7 +122,7 @@ def test_the_rise_of_the_issue_is_found(recorded: list[np.ndarray]) -> None:
 def test_a_slow_drift_is_found_by_the_sums() -> None:
     chart = Chart(CELLS)
     values = [0.0] * 10 + [0.15] * 30
-    assert abs(0.15 / (0.05 * math.sqrt(1.1))) < chart.limit
+    assert abs(0.15 / (0.05 * math.sqrt(1.1))) < chart.limit()
     [first, *_] = chart.changes([NightValue(value, 0.05) for value in values])
     assert first.found_by == DRIFT
     assert 10 < first.place < 25
@@ -252,6 +252,6 @@ def test_a_change_begins_a_series_of_its_own() -> None:
 
 def test_limits_grow_with_the_number_of_cells() -> None:
     few, many = Chart(10), Chart(10_000)
-    assert few.limit < many.limit and few.interval < many.interval
-    assert 4.5 < Chart(CELLS).limit < 5.5
+    assert few.limit() < many.limit() and few.interval < many.interval
+    assert 4.5 < Chart(CELLS).limit() < 5.5
     assert FALSE_ALARMS <= 1e-3
