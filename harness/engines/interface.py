@@ -80,7 +80,7 @@ class LoadedModel:
     """
 
     joints: Mapping[str, tuple[int, int]]
-    gravity: tuple[float, float, float]
+    gravity: tuple[float, ...]
     total_mass: float
 
 

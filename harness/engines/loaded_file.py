@@ -22,10 +22,12 @@ class LoadedFile:
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         further: joints that it has and that the file does not name.
         couplings: of the request, of the joints found.
+        placed: the engine's model with the places of the joints found, where the harness asks it for more than accelerations.
         applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
     """
 
     notes: tuple[str, ...] = ()
+    placed: Any = None
     applies_dampers = False
     applies_springs = False
 
@@ -63,7 +65,18 @@ class LoadedFile:
     @property
     def model(self) -> Any:
         """The engine's own; raises ``Unsupported`` where none can be asked by itself."""
-        raise Unsupported("the harness asks this engine for accelerations alone")
+        return self._required().model
+
+    @property
+    def addresses(self) -> tuple[list[int], list[int]]:
+        """Positions and velocities of the joints found in the engine's own q and v; quaternions as (w, x, y, z)."""
+        found: tuple[list[int], list[int]] = self._required().addresses
+        return found
+
+    def _required(self) -> Any:
+        if self.placed is None:
+            raise Unsupported("the harness asks this engine for accelerations alone")
+        return self.placed
 
     @property
     def is_supplied_with_forces(self) -> bool:
@@ -82,11 +95,6 @@ class LoadedFile:
             found = found if self.applies_springs else found + forces.of_springs(q)
             found = found if self.applies_dampers else found + forces.of_dampers(v)
         return found
-
-    @property
-    def addresses(self) -> tuple[list[int], list[int]]:
-        """Positions and velocities of the joints found in the engine's own q and v; quaternions as (w, x, y, z)."""
-        raise Unsupported("the harness asks this engine for accelerations alone")
 
     @property
     def quantities(self) -> Any:

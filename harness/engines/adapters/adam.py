@@ -35,8 +35,7 @@ class AdamModel(StateByState):
     def loaded(self) -> LoadedModel:
         links = self._computations.rbdalgos.model.links
         masses = {name: float(_plain(link.inertial.mass)) for name, link in links.items() if link.inertial is not None}
-        x, y, z = self._computations.g[:3].tolist()
-        return LoadedModel(self.sizes, (x, y, z), moving_mass(self.request, masses))
+        return LoadedModel(self.sizes, tuple(self._computations.g[:3].tolist()), moving_mass(self.request, masses))
 
     def _go_to(self, q: Array, v: Array) -> None:
         base = self._base

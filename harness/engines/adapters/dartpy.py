@@ -49,10 +49,9 @@ class DartModel(StateByState):
         self.skeleton, self.notes = skeleton, notes
 
     def loaded(self) -> LoadedModel:
-        x, y, z = self.skeleton.getGravity()
         mass = sum(body.getMass() for body in self.skeleton.getBodyNodes() if body.getNumDependentGenCoords())
         sizes = {name: (1, 1) if joint.getNumDofs() == 1 else FREE for name, joint in self._moving.items()}
-        return LoadedModel(sizes, (float(x), float(y), float(z)), float(mass))
+        return LoadedModel(sizes, tuple(map(float, self.skeleton.getGravity())), float(mass))
 
     def _go_to(self, q: Array, v: Array) -> None:
         import dartpy

@@ -58,8 +58,7 @@ class IdyntreeModel(StateByState):
     def loaded(self) -> LoadedModel:
         model = self._model
         masses = {model.getLinkName(index): model.getLink(index).inertia().getMass() for index in range(model.getNrOfLinks())}
-        x, y, z = self._gravity.tolist()
-        return LoadedModel(self.sizes, (x, y, z), moving_mass(self.request, masses))
+        return LoadedModel(self.sizes, tuple(self._gravity.tolist()), moving_mass(self.request, masses))
 
     def _go_to(self, q: Array, v: Array) -> None:
         self._base.go_to(self.columns, q, v)

@@ -64,8 +64,7 @@ class PybulletModel(StateByState):
 
     def loaded(self) -> LoadedModel:
         masses = {link: float(self._ask("getDynamicsInfo", self._body, index)[0]) for link, index in self._links.items()}
-        x, y, z = self._gravity
-        return LoadedModel(self.sizes, (x, y, z), moving_mass(self.request, masses))
+        return LoadedModel(self.sizes, self._gravity, moving_mass(self.request, masses))
 
     def _go_to(self, q: Array, v: Array) -> None:
         positions = np.zeros(self.width)

@@ -57,10 +57,10 @@ class DrakeModel(StateByState):
     def loaded(self) -> LoadedModel:
         plant = self.plant
         sizes = {name: _SIZES[joint.type_name()] for name, joint in self._moving.items()}
-        x, y, z = plant.gravity_field().gravity_vector().tolist()
+        gravity = tuple(plant.gravity_field().gravity_vector().tolist())
         fixed = {body.index() for body in plant.GetBodiesWeldedTo(plant.world_body())}
         bodies = (plant.get_body(index) for instance in _instances(plant) for index in plant.GetBodyIndices(instance))
-        return LoadedModel(sizes, (x, y, z), float(sum(body.get_mass(self._context) for body in bodies if body.index() not in fixed)))
+        return LoadedModel(sizes, gravity, float(sum(body.get_mass(self._context) for body in bodies if body.index() not in fixed)))
 
     @cached_property
     def _differentiated(self) -> DifferentiatedPlant:

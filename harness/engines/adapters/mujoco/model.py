@@ -52,8 +52,7 @@ class MujocoModel(MujocoQuantities):
         model = self.model
         joints = {model.joint(number).name: sizes_of(model.joint(number)) for number in range(model.njnt)}
         moving = model.body_weldid != 0
-        gravity = quantities.gravity_of(model).tolist()
-        return LoadedModel(joints, (gravity[0], gravity[1], gravity[2]), float(model.body_mass[moving].sum()))
+        return LoadedModel(joints, tuple(quantities.gravity_of(model).tolist()), float(model.body_mass[moving].sum()))
 
     def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
         return quantities.held(self.model, positions or {}, steps or {})

@@ -201,21 +201,13 @@ class MujocoFile(LoadedFile):
         super().__init__(request, places)
         self.notes = tuple(notes)
         parts = [range(places[joint.name].id, places[joint.name].id + _PARTS.get(joint.kind, 1)) for joint in self.found]
-        self.compiled = MujocoModel(model, parts)
+        self.placed = MujocoModel(model, parts)
         read = {number for numbers in parts for number in numbers}
         self.further = tuple(f"joint {number}" for number in range(model.njnt) if number not in read)
 
     @property
-    def model(self) -> Any:
-        return self.compiled.model
-
-    @property
-    def addresses(self) -> tuple[list[int], list[int]]:
-        return self.compiled.addresses
-
-    @property
-    def quantities(self) -> MujocoModel:
-        return self.compiled
+    def quantities(self) -> Any:
+        return self.placed
 
     def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
         states = q[self.q_columns][None], v[self.v_columns][None], np.zeros((1, len(self.v_columns)))

@@ -85,8 +85,8 @@ class PinocchioModel(PinocchioQuantities):
     def loaded(self) -> LoadedModel:
         model = self.model
         joints = {name: (place.nq, place.nv) for name, place in self.force_elements.places.items()}
-        x, y, z = map(float, model.gravity.linear)
-        return LoadedModel(joints, (x, y, z), float(sum(inertia.mass for inertia in list(model.inertias)[1:])))
+        mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
+        return LoadedModel(joints, tuple(map(float, model.gravity.linear)), mass)
 
     def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
         """See ``harness.engines``; springs and dampers are those the harness adds."""

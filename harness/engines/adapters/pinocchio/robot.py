@@ -52,7 +52,7 @@ class PinocchioFile(LoadedFile):
         springs = () if request.aid is None else request.aid.springs
         # A reader that leaves bodies out leaves nothing for springs to pull at.
         self._springs = [one for one in springs if all(has_body(model, body) for body, _ in one.ends)]
-        self._placed = self._with(ForceElements(model, self._springs, places))
+        self.placed = self._with(ForceElements(model, self._springs, places))
         if request.aid is not None:
             model.gravity.linear = request.aid.gravity
             set_armature(model, self.addresses[1], request.aid.armature[self.v_columns])
@@ -60,19 +60,11 @@ class PinocchioFile(LoadedFile):
     def _with(self, elements: ForceElements) -> PinocchioQuantities:
         return PinocchioQuantities(elements.model, [joint.name for joint in self.found], elements)
 
-    @property
-    def model(self) -> Any:
-        return self._placed.model
-
-    @property
-    def addresses(self) -> tuple[list[int], list[int]]:
-        return self._placed.addresses
-
     @cached_property
     def quantities(self) -> PinocchioQuantities:
         if floating := [joint.name for joint in self.found if joint.kind.linear > 1]:
             raise NotOffered(f"the linear velocity of joint {floating[0]!r} is in another frame, converted for accelerations alone")
-        return self._with(ForceElements(self.model, list(self._elements()), self._placed.force_elements.places))
+        return self._with(ForceElements(self.model, list(self._elements()), self.placed.force_elements.places))
 
     def _elements(self) -> Iterator[ForceElement]:
         """The springs and dampers that are supplied."""
@@ -85,7 +77,7 @@ class PinocchioFile(LoadedFile):
                 yield JointDamper(joint.name, damping, joint.line)
         for spring, _, velocity in forces.springs:
             if velocity in by_velocity:
-                if self._placed.force_elements.places[spring.joint].nq != 1:
+                if self.placed.force_elements.places[spring.joint].nq != 1:
                     raise NotOffered(f"joint {spring.joint!r} with a spring stands in q as the cosine and sine of its position")
                 yield spring
 
@@ -110,7 +102,7 @@ class PinocchioFile(LoadedFile):
             return accelerations_from_body(body_turn(joint.kind, q[:, q_columns]), accelerations, v[:, v_columns])
 
         configuration, velocity, force = (
-            part.T for part in self._placed.pulled(q[:, self.q_columns], own_v[:, self.v_columns], tau[:, self.v_columns])
+            part.T for part in self.placed.pulled(q[:, self.q_columns], own_v[:, self.v_columns], tau[:, self.v_columns])
         )
         evaluate = partial(pinocchio.aba, model, data) if self.couplings is None else of_leaders
         return EngineRun(self, (configuration, velocity, force), evaluate, in_file)
