@@ -47,9 +47,24 @@ def states_of(name: str) -> Any:
     return LOOPS[name].states(COUNT, seed=1)
 
 
-def answers(engine: str, file: ModelFile, joints: Sequence[str], states: Sequence[tuple[list[float], ...]]) -> Array:
+def arrays(states: Sequence[tuple[list[float], ...]]) -> tuple[Array, Array, Array]:
     q, v, tau = (np.array([state[part] for state in states]) for part in range(3))
-    return load_engine(LIBRARY, engine).load(file, joints, GRAVITY).forward_dynamics(q, v, tau)
+    return q, v, tau
+
+
+def answers(engine: str, file: ModelFile, joints: Sequence[str], states: Sequence[tuple[list[float], ...]]) -> Array:
+    return load_engine(LIBRARY, engine).load(file, joints, GRAVITY).forward_dynamics(*arrays(states))
+
+
+def require_balance_and_reproducer(model: Any, file: ModelFile, states: Sequence[Any], capsys: pytest.CaptureFixture[str]) -> None:
+    """Terms balance the answers with the forces of constraints, and the reproducer prints the first answer."""
+    q, v, tau = arrays(states)
+    found, terms = model.forward_dynamics(q, v, tau), model.terms(q, v, tau)
+    balance = np.einsum("nij,nj->ni", terms.mass, found) + terms.velocity + terms.gravity - terms.passive - terms.applied
+    assert np.abs(balance).max() < 1e-10 * np.abs(terms.passive).max()
+    exec(model.reproducer("text", q[0], v[0], tau[0], found[0]), {"text": file.text})
+    printed, expected = (np.array(eval(line)) for line in capsys.readouterr().out.splitlines())
+    np.testing.assert_allclose(printed, expected, rtol=1e-12)
 
 
 def laws_of(file: ModelFile, engine: str = "mujoco") -> Mapping[str, ConstraintLaw]:
@@ -296,14 +311,9 @@ def test_a_joint_that_mimics_is_coupled_where_the_system_asks_for_it(engine: str
         states = [([q[0], q[1], 0.25 + 1.5 * q[1]], [v[0], v[1], 1.5 * v[1]], tau) for q, v, tau in states]
     found = answers(engine, file, loop.joints, states)
     assert loop.worst(truth(engine, file, loop), states, found) < BAR
-    q, v, tau = (np.array([state[part] for state in states]) for part in range(3))
     model: Any = load_engine(LIBRARY, engine).load(file, loop.joints, GRAVITY)
-    exec(model.reproducer("text", q[0], v[0], tau[0], found[0]), {"text": file.text})
-    printed, expected = (np.array(eval(line)) for line in capsys.readouterr().out.splitlines())
-    np.testing.assert_allclose(printed, expected, rtol=1e-12)
-    terms = model.terms(q, v, tau)
-    balance = np.einsum("nij,nj->ni", terms.mass, found) + terms.velocity + terms.gravity - terms.passive - terms.applied
-    assert np.abs(balance).max() < 1e-10 * np.abs(terms.passive).max()
+    require_balance_and_reproducer(model, file, states, capsys)
+    q = arrays(states)[0]
     np.testing.assert_allclose(model.gaps(q)["follower"][:, 0], q[:, 2] - 0.25 - 1.5 * q[:, 1], atol=1e-13)
 
 
@@ -357,8 +367,7 @@ def test_a_planted_fault_is_felt(engine: str, where: tuple[str, str], change: tu
 @pytest.mark.parametrize(("engine", "model_format"), SUBJECTS)
 def test_an_answer_is_a_function_of_its_state(engine: str, model_format: str) -> None:
     """MuJoCo's solver would start from the answer before."""
-    states = states_of("four_bar")
-    q, v, tau = (np.array([state[part] for state in states]) for part in range(3))
+    q, v, tau = arrays(states_of("four_bar"))
     model = load_engine(LIBRARY, engine).load(model_of("four_bar", model_format), FOUR_BAR.joints, GRAVITY)
     first = model.forward_dynamics(q, v, tau)
     np.testing.assert_array_equal(first, model.forward_dynamics(q[::-1], v[::-1], tau[::-1])[::-1])
@@ -367,63 +376,49 @@ def test_an_answer_is_a_function_of_its_state(engine: str, model_format: str) ->
 
 @pytest.mark.parametrize(("engine", "model_format"), SUBJECTS)
 def test_terms_and_reproducer_hold_the_forces_of_constraints(engine: str, model_format: str, capsys: pytest.CaptureFixture[str]) -> None:
-    states, file = states_of("four_bar"), model_of("four_bar", model_format)
-    q, v, tau = (np.array([state[part] for state in states]) for part in range(3))
-    model: Any = load_engine(LIBRARY, engine).load(file, FOUR_BAR.joints, GRAVITY)
-    found, terms = model.forward_dynamics(q, v, tau), model.terms(q, v, tau)
-    balance = np.einsum("nij,nj->ni", terms.mass, found) + terms.velocity + terms.gravity - terms.passive - terms.applied
-    assert np.abs(balance).max() < 1e-10 * np.abs(terms.passive).max()
-    exec(model.reproducer("text", q[0], v[0], tau[0], found[0]), {"text": file.text})
-    printed, expected = (np.array(eval(line)) for line in capsys.readouterr().out.splitlines())
-    np.testing.assert_allclose(printed, expected, rtol=1e-12)
+    file = model_of("four_bar", model_format)
+    model = load_engine(LIBRARY, engine).load(file, FOUR_BAR.joints, GRAVITY)
+    require_balance_and_reproducer(model, file, states_of("four_bar"), capsys)
 
 
-def _loop_model(file: ModelFile) -> tuple[PinocchioModel, tuple[Array, Array, Array]]:
-    model = load_engine(LIBRARY, "pinocchio").load(file, FOUR_BAR.joints, GRAVITY)
-    assert isinstance(model, PinocchioModel)
-    q, v, tau = (np.array([state[part] for state in states_of("four_bar")]) for part in range(3))
-    return model, model.columns(q, v, tau)
+def solved(**told: Any) -> tuple[LoopConstraints, tuple[Array, Array, Array], Array]:
+    """The four-bar's loop by a solver that is told so, its states, and the accelerations there."""
+    model = load_engine(LIBRARY, "pinocchio").load(model_of("four_bar", "urdf"), FOUR_BAR.joints, GRAVITY)
+    assert isinstance(model, PinocchioModel) and isinstance(model.constraints, LoopConstraints)
+    constraints, columns = model.constraints.solved_by(Solver(**told)), model.columns(*arrays(states_of("four_bar")))
+    return constraints, columns, constraints.accelerations(columns)
+
+
+def error_of(answer: Array) -> float:
+    return FOUR_BAR.worst(FOUR_BAR.rigid, states_of("four_bar"), answer)
 
 
 def test_pinocchios_default_settings_give_nan_without_a_word() -> None:
     """Of a redundant row, which every planar loop closed by a point has; an answer that is not finite becomes an error of the record."""
-    model, columns = _loop_model(model_of("four_bar", "urdf"))
-    assert isinstance(model.constraints, LoopConstraints)
-    for solver in (Solver(mu=None), Solver(mu=0.0, iterations=1)):
-        assert np.isnan(model.constraints.solved_by(solver).accelerations(columns)).all()
+    for told in ({"mu": None}, {"mu": 0.0, "iterations": 1}):
+        assert np.isnan(solved(**told)[2]).all()
 
 
 def test_the_residual_of_pinocchios_iterations_tells_right_from_wrong_by_nothing() -> None:
-    states = states_of("four_bar")
-    model, columns = _loop_model(model_of("four_bar", "urdf"))
-    assert isinstance(model.constraints, LoopConstraints)
-    right, wrong = (model.constraints.solved_by(Solver(mu=1e-6, iterations=count)) for count in (50, 1))
-    errors = [FOUR_BAR.worst(FOUR_BAR.rigid, states, one.accelerations(columns)) for one in (right, wrong)]
-    assert errors[0] < BAR < 1e5 * BAR < errors[1]
+    (right, columns, good), (wrong, _, bad) = (solved(mu=1e-6, iterations=count) for count in (50, 1))
+    assert error_of(good) < BAR < 1e5 * BAR < error_of(bad)
     np.testing.assert_allclose(right.residuals(columns), wrong.residuals(columns), rtol=1e-4)
-    lost = model.constraints.solved_by(Solver("lcaba", mu=1e-10))
-    assert FOUR_BAR.worst(FOUR_BAR.rigid, states, lost.accelerations(columns)) > 1e5 * BAR
-    assert lost.residuals(columns).max() < 1e-12
+    lost, columns, answer = solved(algorithm="lcaba", mu=1e-10)
+    assert error_of(answer) > 1e5 * BAR and lost.residuals(columns).max() < 1e-12
 
 
 @pytest.mark.parametrize("mu", [1e-2, 1e-6, 1e-10, 1e-14])
 def test_the_limit_of_pinocchios_iterations_does_not_depend_on_mu(mu: float) -> None:
-    states = states_of("four_bar")
-    model, columns = _loop_model(model_of("four_bar", "urdf"))
-    assert isinstance(model.constraints, LoopConstraints)
-    many, one = (model.constraints.solved_by(Solver(mu=mu, iterations=count)).accelerations(columns) for count in (100, 1))
-    assert FOUR_BAR.worst(FOUR_BAR.rigid, states, many) < BAR
-    assert mu < 1e-13 or FOUR_BAR.worst(FOUR_BAR.rigid, states, one) > BAR
+    many, one = (error_of(solved(mu=mu, iterations=count)[2]) for count in (100, 1))
+    assert many < BAR and (mu < 1e-13 or one > BAR)
 
 
 @pytest.mark.parametrize("mu", [1e-4, 1e-6, 1e-8])
 def test_lcaba_loses_digits_in_proportion_to_one_over_mu(mu: float) -> None:
     """Iterations do not mend it: what rounding leaves of M + J' J / mu stays."""
     states = states_of("four_bar")
-    model, columns = _loop_model(model_of("four_bar", "urdf"))
-    assert isinstance(model.constraints, LoopConstraints)
     rigid = np.array([[float(one) for one in FOUR_BAR.rigid([*q, *v, *tau, *FOUR_BAR.values])] for q, v, tau in states])
-    error = np.abs(model.constraints.solved_by(Solver("lcaba", mu)).accelerations(columns) - rigid).max() / np.abs(rigid).max()
+    error = np.abs(solved(algorithm="lcaba", mu=mu)[2] - rigid).max() / np.abs(rigid).max()
     assert 0.01 * 2.0**-53 / mu < error < 1e3 * 2.0**-53 / mu
 
 
@@ -433,5 +428,4 @@ def test_a_loop_closed_twice_is_closed_once() -> None:
     start = file.text.index("  <drake:ball_constraint name")
     closure = file.text[start : file.text.index("</robot>")]
     twice = parse_model(file.path, file.text.replace("</robot>", closure.replace('"closure"', '"again"') + "</robot>"), "urdf")
-    states = states_of("four_bar")
-    assert FOUR_BAR.worst(FOUR_BAR.rigid, states, answers("pinocchio", twice, FOUR_BAR.joints, states)) < BAR
+    assert error_of(answers("pinocchio", twice, FOUR_BAR.joints, states_of("four_bar"))) < BAR
