@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.interface import METHODS, NotOffered, Unsupported
-from harness.engines.request import AskedJoint, Refused, Request, by_joint, projected
+from harness.engines.request import Aid, AskedJoint, JointForces, Refused, Request, by_joint, projected
 from harness.files.rules import StepRule
 
 
@@ -19,6 +19,7 @@ class LoadedFile:
     Attributes:
         found: the joints of the request that the engine has. q_columns, v_columns: their columns.
         joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
+        aid: what the request supplies, which is nothing to a plain engine.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         further: joints that it has and that the file does not name.
         couplings: of the request, of the joints found.
@@ -32,7 +33,8 @@ class LoadedFile:
     applies_springs = False
 
     def __init__(self, request: Request, names: Collection[str]) -> None:
-        self.request = request
+        self.request, velocities = request, sum(len(joint.velocities) for joint in request.joints)
+        self.aid = request.aid or Aid(np.zeros(3), JointForces(np.zeros(velocities), ()), np.zeros(velocities))
         self.found = tuple(joint for joint in request.joints if joint.name in names)
         self.q_columns = [column for joint in self.found for column in joint.positions]
         self.v_columns = [column for joint in self.found for column in joint.velocities]
@@ -81,20 +83,13 @@ class LoadedFile:
     @property
     def is_supplied_with_forces(self) -> bool:
         """True where forces that its reader leaves out are applied to it."""
-        aid = self.request.aid
-        if aid is None:
-            return False
-        springs = bool(aid.forces.springs or aid.springs) and not self.applies_springs
-        return springs or (bool(aid.forces.damping.any()) and not self.applies_dampers)
+        springs = bool(self.aid.forces.springs or self.aid.springs) and not self.applies_springs
+        return springs or (bool(self.aid.forces.damping.any()) and not self.applies_dampers)
 
     def supplied(self, q: Array, v: Array) -> Array:
         """(n, nv) forces [N or N m] of the springs and dampers of joints that the engine does not apply itself, over the file's joints."""
-        found = np.zeros_like(v)
-        if self.request.aid is not None:
-            forces = self.request.aid.forces
-            found = found if self.applies_springs else found + forces.of_springs(q)
-            found = found if self.applies_dampers else found + forces.of_dampers(v)
-        return found
+        springs = np.zeros_like(v) if self.applies_springs else self.aid.forces.of_springs(q)
+        return springs if self.applies_dampers else springs + self.aid.forces.of_dampers(v)
 
     @property
     def quantities(self) -> Any:

@@ -44,9 +44,7 @@ class StateByState(LoadedFile):
         self.columns = Columns([joint.name for joint in self.found], {joint.name: joint.kind.sizes for joint in self.found})
         self.sizes = {name: self.columns.sizes.get(name, (1, 1)) for name in places}
         self.turn = np.zeros((self.columns.nv, width))
-        self.armature = np.zeros(self.columns.nv)
-        if request.aid is not None:
-            self.armature = request.aid.armature[self.v_columns]
+        self.armature = self.aid.armature[self.v_columns]
 
     @abstractmethod
     def _go_to(self, q: Array, v: Array) -> None:
@@ -60,10 +58,10 @@ class StateByState(LoadedFile):
     def _bias(self) -> Array:
         """(width,) [N or N m]: the generalised forces at which no acceleration results."""
 
+    @abstractmethod
     def _parts_of_bias(self) -> tuple[Array, Array, Array]:
         """Its terms of velocity and of gravity, neither what is left of a difference, and less the springs and dampers that the engine
         applies itself; each (width,)."""
-        raise NotOffered("the engine offers no terms")
 
     def _accelerations(self, force: Array) -> Array | None:
         """(width,) under generalised forces (width,), at the state that was taken; None of an engine that leaves that to its caller."""
@@ -87,7 +85,7 @@ class StateByState(LoadedFile):
         self.turn = self.columns.turn(q, self.places, self.width, self.rotation_first)
         self._go_to(q, v @ self.turn)
         forces = np.zeros(len(v))
-        for spring in () if self.request.aid is None or self.applies_springs else self.request.aid.springs:
+        for spring in () if self.applies_springs else self.aid.springs:
             pull = pull_of(spring, self._point, v)
             forces -= pull.tension * pull.gradient
         return forces

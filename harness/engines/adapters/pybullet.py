@@ -71,7 +71,7 @@ class PybulletModel(StateByState):
         for name in self.columns.sizes:
             positions[self.places[name]] = q[self.columns.spans(name)[0]][0]
         self._q, self._v = positions.tolist(), v.tolist()
-        if self.request.aid is not None and self.request.aid.springs:
+        if self.aid.springs:
             for index, position in zip(self._indices, self._q, strict=True):
                 self._ask("resetJointState", self._body, index, position)
 

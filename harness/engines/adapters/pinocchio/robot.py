@@ -49,9 +49,8 @@ class PinocchioFile(LoadedFile):
         super().__init__(request, places)
         known = {place.joint for place in places.values()}
         self.further = tuple(name for number, name in enumerate(model.names) if number and number not in known)
-        springs = () if request.aid is None else request.aid.springs
         # A reader that leaves bodies out leaves nothing for springs to pull at.
-        self._springs = [one for one in springs if all(has_body(model, body) for body, _ in one.ends)]
+        self._springs = [one for one in self.aid.springs if all(has_body(model, body) for body, _ in one.ends)]
         self.placed = self._with(ForceElements(model, self._springs, places))
         if request.aid is not None:
             model.gravity.linear = request.aid.gravity
@@ -69,9 +68,7 @@ class PinocchioFile(LoadedFile):
     def _elements(self) -> Iterator[ForceElement]:
         """The springs and dampers that are supplied."""
         yield from self._springs
-        if self.request.aid is None:
-            return
-        forces, by_velocity = self.request.aid.forces, {joint.velocities[0]: joint for joint in self.found}
+        forces, by_velocity = self.aid.forces, {joint.velocities[0]: joint for joint in self.found}
         for velocity, joint in by_velocity.items():
             if damping := float(forces.damping[velocity]):
                 yield JointDamper(joint.name, damping, joint.line)
