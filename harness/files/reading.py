@@ -17,11 +17,10 @@ from harness.files.document.xml import Document, describe, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import LeftOut
 from harness.files.left_out import left_out_of_mjcf, left_out_of_urdf
-from harness.files.mjcf import reading as mjcf
-from harness.files.mjcf.inertias import CompileMeshes, Meshes
+from harness.files.mjcf.inertias import CompileMeshes
+from harness.files.mjcf.reading import read_tree as read_mjcf
 from harness.files.tree import Joint, SpringDampers, Tree
-from harness.files.urdf import reading as urdf
-from harness.files.urdf.reading import FLOATING_BASE
+from harness.files.urdf.reading import FLOATING_BASE, UrdfReader
 
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 # What an empty file should have been.
@@ -88,12 +87,11 @@ def read(
     """
     source = Source(document)
     if (format := _format(source)) == "urdf":
-        tree, equalities = urdf.read_tree(source, gravity, floating_base)
+        tree, equalities = UrdfReader(source).read(gravity, floating_base)
         left_out, spring_dampers = left_out_of_urdf(source), SpringDampers()
     elif floating_base:
         source.refuse(source.root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
-        meshes = None if compile_meshes is None else Meshes(document.path, compile_meshes)
-        tree, equalities, spring_dampers = mjcf.read_tree(source, meshes)
+        tree, equalities, spring_dampers = read_mjcf(source, compile_meshes)
         left_out = left_out_of_mjcf(source, tree)
     return Meaning(format, tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)

@@ -49,36 +49,6 @@ Number = tuple[int, int]
 CompileMeshes = Callable[[Path], Mapping[Number, CompiledMesh]]
 
 
-class Meshes:
-    """The meshes of one file, compiled when the first is asked for."""
-
-    def __init__(self, path: Path, compile_meshes: CompileMeshes) -> None:
-        self._path, self._compile = path, compile_meshes
-        self._found: Mapping[Number, CompiledMesh] | None = None
-
-    def solid(self, source: Source, geom: etree._Element) -> Solid:
-        """The solid of a geom; raises InvalidModel where the engine has none there."""
-        if self._found is None:
-            try:
-                self._found = self._compile(self._path)
-            except ValueError as error:
-                source.refuse(geom, f"{describe(geom)} gives its body the inertia of a mesh, and the file does not compile: {error}")
-        number, place = _number_of(geom), source.place(geom)
-        compiled = self._found.get(number)
-        if compiled is None or compiled.name != geom.get("name", ""):
-            source.refuse(
-                geom,
-                f"{describe(geom)} gives its body the inertia of a mesh, and is not where the engine has one; write the body an <inertial>",
-            )
-
-        def given(values: Sequence[float], what: str) -> tuple[Given, ...]:
-            return tuple(Given(float(value), place, f"{what} of the compiled mesh", index) for index, value in enumerate(values))
-
-        (mass,) = given((compiled.mass,), "mass")
-        pose = Placement(vector(given(compiled.position, "position")), (Quaternion(given(compiled.orientation, "orientation")),))
-        return Solid("mesh", (), (pose,), mass, mass, place=place, moments=given(compiled.moments, "moments"))
-
-
 def _number_of(geom: etree._Element) -> Number:
     body = next(geom.iterancestors("body"))
     root = next(body.iterancestors("mujoco"))
@@ -88,10 +58,11 @@ def _number_of(geom: etree._Element) -> Number:
 
 
 class Inertias:
-    """Reads them by what the ``compiler`` elements say."""
+    """Reads them by what the ``compiler`` elements say; meshes are compiled when the first is asked for."""
 
-    def __init__(self, source: Source, attributes: Attributes, meshes: Meshes | None) -> None:
-        self._source, self._attributes, self._meshes = source, attributes, meshes
+    def __init__(self, source: Source, attributes: Attributes, compile_meshes: CompileMeshes | None) -> None:
+        self._source, self._attributes, self._compile_meshes = source, attributes, compile_meshes
+        self._meshes: Mapping[Number, CompiledMesh] | None = None
         self._from_geoms = attributes.compiler("inertiafromgeom", "auto", ("auto", "true", "false"))
         (least_mass,), (least_moment,), (total,) = (
             attributes.compiler_numbers(name, (Fraction(0),)) for name in ("boundmass", "boundinertia", "settotalmass")
@@ -141,8 +112,8 @@ class Inertias:
         # A massless solid adds nothing, and stays for those that read its mass otherwise.
         if kind in _WEIGHTLESS or (is_massless and kind not in _SIZES):
             return
-        if self._meshes is not None and self._is_mesh(geom):
-            yield self._meshes.solid(source, geom)
+        if self._compile_meshes is not None and self._is_mesh(geom):
+            yield self._mesh(geom, self._compile_meshes)
             return
         if kind not in _SIZES:
             source.refuse(
@@ -156,6 +127,26 @@ class Inertias:
                 geom, f"{describe(geom)} is the shell of an ellipsoid, whose area has no closed form; write the body an <inertial>"
             )
         yield self._with_sizes(geom, Solid(kind, (), attributes.pose(geom), mass, density, shell, None, source.place(geom)))
+
+    def _mesh(self, geom: etree._Element, compile_meshes: CompileMeshes) -> Solid:
+        """The solid of a geom; raises InvalidModel where the engine has none there."""
+        source, place = self._source, self._source.place(geom)
+        if self._meshes is None:
+            try:
+                self._meshes = compile_meshes(source.document.path)
+            except ValueError as error:
+                source.refuse(geom, f"{describe(geom)} gives its body the inertia of a mesh, and the file does not compile: {error}")
+        compiled = self._meshes.get(_number_of(geom))
+        if compiled is None or compiled.name != geom.get("name", ""):
+            problem = "gives its body the inertia of a mesh, and is not where the engine has one; write the body an <inertial>"
+            source.refuse(geom, f"{describe(geom)} {problem}")
+
+        def given(values: Sequence[float], what: str) -> tuple[Given, ...]:
+            return tuple(Given(float(value), place, f"{what} of the compiled mesh", index) for index, value in enumerate(values))
+
+        (mass,) = given((compiled.mass,), "mass")
+        pose = Placement(vector(given(compiled.position, "position")), (Quaternion(given(compiled.orientation, "orientation")),))
+        return Solid("mesh", (), (pose,), mass, mass, place=place, moments=given(compiled.moments, "moments"))
 
     def _is_mesh(self, geom: etree._Element) -> bool:
         """Whether a geom has the shape, or the size, of a mesh."""

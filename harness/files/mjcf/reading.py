@@ -24,7 +24,7 @@ from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import JOINTS, KINDS, REPEATED, Attributes, inside, is_on, resolved_text
 from harness.files.mjcf.between import Between
-from harness.files.mjcf.inertias import Inertias, Meshes
+from harness.files.mjcf.inertias import CompileMeshes, Inertias
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers, Tree, Vector, vector
 
 # What MuJoCo takes without an option.
@@ -34,12 +34,12 @@ MOST_FILES = 100
 _MAKERS = ("attach", "composite", "flexcomp")
 
 
-def read_tree(source: Source, meshes: Meshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
+def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
     """The tree of an MJCF, the equalities that are no part of it, and joints whose stiffness and damping follow from their inertia.
 
     Included files and replicas are put into its elements, in place.
 
-    ``meshes`` gives the inertias of meshes, which no file states; without it a body that has its inertia from one is refused.
+    ``compile_meshes`` gives the inertias of meshes, which no file states; without it a body that has its inertia from one is refused.
 
     Raises:
         InvalidModel: what has no meaning, or one that is that of MuJoCo's program alone.
@@ -47,7 +47,7 @@ def read_tree(source: Source, meshes: Meshes | None = None) -> tuple[Tree, tuple
     _expand(source)
     attributes = Attributes(source)
     _refuse_other_frames(source, attributes)
-    reader = _MjcfReader(source, attributes, meshes)
+    reader = _MjcfReader(source, attributes, compile_meshes)
     bodies = tuple(reader.body(body) for world in source.root.iterchildren("worldbody") for body in world.iter("body"))
     between, inertias = Between(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
@@ -78,9 +78,9 @@ def _gravity(source: Source) -> Vector:
 class _MjcfReader:
     """Bodies of one file."""
 
-    def __init__(self, source: Source, attributes: Attributes, meshes: Meshes | None) -> None:
+    def __init__(self, source: Source, attributes: Attributes, compile_meshes: CompileMeshes | None) -> None:
         self._source, self.attributes = source, attributes
-        self.inertias = Inertias(source, attributes, meshes)
+        self.inertias = Inertias(source, attributes, compile_meshes)
         # Time constant and damping ratio by joint.
         self.spring_dampers: dict[str, tuple[Given, Given]] = {}
         self._names: dict[etree._Element, str] = {}

@@ -133,14 +133,18 @@ def _stage(parts: _Parts, stage: str) -> Slot:
 
 def _body(parts: _Parts, element: Element, on: Mapping[str, tuple[Edit, ...]]) -> BodySlots:
     bodies = parts.all("body")
-    parent, inertial = innermost(bodies, element), parts.inside(element, "inertial")
+    name, parent, inertial, slots = element.get("name") or "", innermost(bodies, element), parts.inside(element, "inertial"), None
+    if inertial is not None:
+        entries = parts.slot(inertial, "fullinertia" if inertial.get("fullinertia") is not None else "diaginertia")
+        mass, centre = parts.slot(inertial, "mass"), parts.slot(inertial, "pos")
+        slots = InertialSlots(name, mass, centre, (entries,), _orientation(parts, inertial))
     own = [joint for tag in JOINTS for joint in parts.all(tag) if innermost(bodies, joint) is element]
     return BodySlots(
-        name=element.get("name") or "",
+        name=name,
         parent=None if parent is None else parent.get("name"),
         offset=parts.slot(element, "pos"),
         rotation=_orientation(parts, element),
-        inertial=None if inertial is None else _mjcf_inertial(parts, element, inertial),
+        inertial=slots,
         joints=tuple(_mjcf_joint(parts, joint, on) for joint in own),
     )
 
@@ -148,12 +152,6 @@ def _body(parts: _Parts, element: Element, on: Mapping[str, tuple[Edit, ...]]) -
 def _orientation(parts: _Parts, element: Element) -> Slot:
     """Whichever attribute says it, or the place for a quaternion."""
     return parts.slot(element, next((name for name in ORIENTATIONS if element.get(name) is not None), "quat"), "1 0 0 0")
-
-
-def _mjcf_inertial(parts: _Parts, body: Element, element: Element) -> InertialSlots:
-    entries = parts.slot(element, "fullinertia" if element.get("fullinertia") is not None else "diaginertia")
-    mass, centre = parts.slot(element, "mass"), parts.slot(element, "pos")
-    return InertialSlots(body.get("name") or "", mass, centre, (entries,), _orientation(parts, element))
 
 
 def _mjcf_joint(parts: _Parts, element: Element, on: Mapping[str, tuple[Edit, ...]]) -> JointSlots:
@@ -206,27 +204,24 @@ def _link(parts: _Parts, joint: Element, tag: str) -> str | None:
 
 def _link_body(parts: _Parts, link: Element, joint: Element | None) -> BodySlots:
     """A link with the joint that carries it."""
-    inertial = parts.inside(link, "inertial")
-    slots = None if inertial is None else _urdf_inertial(parts, link, inertial)
+    name, inertial, slots = link.get("name") or "", parts.inside(link, "inertial"), None
+    if inertial is not None:
+        slots = InertialSlots(
+            body=name,
+            mass=parts.slot_inside(inertial, "mass", "value", "0", alone=False),
+            centre=parts.slot_inside(inertial, "origin", "xyz"),
+            entries=tuple(parts.slot_inside(inertial, "inertia", f"i{entry}", "0", alone=False) for entry in ENTRIES),
+            rotation=parts.slot_inside(inertial, "origin", "rpy"),
+        )
     # Drake's joint knows the world by itself.
     carrier = None if joint is None or joint.tag == DRAKE_JOINT else joint
     return BodySlots(
-        name=link.get("name") or "",
+        name=name,
         parent=None if carrier is None else _link(parts, carrier, "parent"),
         offset=None if carrier is None else parts.slot_inside(carrier, "origin", "xyz"),
         rotation=None if carrier is None else parts.slot_inside(carrier, "origin", "rpy"),
         inertial=slots,
         joints=() if joint is None else _urdf_joints(parts, joint),
-    )
-
-
-def _urdf_inertial(parts: _Parts, link: Element, inertial: Element) -> InertialSlots:
-    return InertialSlots(
-        body=link.get("name") or "",
-        mass=parts.slot_inside(inertial, "mass", "value", "0", alone=False),
-        centre=parts.slot_inside(inertial, "origin", "xyz"),
-        entries=tuple(parts.slot_inside(inertial, "inertia", f"i{name}", "0", alone=False) for name in ENTRIES),
-        rotation=parts.slot_inside(inertial, "origin", "rpy"),
     )
 
 

@@ -30,19 +30,12 @@ _UNITS = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
-def read_tree(source: Source, gravity: float, floating_base: bool = False) -> tuple[Tree, tuple[Equality, ...]]:
-    """The tree of a URDF, whose format holds no gravity [m/s^2, along -z], and what the file ties beside its joints.
-
-    ``floating_base`` puts a free joint between the world and the root link.
+class UrdfReader:
+    """Links and joints of one file by name.
 
     Raises:
         InvalidModel: what has no meaning, such as a joint without axis, a number that is none, or links that are no tree.
     """
-    return _UrdfReader(source).read(gravity, floating_base)
-
-
-class _UrdfReader:
-    """Links and joints of one file by name."""
 
     def __init__(self, source: Source) -> None:
         self._source, root = source, source.root
@@ -64,6 +57,10 @@ class _UrdfReader:
             self._below.setdefault(parent, []).append(child)
 
     def read(self, gravity: float, floating_base: bool) -> tuple[Tree, tuple[Equality, ...]]:
+        """The tree of the file, whose format holds no gravity [m/s^2, along -z], and what it ties beside its joints.
+
+        ``floating_base`` puts a free joint between the world and the root link.
+        """
         source, place = self._source, self._source.place(self._source.root)
         order = self._order()
         beside = Beside(source, self._links, self._joints, self._kinds)
