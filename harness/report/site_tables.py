@@ -12,6 +12,7 @@ from harness.results.site import (
     FeatureLine,
     Number,
     ShownCell,
+    ShownColumn,
     ShownTable,
     Site,
     SiteCell,
@@ -252,7 +253,7 @@ def changes(site: Site, row: str | None = None) -> Table:
 def shown(page: str, name: str, table: Table) -> ShownTable:
     """A table as the data hold it."""
     rows = [[_shown_cell(head, cell) for head, cell in zip(table.heads, row, strict=True)] for row in table.rows]
-    return ShownTable(page=page, name=name, caption=table.caption, columns=table.heads, rows=rows)
+    return ShownTable(page=page, name=name, caption=table.caption, columns=[ShownColumn(**vars(head)) for head in table.heads], rows=rows)
 
 
 def _shown_cell(head: Column, cell: object) -> ShownCell:

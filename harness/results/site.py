@@ -10,8 +10,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from harness.results.table import Column
-
 Number = float | Literal["inf", "-inf", "nan"] | None
 
 
@@ -197,6 +195,15 @@ class SiteTrend:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShownColumn:
+    """A column of a table; ``kind`` and ``unit`` as of ``harness.results.table.Column``."""
+
+    title: str
+    kind: str
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShownCell:
     """``value`` is what the column's kind writes; ``notes`` are lines below it."""
 
@@ -211,7 +218,7 @@ class ShownTable:
     page: str
     name: str
     caption: str
-    columns: list[Column]
+    columns: list[ShownColumn]
     rows: list[list[ShownCell]]
 
 
