@@ -106,13 +106,13 @@ class Diagnosis:
         """One sentence: the place and the value, or why there is none."""
         file, first = shown_path(self.file), self.first
         if self.conclusion == Conclusion.EXPLAINED and first is not None:
-            left = f"(residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
             if first.hypothesis == PARAMETER:
-                instead = f"instead of {first.place.found}"
-                return f"{file}:{first.place.line}: behaves as if {first.place.attribute} = {first.shown} {instead} {left}"
-            remark = f", {first.statement}" if first.statement and first.shown else ""
-            said = f"explains it with {first.shown}{remark}" if first.shown else f"explains it: {first.statement}"
-            return f"{file}:{first.place.line}: {first.tag} {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
+                said = f"behaves as if {first.place.attribute} = {first.shown} instead of {first.place.found}"
+            elif first.shown:
+                said = ", ".join(filter(None, [f"{first.tag} explains it with {first.shown}", first.statement]))
+            else:
+                said = f"{first.tag} explains it: {first.statement}"
+            return f"{file}:{first.place.line}: {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
         reason = {
             Conclusion.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
             Conclusion.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "

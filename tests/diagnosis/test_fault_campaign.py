@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, is_tied
-from click.testing import CliRunner
-from support import make_library
+from support import harness, make_library
 
-from harness.cli import main
 from harness.diagnosis.faults import bench as fault_bench
 from harness.diagnosis.faults import campaign as fault_campaign
 from harness.diagnosis.faults import reader
@@ -261,15 +259,14 @@ def test_what_a_reader_cannot_express_is_left_to_the_others() -> None:
     assert [str(one.subject) for one in FaultBench(BUILT_IN, "coupled_oscillators", "mjcf", 16, 0).readers] == ["mujoco/mjcf"]
 
 
-@pytest.mark.usefixtures("in_this_process")
 def test_a_sound_model_that_an_engine_refuses_is_exit_status_2(tmp_path: Path) -> None:
     """Another reader of the same file does not make a campaign of it."""
     library = make_library(tmp_path / "refused", ["bar_pendulum"], {"mujoco": REFUSING})
-    done = CliRunner().invoke(main, ["faults", "--kind", "damping", "--states", "16", "--workers", "1", "--library", str(library)])
-    assert done.exit_code == 2, done.output
-    assert "bar_pendulum.xml: mujoco/mjcf refuses it before any fault is planted: mass and inertia are too small" in done.output
+    done = harness("faults", "--kind", "damping", "--states", "16", "--workers", "1", "--library", str(library))
+    assert done.returncode == 2, done
+    assert "bar_pendulum.xml: mujoco/mjcf refuses it before any fault is planted: mass and inertia are too small" in done.stderr
     # Of both campaigns it is told once.
-    assert done.output.count("mujoco/mjcf refuses") == 1
+    assert done.stderr.count("mujoco/mjcf refuses") == 1
 
 
 def record(**further: Any) -> Fault:
@@ -309,30 +306,29 @@ def test_families_come_by_their_smallest_member_and_models_that_nobody_can_write
 def test_the_command_prints_a_row_per_kind_and_writes_json(tmp_path: Path) -> None:
     path = tmp_path / "faults.json"
     options = ["--kind", "damping", "--kind", "number", "--size", "1e-6", "--states", "64", "--diagnoses", "1", "--workers", "1"]
-    done = CliRunner().invoke(main, ["faults", "spring_damper", *options, "--json", str(path)])
-    assert done.exit_code == 0, done.output
+    done = harness("faults", "spring_damper", *options, "--json", str(path), isolated=True)
+    assert done.returncode == 0, done
     document = json.loads(path.read_text())
     rows = document["faults"]
     assert document["shares"]["known"]["share_named"] == document["shares"]["known"]["share_right"] == 1.0
     assert {row["kind"] for row in rows} == {"damping", "number"}
     assert {row["format"] for row in rows} == {"mjcf", "urdf"}
-    assert "faults that change the dynamics" in done.output
-    assert "0 searches stopped; 100.0% of those named first with the right number" in done.output
-    assert any(line.startswith("damping ") and "100%" in line for line in done.output.splitlines())
+    assert "faults that change the dynamics" in done.stdout
+    assert "0 searches stopped; 100.0% of those named first with the right number" in done.stdout
+    assert any(line.startswith("damping ") and "100%" in line for line in done.stdout.splitlines())
 
 
-@pytest.mark.usefixtures("in_this_process")
 def test_a_kind_that_can_be_made_nowhere_is_told() -> None:
-    done = CliRunner().invoke(main, ["faults", "spring_damper", "--kind", "products", "--states", "16", "--workers", "1"])
-    assert done.exit_code == 0, done.output
-    assert done.output.strip() == "no faults: mistakes of these kinds can be made nowhere in the models"
+    done = harness("faults", "spring_damper", "--kind", "products", "--states", "16", "--workers", "1")
+    assert done.returncode == 0, done
+    assert done.stdout.strip() == "no faults: mistakes of these kinds can be made nowhere in the models"
 
 
 def test_an_unknown_kind_is_told_with_the_nearest_and_the_command_that_lists_them() -> None:
-    done = CliRunner().invoke(main, ["faults", "--kind", "dampig"])
-    assert done.exit_code == 2
-    assert "did you mean 'damping'?" in done.output
-    assert "harness list faults" in done.output
+    done = harness("faults", "--kind", "dampig")
+    assert done.returncode == 2
+    assert "did you mean 'damping'?" in done.stderr
+    assert "harness list faults" in done.stderr
 
 
 @pytest.mark.nightly

@@ -17,11 +17,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from msgspec.structs import replace
-from support import cross_checked, make_library
+from support import cross_checked, harness, make_library
 
-from harness.cli import main
 from harness.crosscheck import run
 from harness.crosscheck.expected import AGREES
 from harness.crosscheck.run import CrossCheck
@@ -205,23 +203,21 @@ def test_lost_digits_are_right_only_as_far_as_they_are_expected() -> None:
     "options", [["--kind", "damping"], ["--size", "1e-6"], ["--diagnoses", "4"], ["--every-diagnosis"], ["--kind", "axis", "--size", "1"]]
 )
 def test_what_only_a_campaign_does_is_refused_beside_smallest(options: list[str]) -> None:
-    done = CliRunner().invoke(main, ["faults", "spring_damper", "--smallest", *options])
-    assert done.exit_code == 2
-    assert all(option in done.output for option in options if option.startswith("--"))
-    assert "drop" in done.output
+    done = harness("faults", "spring_damper", "--smallest", *options)
+    assert done.returncode == 2
+    assert all(option in done.stderr for option in options if option.startswith("--"))
+    assert "drop" in done.stderr
 
 
-@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> None:
-    done = CliRunner().invoke(main, ["faults", "rolling_disc", *options])
-    assert done.exit_code == 0, done.output
-    (line,) = done.output.splitlines()
+    done = harness("faults", "rolling_disc", *options)
+    assert done.returncode == 0, done
+    (line,) = done.stdout.splitlines()
     assert line.startswith("rolling_disc: no ") and "mjcf" in line and "urdf" in line
     assert "a disc that rolls freely ties rates" in line
 
 
-@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.costly
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
@@ -231,30 +227,28 @@ def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_p
         text = path.read_text()
         assert re.search('mass(?: value)?="1.25"', text)
         path.write_text(re.sub('(mass(?: value)?)="1.25"', r'\1="2.5"', text))
-    done = CliRunner().invoke(main, ["faults", *options, "--states", "32", "--workers", "1", "--library", str(library)])
-    assert done.exit_code == 2, done.output
-    assert "'disagrees' before any fault is planted" in done.output
-    assert "make 'harness check double_pendulum' green first" in done.output
-    assert "no model was" not in done.output
+    done = harness("faults", *options, "--states", "32", "--workers", "1", "--library", str(library))
+    assert done.returncode == 2, done
+    assert "'disagrees' before any fault is planted" in done.stderr
+    assert "make 'harness check double_pendulum' green first" in done.stderr
+    assert "no model was" not in done.stdout + done.stderr
 
 
-@pytest.mark.usefixtures("in_this_process")
 def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
     path = tmp_path / "faults.json"
-    done = CliRunner().invoke(main, ["faults", "spring_damper", "--smallest", "--states", "64", "--json", str(path)])
-    assert done.exit_code == 0, done.output
+    done = harness("faults", "spring_damper", "--smallest", "--states", "64", "--json", str(path))
+    assert done.returncode == 0, done
     rows = json.loads(path.read_text())["faults"]
     assert {row["element"] for row in rows} == {"joint", "inertial", "mass", "dynamics", "springStiffness"}
     assert all(0 < row["smallest"] <= 10 * row["theory"] for row in rows)
-    assert f"{len(rows)} live numbers; 100.0% caught below 1e-10" in done.output
-    assert re.search(r"spring_damper\.urdf:\d+ +springStiffness +80 ", done.output)
+    assert f"{len(rows)} live numbers; 100.0% caught below 1e-10" in done.stdout
+    assert re.search(r"spring_damper\.urdf:\d+ +springStiffness +80 ", done.stdout)
 
 
-@pytest.mark.usefixtures("in_this_process")
 def test_a_model_that_cannot_be_read_is_exit_status_2_and_costs_its_subject_only(tmp_path: Path) -> None:
     library = make_library(tmp_path / "library", ["spring_damper"])
     (library / "mjcf/spring_damper.xml").unlink()
-    done = CliRunner().invoke(main, ["faults", "--smallest", "--states", "16", "--library", str(library)])
-    assert done.exit_code == 2
-    assert "spring_damper.xml" in done.output
-    assert "pinocchio/urdf" in done.output
+    done = harness("faults", "--smallest", "--states", "16", "--library", str(library))
+    assert done.returncode == 2
+    assert "spring_damper.xml" in done.stderr
+    assert "pinocchio/urdf" in done.stdout

@@ -1,5 +1,5 @@
 """The fault campaign: mistakes planted in sound models, what the check catches of them, and what the diagnosis names.
 
-Start with ``campaign``, which also finds the smallest change of each number that is caught; ``summary`` holds the bars, ``kinds`` the
-mistakes that the diagnosis does not look for.
+Start with ``campaign``, which also finds the smallest change of each number that is caught, and asks a ``bench``; ``summary`` holds the
+bars.
 """

@@ -41,9 +41,7 @@ def _possible(body: Body) -> Inertia | None:
     return body.inertia if body.inertia is None or _is_possible(body.inertia) else _sphere(body, body.inertia)
 
 
-@law("settings of the compiler", "files")
-def _without_settings(robot: Robot) -> Tree:
-    return replace(robot.tree, total_mass=None, bounds=None)
+_without_settings = law("settings of the compiler", "files")(lambda robot: replace(robot.tree, total_mass=None, bounds=None))
 
 
 @law("rotor inertias", "joints", supplied=True)

@@ -54,9 +54,7 @@ def _centred_body(body: Body) -> Body:
     return replace(body, inertia=Inertia(body.pose[-1:], Fraction(0), _NOTHING, body.place), solids=()) if is_empty else body
 
 
-@law("centre of a massless body", "bodies")
-def _massless_bodies_centred(robot: Robot) -> Tree:
-    return _centred(robot.tree)
+_massless_bodies_centred = law("centre of a massless body", "bodies")(lambda robot: _centred(robot.tree))
 
 
 @law("least masses and inertias", "links", supplied=True, after=("mass of collision geometry",))

@@ -112,6 +112,9 @@ def _without_masses_of_classes(solid: Solid) -> Solid:
     return replace(solid, mass=None) if is_of_class else solid
 
 
+_unscaled = law("settotalmass", "files")(lambda robot: replace(robot.tree, total_mass=None))
+
+
 @law("further trees", "bodies")
 def _of_the_first_tree(robot: Robot) -> Tree:
     return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
@@ -125,11 +128,6 @@ def _with_unit_meshes(solid: Solid) -> Solid:
         return solid
     position = vector([float(word) for word in resolved_text(geom, "pos", "0 0 0").split()])
     return replace(solid, pose=(Placement(position),), mass=_ONE, density=_ONE, moments=(_ONE,) * 3)
-
-
-@law("settotalmass", "files")
-def _unscaled(robot: Robot) -> Tree:
-    return replace(robot.tree, total_mass=None)
 
 
 @law("geoms that cannot collide", "geoms", each=with_solids)
