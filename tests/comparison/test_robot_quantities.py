@@ -15,11 +15,11 @@ from harness.crosscheck.settings import Settings
 from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
-from harness.truth.quantities import Quantity, find_quantities, generalised_forces, motion
+from harness.truth.quantities import Quantity, find_quantities, of_files
 
 ARM = BUILT_IN.model_path("puma_560", "urdf")
 FLOATING = BUILT_IN.model_path("quadrotor", "mjcf")
-QUANTITIES = [value for module in (generalised_forces, motion) for value in vars(module).values() if isinstance(value, Quantity)]
+QUANTITIES = [value for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick]
 
 
 def checked(file: Path, quantities: list[Quantity]) -> dict[tuple[str, str], Record]:
