@@ -17,6 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from harness.errors import InvalidSystem
 from harness.lagrange.derivation import derive_mechanism, load_atlas, load_mechanism
+from harness.lagrange.equations import derive
 from harness.lagrange.euler_angles import Attitude, body_rates, rotation, sines_and_cosines
 from harness.lagrange.system import TIME, System
 from harness.library import Library
@@ -155,13 +156,8 @@ def test_both_frames_of_the_linear_velocity_tell_the_same_motion() -> None:
             # Newton's law in the body's frame; the applied force is given there too.
             mass = mpmath.mpf(0.5)
             weight = turned.T * mpmath.matrix([0, 0, -mpmath.mpf(9.81)])
-            cross = mpmath.matrix(
-                [
-                    omega[1] * linear[2] - omega[2] * linear[1],
-                    omega[2] * linear[0] - omega[0] * linear[2],
-                    omega[0] * linear[1] - omega[1] * linear[0],
-                ]
-            )
+            a, b, c = omega
+            cross = mpmath.matrix([[0, -c, b], [c, 0, -a], [-b, a, 0]]) * linear
             expected = force / mass + weight - cross
             for axis in range(3):
                 found = mpmath.mpf(float(in_body.high[index, axis])) + mpmath.mpf(float(in_body.low[index, axis]))
@@ -187,8 +183,6 @@ def test_free_body_obeys_eulers_equations() -> None:
 def test_heavy_top_precesses_steadily() -> None:
     """At theta with rates (Omega, 0, s): m g l = Omega (I3 w3 - I1 Omega cos theta) keeps theta'' = 0 (Goldstein, 5.76)."""
     system = load_atlas(LIBRARY.system_path("heavy_top"))[0][0]
-    from harness.lagrange.equations import derive
-
     equations = derive(system)
     phi_dot, theta_dot, psi_dot = equations.rates
     theta = equations.coordinates[1]
@@ -200,18 +194,10 @@ def test_heavy_top_precesses_steadily() -> None:
 
 
 def _matrix(quaternion: np.ndarray) -> mpmath.matrix:
+    """1 + 2 (w r + r r) / |quaternion|^2, r the matrix of the vector product with the vector part (Rodrigues)."""
     w, x, y, z = (mpmath.mpf(float(part)) for part in quaternion)
-    square = w * w + x * x + y * y + z * z
-    return (
-        mpmath.matrix(
-            [
-                [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-            ]
-        )
-        / square
-    )
+    across = mpmath.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return mpmath.eye(3) + (w * across + across * across) * 2 / (w * w + x * x + y * y + z * z)
 
 
 @pytest.mark.parametrize(

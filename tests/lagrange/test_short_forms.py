@@ -46,17 +46,11 @@ def differ(first: sp.Expr, second: sp.Expr) -> bool:
 
 @pytest.mark.costly
 @settings(max_examples=50 if IN_CI else 12)
-@given(SUMS)
-def test_a_short_form_is_the_same_function(expression: sp.Expr) -> None:
-    [short] = shortest([expression])
-    assert not differ(expression, short), (expression, short)
-
-
-@pytest.mark.costly
-@settings(max_examples=20 if IN_CI else 10)
 @given(st.lists(SUMS, min_size=1, max_size=3))
-def test_a_short_form_is_never_longer(expressions: list[sp.Expr]) -> None:
-    before, after = (assemble(SYMBOLS, {"all": written}) for written in (expressions, shortest(expressions)))
+def test_a_short_form_is_the_same_function_and_never_longer(expressions: list[sp.Expr]) -> None:
+    short = shortest(expressions)
+    assert not [pair for pair in zip(expressions, short, strict=True) if differ(*pair)]
+    before, after = (assemble(SYMBOLS, {"all": written}) for written in (expressions, short))
     # A subexpression that two of them share may stand in one alone afterwards.
     assert len(after.instructions) <= len(before.instructions) + len(expressions) - 1
 

@@ -186,12 +186,12 @@ class EnergyKernel:
     """The energies of a mechanism, each state in the chart that is most regular there; compiled on first use."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism = mechanism
+        self._mechanism, self._charts = mechanism, Charts(mechanism.energy_programs)
 
     def evaluate(self, states: States) -> Energies:
         """The energies at ``states``; a state that no chart covers gives numbers that are not finite."""
         inputs, found = self._mechanism.inputs(states), np.empty((len(ENERGY_OUTPUTS), len(states)))
-        for chart, chosen in Charts(self._mechanism.energy_programs).split(states.q):
+        for chart, chosen in self._charts.split(states.q):
             found[:, chosen] = self._compiled[chart](np.ascontiguousarray(inputs[:, chosen]))
         return Energies(*found)
 
