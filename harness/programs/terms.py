@@ -130,8 +130,7 @@ class Term:
             return other - self.builder.operand(self, 0)
         return self.builder.write(("add", *sorted((self.place, other.place))))
 
-    def __radd__(self, other: Number) -> Term:
-        return self.builder.number(other) + self
+    __radd__ = __add__
 
     def __sub__(self, other: Any) -> Term:
         if other.__class__ is not Term:
