@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from rooms import PACKAGE, python
+from rooms import PACKAGE, REPOSITORY, python
 
 MOST_SHARED_NAMES = 5
 # The one class that is a language: its methods are the operators.
@@ -278,6 +278,16 @@ def modules_of_a_check(folder: Path) -> list[str]:
     done = python(MODULES, folder)
     assert done.returncode == 0, done.stderr
     return done.stdout.partition("modules:\n")[2].split()
+
+
+MOST_MODULES = 150
+
+
+def test_a_check_of_one_mechanism_imports_at_most_150_modules() -> None:
+    # The first one fills the cache.
+    modules_of_a_check(REPOSITORY)
+    found = modules_of_a_check(REPOSITORY)
+    assert len(found) <= MOST_MODULES, sorted(found)
 
 
 @pytest.mark.costly

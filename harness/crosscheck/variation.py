@@ -20,8 +20,7 @@ from harness.arrays import Array
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Comparison
-from harness.truth.manifold import closed
-from harness.truth.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, special_values
+from harness.truth.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, on_manifold, special_values
 
 # Orders of magnitude over which numbers near zero are drawn, and by which a neighbour may be moved.
 DECADES_DRAWN = 8.0
@@ -55,7 +54,7 @@ def rows_of(states: States) -> Array:
 
 def states_of(mechanism: Mechanism, rows: Array) -> States:
     """The states of ``rows``, (n, nq + 2 nv); what constraints determine is as they say, whatever the rows say."""
-    return closed(mechanism, States.at(*np.split(rows, np.cumsum([mechanism.nq, mechanism.nv]), axis=1)))
+    return on_manifold(mechanism, States.at(*np.split(rows, np.cumsum([mechanism.nq, mechanism.nv]), axis=1)))
 
 
 def unit_quaternions(quaternions: Array) -> Array:

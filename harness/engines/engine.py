@@ -18,6 +18,7 @@ from harness.files.rules import ConstraintLaw, StepRule
 
 if TYPE_CHECKING:
     from harness.engines import Model
+    from harness.environments import Environment
     from harness.programs.mechanisms.mechanism import Mechanism
 
 # Joints in a message.
@@ -48,6 +49,9 @@ class Engine:
         why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
+
+    Of one that is asked in an environment of its own:
+        environment: it; None for an engine in this process.
     """
 
     name = ""
@@ -66,6 +70,7 @@ class Engine:
     why_no_equalities = ""
     why_no_constraints = ""
     reader = ""
+    environment: Environment | None = None
 
     def read(self, request: Request) -> LoadedFile:
         """Load a file once, as the engine's user does, or aided.

@@ -17,7 +17,6 @@ from typing import Any, cast
 import msgspec
 
 from harness.arithmetic import Arithmetic
-from harness.engines.elsewhere.interpreter import EngineElsewhere
 from harness.engines.engine import Engine
 from harness.environments import environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest
@@ -191,6 +190,9 @@ def load_engine(library: Library, name: str) -> Engine:
     if library.reads_files:
         engine = engine.for_files()
     if version or (installed_version(engine) is None and find_environments(name)):
+        # Imported late: most runs ask no such engine.
+        from harness.engines.elsewhere.interpreter import EngineElsewhere
+
         path = _path_of(library, name)
         module = _module_name(path) if _is_own(path) else ""
         return cast("Engine", EngineElsewhere(engine, path, module, environment_of(name, version)))
@@ -272,12 +274,12 @@ def _problem_of(engine: Any) -> str:
 
 def runs_elsewhere(engine: Engine) -> bool:
     """True where the engine's models are loaded by the interpreter of an environment."""
-    return isinstance(engine, EngineElsewhere)
+    return engine.environment is not None
 
 
 def installed_version(engine: Engine) -> str | None:
     """Version of the program behind an engine, without importing it; None where it is not installed."""
-    if isinstance(engine, EngineElsewhere):
+    if engine.environment is not None:
         return engine.environment.version
     return _version_beside(*engine.requires)
 

@@ -50,7 +50,6 @@ from harness.truth.balls import (
     norm_over_first_axis,
 )
 from harness.truth.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags, in_order
-from harness.truth.manifold import closes, free_size, rank_condition
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits that are tried one after the other beyond double-double
 # Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
@@ -159,6 +158,9 @@ class ReferenceKernel:
 
     def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
         """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
+        # Imported late: a tree needs nothing of it.
+        from harness.truth.manifold import closes, free_size, rank_condition
+
         # Without a configuration in which the constraints hold there is no motion to be asked for.
         certified = found.certified & closes(self.mechanism, states, parameters)
         constraints, inputs = self.mechanism.constraints, self.mechanism.inputs(states, parameters)

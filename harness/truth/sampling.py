@@ -18,7 +18,6 @@ from harness.arrays import Array
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.storage import cache_directory, read_entry, write_entry
-from harness.truth.manifold import closed
 from harness.version import version_of
 
 if TYPE_CHECKING:
@@ -74,6 +73,15 @@ def kinds(count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     return np.resize(np.array(TURNS, dtype=np.int64), count)
 
 
+def on_manifold(mechanism: Mechanism, states: States) -> States:
+    """``harness.truth.manifold.closed``, of which nothing is imported for a tree."""
+    if mechanism.constraints is None:
+        return states
+    from harness.truth.manifold import closed
+
+    return closed(mechanism, states)
+
+
 def sample(mechanism: Mechanism, count: int, seed: int) -> States:
     """``count`` states of all kinds within the declared ranges; the same for the same seed, and the beginning of longer samples.
 
@@ -92,7 +100,7 @@ def sample_in_blocks(mechanism: Mechanism, count: int, seed: int) -> Iterator[St
         parts = [_open_states(mechanism, next(streams[kind])[: (own == kind).sum()], kind) for kind in Kind]
         order = np.argsort(np.argsort(own, kind="stable"), kind="stable")
         # Closed together, as one way along a branch costs nearly as much as many.
-        yield closed(mechanism, States.concatenate(parts)[order])
+        yield on_manifold(mechanism, States.concatenate(parts)[order])
 
 
 def keep_points(mechanism: Mechanism, count: int, seed: int) -> None:
@@ -144,7 +152,7 @@ def _dimensions(mechanism: Mechanism) -> int:
 
 def _states(mechanism: Mechanism, points: Array, kind: Kind) -> States:
     """The states of a kind that points of the unit cube, (n, 3 nv) or with time (n, 3 nv + 1), stand for."""
-    return closed(mechanism, _open_states(mechanism, points, kind))
+    return on_manifold(mechanism, _open_states(mechanism, points, kind))
 
 
 def _open_states(mechanism: Mechanism, points: Array, kind: Kind) -> States:

@@ -101,6 +101,9 @@ def _append(before: CrossCheck, study: CrossCheck) -> None:
 
 def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS, **limits: int) -> list[Cause]:
     """Causes of the records of a quantity that are not as expected, by system and subject; ``limits`` as for ``Diagnoses``."""
+    if all(record.as_expected for record in study.result().records if record.quantity == quantity):
+        return []
+    # A run in which all is well imports nothing of it.
     from harness.comparison.wanted import wanted_diagnosis
 
     diagnoses = wanted_diagnosis(study, quantity, **limits)

@@ -31,7 +31,6 @@ from harness.trees.inverse_weights import inverse_weights
 from harness.trees.mechanism import RobotMechanism
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, Flags, compare
-from harness.truth.manifold import rows_left
 from harness.truth.quantities import Quantity, Truth, TruthBasis
 from harness.truth.reference import ROUNDINGS, Reference, ReferenceKernel, energy_norm
 from harness.verdict import AGREEMENT, Verdict
@@ -88,6 +87,9 @@ def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]
     """The data roundoff of each constraint, (n,), of the length of its rows."""
     constraints = mechanism.constraints
     assert constraints is not None
+    # Imported late: a tree needs nothing of it.
+    from harness.truth.manifold import rows_left
+
     _, by_data = rows_left(mechanism, states)
     owners = np.array(constraints.rows[: constraints.holonomic])
     return {name: np.linalg.norm(by_data[:, : constraints.holonomic][:, owners == name], axis=1) for name in gaps}
