@@ -140,16 +140,12 @@ class Judged:
     reference: Certified
     comparison: Comparison
 
-    @property
-    def is_right(self) -> bool:
-        """True where every answer agrees."""
-        return bool((self.comparison.verdicts == Verdict.AGREES.value).all())
-
 
 def findings(system: str, judged: Sequence[Judged]) -> list[EngineFinding]:
     """What is wrong among the ways on one system, each with a program that shows it."""
     residuals = {one.method.name: one.prepared.residual() for one in judged if one.prepared.residual is not None}
-    right = [residuals[one.method.name] for one in judged if one.is_right and one.method.name in residuals]
+    agreeing = [one.method.name for one in judged if (one.comparison.verdicts == Verdict.AGREES.value).all()]
+    right = [residuals[name] for name in agreeing if name in residuals]
     return [finding for one in judged for finding in _of(system, one, residuals.get(one.method.name), right)]
 
 

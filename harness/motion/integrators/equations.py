@@ -59,14 +59,13 @@ class CompiledSteps:
         self._mechanism = scene.mechanism
         self._scheme = scheme
         self._stages = stages
-        self._systems, self._charts = FirstOrderSystem.each(scene.mechanism)
-        self._compiled: dict[tuple[int, int], Any] = {}
+        systems, self._charts = FirstOrderSystem.each(scene.mechanism)
         room = MOST_INSTRUCTIONS // (stages * len(scene.mechanism.program.instructions))
         # The chart is chosen before each step where there are several.
-        self._at_once = 0 if room < 1 else 1 if len(self._systems) > 1 else 2 ** int(np.log2(min(room, MOST_STEPS_AT_ONCE)))
-        for chart in range(len(self._systems)):
-            for count in {1, self._at_once}:
-                self._function(chart, count)
+        self._at_once = 1 if room < 1 or len(systems) > 1 else 2 ** int(np.log2(min(room, MOST_STEPS_AT_ONCE)))
+        make = self._whole_steps if room else self._separate_stages
+        # By chart and number of steps; each changes a state in place.
+        self._compiled = {(chart, count): make(system, count) for chart, system in enumerate(systems) for count in {1, self._at_once}}
 
     def advance(self, start: Start, step: float, steps: int, every: int) -> Path:
         nq, nv = self._mechanism.nq, self._mechanism.nv
@@ -74,21 +73,13 @@ class CompiledSteps:
         state = np.array([*start.q, *start.v, 0.0, step])
 
         def go(count: int) -> tuple[Array, Array]:
-            many, one = divmod(count, max(self._at_once, 1))
-            for size, times in ((max(self._at_once, 1), many), (1, one)):
+            many, one = divmod(count, self._at_once)
+            for size, times in ((self._at_once, many), (1, one)):
                 for _ in range(times):
-                    self._function(self._charts.at(state[:nq]), size)(state)
+                    self._compiled[self._charts.at(state[:nq]), size](state)
             return state[:nq], state[nq : nq + nv]
 
         return keep(start, step, steps, every, self._stages, go)
-
-    def _function(self, chart: int, count: int) -> Callable[[Array], None]:
-        """Changes a state in place by ``count`` steps."""
-        if (chart, count) not in self._compiled:
-            make = self._whole_steps if self._at_once else self._separate_stages
-            self._compiled[chart, count] = make(self._systems[chart], count)
-        found: Callable[[Array], None] = self._compiled[chart, count]
-        return found
 
     def _whole_steps(self, system: FirstOrderSystem, count: int) -> Callable[[Array], None]:
         heyoka = load_heyoka()
@@ -120,7 +111,7 @@ class CompiledSteps:
             return np.asarray(function(np.array([*q, *v, at])))
 
         def go(state: Array) -> None:
-            for _ in range(max(count, 1)):
+            for _ in range(count):
                 q, v = self._scheme(
                     accelerations, lambda *at: np.array(system.position_rates(*at)), state[:nq], state[nq : nq + nv], state[-2], state[-1]
                 )
