@@ -1,6 +1,6 @@
 """Hard cases: ways in which a mechanism is numerically hard, each with one knob and the truth along it.
 
-Every ``HardCase`` that a module of this package holds by a name of its own is found; adding one edits no list.
+Every ``HardCase`` in ``CASES`` of a module of this package is found.
 A case names a system of the built-in library or of the one in this folder, says how the knob changes its
 parameters, which numbers of the model files follow, and at which states it is asked. The numbers are written
 from the mechanism, as its model files are, never computed from the equations.

@@ -28,6 +28,7 @@ from harness.programs.states import States
 SIZES = (2, 3, 4, 6, 8, 12, 16, 24, 40, 64)
 # What MuJoCo accepts [kg m^2].
 LEAST_INERTIA = 1e-15
+
 _FEATHERSTONE = "Featherstone, An empirical study of the joint space inertia matrix, IJRR 23 (2004)"
 
 
@@ -39,26 +40,6 @@ def _bent(angle: float) -> Callable[[Mechanism, float, int], States]:
         return States.at(with_columns(spread.q, dict.fromkeys(range(1, mechanism.nq), angle)), spread.v, spread.tau)
 
     return states
-
-
-LONG_CHAINS = [
-    HardCase(
-        name=f"long_chain_{name}",
-        title=f"chain of n equal bars{title}",
-        system=lambda value: f"chain_{value:.0f}",
-        knob=("number of bars", "1"),
-        values=of_sizes(SIZES),
-        states=states,
-        source=f"{_FEATHERSTONE}: in joint angles the condition number of M grows as the fourth power of the number of links",
-        remedy="solve by the articulated-body algorithm, or split the chain by loop constraints; a smaller step does not help",
-        theory=dict.fromkeys(("lagrange", "mujoco/mjcf"), factorised),
-    )
-    for name, title, states, factorised in (
-        ("straight", " in one line", _bent(0.0), Theory("unstable", digits_growth=4.0)),
-        ("folded", ", each folded back on the one before", _bent(math.pi), Theory()),
-        ("random", " at random angles", at_each_seed, Theory("unstable")),
-    )
-]
 
 
 def bar_inertias(mass: str, length: str) -> tuple[Rule, Rule]:
@@ -96,20 +77,40 @@ def _progression(n: int) -> Callable[[float], Values]:
     return lambda ratio: {f"m{i + 1}": ratio ** (i / (n - 1)) for i in range(n)}
 
 
-MASS_RATIOS = [
-    HardCase(
-        name=f"mass_ratio_{n}",
-        title=f"chain of {n} bars whose masses form a geometric progression",
-        system=f"bar_chain_{n}",
-        knob=("mass of the last bar over the first's", "1"),
-        values=decades(-12, 12),
-        parameters=_progression(n),
-        changes=bar_numbers(n),
-        source=f"{_FEATHERSTONE}, section 5; "
-        "Ascher, Pai, Cloutier, Forward dynamics, elimination methods, and formulation stiffness, IJRR 16 (1997)",
-        remedy="solve by the articulated-body algorithm, or root the tree at the heavy end; a reduced model without the light "
-        "links loses less than they weigh",
-        theory={"lagrange": Theory("unstable"), "mujoco/mjcf": Theory("unstable")} if n == 10 else {},
-    )
-    for n in (2, 3, 10)
-]
+CASES = (
+    *(
+        HardCase(
+            name=f"long_chain_{name}",
+            title=f"chain of n equal bars{title}",
+            system=lambda value: f"chain_{value:.0f}",
+            knob=("number of bars", "1"),
+            values=of_sizes(SIZES),
+            states=states,
+            source=f"{_FEATHERSTONE}: in joint angles the condition number of M grows as the fourth power of the number of links",
+            remedy="solve by the articulated-body algorithm, or split the chain by loop constraints; a smaller step does not help",
+            theory=dict.fromkeys(("lagrange", "mujoco/mjcf"), factorised),
+        )
+        for name, title, states, factorised in (
+            ("straight", " in one line", _bent(0.0), Theory("unstable", digits_growth=4.0)),
+            ("folded", ", each folded back on the one before", _bent(math.pi), Theory()),
+            ("random", " at random angles", at_each_seed, Theory("unstable")),
+        )
+    ),
+    *(
+        HardCase(
+            name=f"mass_ratio_{n}",
+            title=f"chain of {n} bars whose masses form a geometric progression",
+            system=f"bar_chain_{n}",
+            knob=("mass of the last bar over the first's", "1"),
+            values=decades(-12, 12),
+            parameters=_progression(n),
+            changes=bar_numbers(n),
+            source=f"{_FEATHERSTONE}, section 5; "
+            "Ascher, Pai, Cloutier, Forward dynamics, elimination methods, and formulation stiffness, IJRR 16 (1997)",
+            remedy="solve by the articulated-body algorithm, or root the tree at the heavy end; a reduced model without the light "
+            "links loses less than they weigh",
+            theory={"lagrange": Theory("unstable"), "mujoco/mjcf": Theory("unstable")} if n == 10 else {},
+        )
+        for n in (2, 3, 10)
+    ),
+)
