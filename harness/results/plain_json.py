@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import numbers
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
@@ -20,23 +20,25 @@ def dumps(value: Any, indent: int | None = None) -> str:
     return json.dumps(_plain(value), indent=indent, allow_nan=False)
 
 
-class GrowingJson:
-    """Strict JSON of a mapping whose lists grow while a run goes on, so that every state of it can be written.
+class JsonDocument:
+    """The JSON of a run whose lists grow while it goes on, so that every state of it can be written.
 
-    What is in a list is made text once, for as long as it stays there; it must not change. ``plain`` gives what stands for it.
+    What is in a list is made text once, for as long as it stays there; it must not change.
     """
 
-    def __init__(self, plain: Callable[[Any], Any] = lambda item: item) -> None:
-        self._plain = plain
+    def __init__(self, run: Run) -> None:
+        about = asdict(run)
+        self._head = {"harness": about.pop("versions"), "run": about}
         # By identity; the object is kept, so that no other one takes its number.
         self._texts: dict[int, tuple[Any, str]] = {}
 
-    def dumps(self, document: Mapping[str, Any]) -> str:
-        """The text that ``dumps(document, indent=2)`` gives."""
+    def text(self, records: Sequence[Record] = (), cards: Sequence[Any] = (), **parts: Any) -> str:
+        """As ``to_json``; no element of a list may change between two calls."""
         texts: dict[int, tuple[Any, str]] = {}
-        parts = [f"{json.dumps(str(name))}: {self._text_of(value, texts)}" for name, value in document.items()]
+        document = self._head | {"records": records, "systems": cards} | parts
+        lines = [f"{json.dumps(name)}: {self._text_of(value, texts)}" for name, value in document.items()]
         self._texts = texts
-        return f"{{\n  {_joined(parts, 2)}\n}}" if parts else "{}"
+        return f"{{\n  {_joined(lines, 2)}\n}}\n"
 
     def _text_of(self, value: Any, texts: dict[int, tuple[Any, str]]) -> str:
         if not isinstance(value, Sequence) or isinstance(value, str):
@@ -44,7 +46,7 @@ class GrowingJson:
         if not value:
             return "[]"
         for item in value:
-            texts[id(item)] = self._texts.get(id(item)) or (item, _indented(dumps(self._plain(item), indent=2), 4))
+            texts[id(item)] = self._texts.get(id(item)) or (item, _indented(dumps(_with_outcome(item), indent=2), 4))
         return f"[\n    {_joined([texts[id(item)][1] for item in value], 4)}\n  ]"
 
 
@@ -72,19 +74,6 @@ def _plain(value: Any) -> Any:
         number = float(value)
         return number if math.isfinite(number) else str(number)
     raise TypeError(f"{value!r} is of type {type(value).__name__}, which has no place in a record")
-
-
-class JsonDocument:
-    """The JSON of a run that is written while it goes on: what stayed as it was is not made text again."""
-
-    def __init__(self, run: Run) -> None:
-        about = asdict(run)
-        self._head = {"harness": about.pop("versions"), "run": about}
-        self._text = GrowingJson(_with_outcome)
-
-    def text(self, records: Sequence[Record] = (), cards: Sequence[Any] = (), **parts: Any) -> str:
-        """As ``to_json``; no element of a list may change between two calls."""
-        return self._text.dumps(self._head | {"records": records, "systems": cards} | parts) + "\n"
 
 
 def to_json(run: Run, records: Sequence[Record], cards: Sequence[Any] = (), **parts: Any) -> str:

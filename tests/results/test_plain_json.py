@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support_results import RUN
 
-from harness.results.plain_json import GrowingJson, dumps
+from harness.results.plain_json import JsonDocument, dumps
 
 
 @dataclass(frozen=True)
@@ -24,29 +26,30 @@ PLAIN = st.recursive(
     ),
     max_leaves=6,
 )
-DOCUMENTS = st.dictionaries(st.sampled_from(["records", "causes", "run", 'a "name"\n']), PLAIN | st.lists(PLAIN, max_size=5), max_size=4)
+DOCUMENTS = st.dictionaries(st.sampled_from(["causes", "atlas", 'a "name"\n']), PLAIN | st.lists(PLAIN, max_size=5), max_size=4)
 
 
 @given(st.lists(DOCUMENTS, max_size=4))
 def test_every_state_is_the_text_of_the_whole(states: list[dict[str, Any]]) -> None:
-    growing = GrowingJson()
+    growing, about = JsonDocument(RUN), asdict(RUN)
+    head = {"harness": about.pop("versions"), "run": about, "records": [], "systems": []}
     for document in states:
-        assert growing.dumps(document) == dumps(document, indent=2)
+        assert growing.text(**document) == dumps(head | document, indent=2) + "\n"
 
 
-def test_what_stays_is_made_text_once() -> None:
+def test_what_stays_is_made_text_once(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Pair] = []
 
-    def plain(item: Pair) -> Pair:
+    def noted(item: Pair) -> Pair:
         made.append(item)
         return item
 
-    growing, pairs = GrowingJson(plain), [Pair(str(number), number) for number in range(50)]
+    monkeypatch.setattr("harness.results.plain_json._with_outcome", noted)
+    growing, pairs = JsonDocument(RUN), [Pair(str(number), number) for number in range(50)]
     for count in range(len(pairs) + 1):
-        text = growing.dumps({"head": 1, "pairs": pairs[:count], "tail": []})
-    assert text == dumps({"head": 1, "pairs": pairs, "tail": []}, indent=2)
+        growing.text(pairs=pairs[:count], tail=[])
     assert made == pairs
     # What left is forgotten, so that what is made anew each time fills no memory.
-    growing.dumps({"pairs": []})
-    growing.dumps({"pairs": pairs[:1]})
+    growing.text(pairs=[])
+    growing.text(pairs=pairs[:1])
     assert made == [*pairs, pairs[0]]
