@@ -276,7 +276,7 @@ class _FreeBodies:
         """That the two sides of a joint accelerate alike in the directions in which it is stiff."""
         one, relative = self._moving[number], self._relative(number)
         if one.node.joint.follows:
-            [motion] = one.motions
+            [(motion, _)] = one.rates
             relative = relative + motion * -self._rates[one.node.columns[0]]
         return [direction @ part for part, stiff in zip(relative, self._stiff[number], strict=True) for direction in stiff]
 
@@ -330,7 +330,7 @@ class _FreeBodies:
                 for motion, own in one.rates:
                     if own != column:
                         continue
-                    total = total + -one.node.armature * self._rates[column]
+                    total = total + -one.node.of_velocity("armature") * self._rates[column]
                     if one.node.joint.follows:
                         total = total + -self._along(motion, wrenches[number])
             found.append(total)

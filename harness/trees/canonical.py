@@ -62,12 +62,9 @@ class CanonicalNode:
         mass = sum(one.mass for one in self.bodies.values())
         first = sum((one.mass * one.centre for one in self.bodies.values()), np.zeros(3))
         centre = first / mass if mass else np.zeros(3)
-        moments = sum((one.moments + one.mass * _square(one.centre - centre) for one in self.bodies.values()), np.zeros((3, 3)))
+        arms = ((one, one.centre - centre) for one in self.bodies.values())
+        moments = sum((one.moments + one.mass * (np.dot(arm, arm) * np.eye(3) - np.outer(arm, arm)) for one, arm in arms), np.zeros((3, 3)))
         return Mass(mass, centre, np.asarray(moments))
-
-
-def _square(arm: Array) -> Array:
-    return np.asarray(np.dot(arm, arm) * np.eye(3) - np.outer(arm, arm))
 
 
 def canonical(robot: Robot) -> dict[str, CanonicalNode]:

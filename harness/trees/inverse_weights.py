@@ -20,7 +20,7 @@ from harness.files.equalities import Polygon, Tendon, TendonLinkage
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import InverseWeight
-from harness.files.tree import WORLD, Body, Given, Joint, Tree
+from harness.files.tree import WORLD, Body, Given, Tree
 from harness.programs.evaluation import mass_matrix
 from harness.programs.terms import Term, Vector, cross
 from harness.trees import recursion
@@ -145,19 +145,17 @@ def _only_slides(tree: Tree, nodes: Kinematics, body: Body) -> bool:
     parents = {other.name: other.parent for other in tree.bodies}
     hangs = body.parent == WORLD or (nodes.frames[body.parent][0] < 0 and parents[body.parent] == WORLD)
     is_leaf = body.name not in parents.values()
-    slides = bool(body.joints) and all(joint.kind == JointKind.SLIDE and _is_along_one(joint) for joint in body.joints)
-    return hangs and is_leaf and slides and body.inertia is not None and not body.solids and _stands_in_body(body)
-
-
-def _is_along_one(joint: Joint) -> bool:
-    """True for an axis along one of the body's, through the body's origin."""
-    is_still = not joint.pose and all(abs(value) < _NO_SHIFT for value in joint.anchor)
-    return is_still and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
-
-
-def _stands_in_body(body: Body) -> bool:
-    """True where a body's inertia is given about its origin, along its axes, in falling order where that is found by diagonalising."""
-    assert body.inertia is not None
+    # Along one of the body's axes, through the body's origin.
+    slides = bool(body.joints) and all(
+        joint.kind == JointKind.SLIDE
+        and not joint.pose
+        and all(abs(value) < _NO_SHIFT for value in joint.anchor)
+        and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
+        for joint in body.joints
+    )
+    if not (hangs and is_leaf and slides) or body.inertia is None or body.solids:
+        return False
+    # Given about the body's origin, along its axes, in falling order where that is found by diagonalising.
     xx, yy, zz, *products = body.inertia.moments
     is_matrix = isinstance(xx, Given) and xx.attribute != "diaginertia"
     in_order = not any(products) and (not is_matrix or xx >= yy >= zz)

@@ -43,11 +43,6 @@ class Node:
         """The motion of each velocity, and its place in v."""
         return list(zip(self.motions, self.columns, strict=True))
 
-    @property
-    def armature(self) -> Term:
-        """Inertia of the joint's rotor, reflected to its velocity [kg m^2 or kg]."""
-        return self.of_velocity("armature")
-
     def of_velocity(self, coefficient: str) -> Term:
         """A coefficient of the joint, of its velocity where that follows another one's: times the square of the multiplier."""
         builder = self.rigid.mass.builder
@@ -243,15 +238,15 @@ def _node(builder: FileBuilder, coordinates: Coordinates, parent: int, at: Frame
 
 def composite_inertias(
     nodes: Kinematics,
-    motions: Sequence[Sequence[Spatial]],
+    rates: Sequence[Sequence[tuple[Spatial, int]]],
     rigids: Sequence[Rigid],
     frames: Sequence[Frame],
     carried: Callable[[int, Spatial], Iterable[tuple[int, Spatial]]],
 ) -> dict[tuple[int, int], Term]:
     """The entries (i, j), i <= j, of the mass matrix that are not zero, with the reflected inertias of joints.
 
-    Of each node: ``motions``, the inertia of its bodies, and its frame in that of its parent, along the axes in which these are
-    given. ``carried`` has a force on a node as one on it and on each node before it, with their numbers.
+    Of each node: the motions of its velocities with their places in v, the inertia of its bodies, and its frame in that of its parent,
+    along the axes in which these are given. ``carried`` has a force on a node as one on it and on each node before it, with their numbers.
 
     Source: Featherstone, Rigid Body Dynamics Algorithms, section 6.2 (composite rigid bodies).
     """
@@ -261,15 +256,14 @@ def composite_inertias(
         node = nodes.nodes[number]
         if node.parent >= 0:
             composite[node.parent] = composite[node.parent] + composite[number].moved(frames[number])
-        for place, (motion, column) in enumerate(zip(motions[number], node.columns, strict=True)):
+        for place, (motion, column) in enumerate(rates[number]):
             for at, force in carried(number, composite[number].momentum(motion)):
-                others = list(zip(motions[at], nodes.nodes[at].columns, strict=True))
-                for other, row in others[: place + 1] if at == number else others:
+                for other, row in rates[at][: place + 1] if at == number else rates[at]:
                     # Joints that mimic another share its column: both products are part of its entry.
                     times = builder.number(2 if row == column and at != number else 1)
                     entry = min(row, column), max(row, column)
                     entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
-        armature = node.armature
+        reflected = node.of_velocity("armature")
         for column in node.columns:
-            entries[column, column] = entries[column, column] + armature
+            entries[column, column] = entries[column, column] + reflected
     return entries

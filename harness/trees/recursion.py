@@ -127,7 +127,7 @@ def mass_matrix(nodes: Kinematics) -> list[Term]:
             force = _up(nodes.nodes[at], force)
 
     rigids = [node.rigid for node in nodes.nodes]
-    entries = composite_inertias(nodes, [node.motions for node in nodes.nodes], rigids, [node.frame for node in nodes.nodes], carried)
+    entries = composite_inertias(nodes, [node.rates for node in nodes.nodes], rigids, [node.frame for node in nodes.nodes], carried)
     return [entries.get(pair, nodes.builder.zero) for pair in upper_triangle(nodes.nv)]
 
 

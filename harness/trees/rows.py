@@ -83,20 +83,17 @@ def jacobian_of(world: World, row: Row) -> Vector:
     return found
 
 
-def _biases(world: World, rows: Sequence[Row]) -> list[Term]:
-    """The accelerations that rows have where no velocity changes."""
-    carried = accelerations_of_nodes(world, world.kinematics.builder.zeros(world.kinematics.nv))
-    return [sum((power(acts, carried[number]) for number, acts in row.on_nodes), row.known) for row in rows]
-
-
 def equations_of_rows(world: World, rows: Sequence[Row]) -> dict[str, list[Term]]:
     """The outputs of ``harness.programs.mechanisms.mechanism`` for rows."""
     jacobian = [jacobian_of(world, row) for row in rows]
+    rates = [row @ world.kinematics.coordinates.velocities for row in jacobian]
+    # Of nodes where no velocity changes.
+    carried = accelerations_of_nodes(world, world.kinematics.builder.zeros(world.kinematics.nv))
     return {
         RESIDUAL: [row.residual for row in rows],
         JACOBIAN: [entry for row in jacobian for entry in row],
-        RATE: [row @ world.kinematics.coordinates.velocities for row in jacobian],
-        BIAS: _biases(world, rows),
+        RATE: rates,
+        BIAS: [sum((power(acts, carried[number]) for number, acts in row.on_nodes), row.known) for row in rows],
     }
 
 

@@ -28,8 +28,8 @@ class Moving:
     Attributes:
         node: what it is in the tree. orientation, position: of the frame. arm: from the origin of the parent's frame to its own.
         spin, velocity: angular velocity, and velocity of the origin.
-        motions: what each velocity of the joint adds to spin and velocity.
-        bias: what (angular, linear) acceleration there is beyond that of the parent and that along ``motions``.
+        rates: what each velocity of the joint adds to spin and velocity, and its place in v.
+        bias: what (angular, linear) acceleration there is beyond that of the parent and that along ``rates``.
         lumps: the bodies that move with it, whose centres are measured from the origin.
     """
 
@@ -39,14 +39,9 @@ class Moving:
     arm: Vector
     spin: Vector
     velocity: Vector
-    motions: list[Spatial]
+    rates: list[tuple[Spatial, int]]
     bias: Spatial
     lumps: list[Lump]
-
-    @property
-    def rates(self) -> list[tuple[Spatial, int]]:
-        """The motion of each velocity, and its place in v."""
-        return list(zip(self.motions, self.node.columns, strict=True))
 
     def velocity_at(self, arm: Vector) -> Vector:
         """The velocity of the point at an arm from the origin."""
@@ -132,9 +127,9 @@ def in_world(nodes: Kinematics) -> World:
             else (parent.orientation, parent.position, parent.spin, parent.velocity)
         )
         orientation, arm = turn @ node.frame.turn, turn @ node.frame.shift
-        motions = [spatial(orientation @ angular, orientation @ linear) for angular, linear in node.motions]
+        rates = [(spatial(orientation @ angular, orientation @ linear), column) for (angular, linear), column in node.rates]
         turning, sliding = builder.still, builder.still
-        for (angular, linear), column in zip(motions, node.columns, strict=True):
+        for (angular, linear), column in rates:
             rate = nodes.coordinates.velocities[column]
             turning, sliding = turning + rate * angular, sliding + rate * linear
         own_spin, carried = spin + turning, cross(spin, arm) + sliding
@@ -148,7 +143,7 @@ def in_world(nodes: Kinematics) -> World:
                 arm=arm,
                 spin=own_spin,
                 velocity=velocity + carried,
-                motions=motions,
+                rates=rates,
                 bias=spatial(bias_of_spin, bias),
                 lumps=[one.in_frame(Frame(orientation, builder.still)) for one in own],
             )

@@ -247,41 +247,27 @@ def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
     """
     from hypothesis import strategies as st
 
-    positions: list[SearchStrategy[tuple[float, ...]]] = [st.tuples(_position(bounds)) for bounds in mechanism.position_ranges]
-    for place in reversed(mechanism.attitudes):
-        positions[place : place + 3] = [_rotation()]
-    configuration = st.tuples(*positions).map(lambda parts: tuple(value for part in parts for value in part))
-    # No rate or force leaves its range: what a wrist does under the torque of a shoulder belongs to hard cases.
-    rates, forces = ([_bounded(bounds) for bounds in ranges] for ranges in (mechanism.rate_ranges, mechanism.force_ranges))
-    times = _bounded(TIMES) if mechanism.feels_time else st.just(0.0)
-    return st.tuples(configuration, st.tuples(*rates), st.tuples(*forces), times).map(lambda state: States.at(*state))
+    def bounded(bounds: tuple[float, float]) -> SearchStrategy[float]:
+        inside, special = ([value for value in some if bounds[0] <= value <= bounds[1]] for some in ((0.0, *bounds), special_values()))
+        return st.one_of(st.sampled_from(inside), *([st.sampled_from(special)] if special else []), st.floats(*bounds))
 
-
-def _position(bounds: tuple[float, float] | None) -> SearchStrategy[float]:
-    from hypothesis import strategies as st
-
-    if bounds is not None:
-        return _bounded(bounds)
     quarter_turns = st.integers(-8, 8).map(lambda k: k * (math.pi / 2))
-    return st.one_of(st.sampled_from([0.0]), quarter_turns, st.sampled_from(special_values(HUGE_ANGLES)), st.floats(*ANGLES))
-
-
-def _rotation() -> SearchStrategy[tuple[float, ...]]:
-    """Unit quaternions to rounding: none, half and quarter turns about the axes, and any other."""
-    from hypothesis import strategies as st
-
+    angles = st.one_of(st.sampled_from([0.0]), quarter_turns, st.sampled_from(special_values(HUGE_ANGLES)), st.floats(*ANGLES))
+    # Unit quaternions to rounding: none, half and quarter turns about the axes, and any other.
     simple = [tuple(quaternion) for quaternion in SIMPLE_ROTATIONS.tolist()]
     components = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda quaternion: math.hypot(*quaternion) > 0.01)
     others = components.map(lambda quaternion: tuple(component / math.hypot(*quaternion) for component in quaternion))
-    return st.one_of(st.sampled_from(simple[:4]), st.sampled_from(simple[4:]), others)
+    rotations = st.one_of(st.sampled_from(simple[:4]), st.sampled_from(simple[4:]), others)
 
-
-def _bounded(bounds: tuple[float, float]) -> SearchStrategy[float]:
-    from hypothesis import strategies as st
-
-    inside = [value for value in (0.0, *bounds) if bounds[0] <= value <= bounds[1]]
-    special = [value for value in special_values() if bounds[0] <= value <= bounds[1]]
-    return st.one_of(st.sampled_from(inside), *([st.sampled_from(special)] if special else []), st.floats(*bounds))
+    ranges = mechanism.position_ranges
+    positions: list[SearchStrategy[tuple[float, ...]]] = [st.tuples(angles if own is None else bounded(own)) for own in ranges]
+    for place in reversed(mechanism.attitudes):
+        positions[place : place + 3] = [rotations]
+    configuration = st.tuples(*positions).map(lambda parts: tuple(value for part in parts for value in part))
+    # No rate or force leaves its range: what a wrist does under the torque of a shoulder belongs to hard cases.
+    rates, forces = ([bounded(bounds) for bounds in ranges] for ranges in (mechanism.rate_ranges, mechanism.force_ranges))
+    times = bounded(TIMES) if mechanism.feels_time else st.just(0.0)
+    return st.tuples(configuration, st.tuples(*rates), st.tuples(*forces), times).map(lambda state: States.at(*state))
 
 
 def special_values(huge: Sequence[float] = ()) -> list[float]:

@@ -9,6 +9,7 @@ Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 2.13 (rigid body
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -54,10 +55,7 @@ def _sizes(builder: FileBuilder, solid: Solid) -> list[Term]:
 
 def _scaled(numerator: int, denominator: int, *factors: Term) -> Term:
     """A fraction times factors."""
-    found = factors[0].builder.number(Fraction(numerator, denominator))
-    for factor in factors:
-        found = found * factor
-    return found
+    return math.prod(factors, start=factors[0].builder.number(Fraction(numerator, denominator)))
 
 
 def _volume(kind: str, sizes: list[Term]) -> _Shape:
@@ -105,12 +103,7 @@ def _surface(kind: str, sizes: list[Term]) -> _Shape:
 
 
 def _sum_of(*products: tuple[Term, Term]) -> Term:
-    parts = iter(products)
-    first, second = next(parts)
-    total = first * second
-    for first, second in parts:
-        total = total + first * second
-    return total
+    return sum((first * second for first, second in products), products[0][0].builder.number(0))
 
 
 def _mean(measure: Term, has_pi: bool, moments: list[Term]) -> _Shape:
@@ -154,13 +147,7 @@ class Rigid:
         two, zero = self.mass.builder.number(2), self.mass.builder.number(0)
         # With h' = h + m p / 2: 2 (p.h') 1 - p h'' - h' p'.
         trace = two * (shift @ half)
-
-        def entry(i: int, j: int) -> Term:
-            mixed = shift[i] * half[j] + half[i] * shift[j]
-            found: Term = second[i, j] + ((trace if i == j else zero) - mixed)
-            return found
-
-        moments = by_entries(entry)
+        moments = by_entries(lambda i, j: second[i, j] + ((trace if i == j else zero) - (shift[i] * half[j] + half[i] * shift[j])))
         return Rigid(self.mass, first + self.mass * shift, moments)
 
     def momentum(self, motion: Spatial) -> Spatial:

@@ -106,7 +106,7 @@ def parameter_name(value: Given) -> str:
     return f"{place.path.name}:{place.line}: {place.tag} {value.attribute}[{value.index}]"
 
 
-def by_entries(entry: Callable[[int, int], Term]) -> Matrix:
+def by_entries(entry: Callable[[int, int], Any]) -> Matrix:
     """(3, 3) of its entries, which are written row by row."""
     return matrix([[entry(i, j) for j in range(3)] for i in range(3)])
 
@@ -138,13 +138,7 @@ def about(axis: Vector, angle: Term) -> Matrix:
     """The rotation about a unit axis, by Rodrigues' formula."""
     sine, cosine = sin(angle), cos(angle)
     across = skew(sine * axis)
-
-    def entry(i: int, j: int) -> Term:
-        along = axis[i] * axis[j]
-        found: Term = along + cosine * (int(i == j) - along) + across[i, j]
-        return found
-
-    return by_entries(entry)
+    return by_entries(lambda i, j: (along := axis[i] * axis[j]) + cosine * (int(i == j) - along) + across[i, j])
 
 
 def of_quaternion(quaternion: Vector) -> Matrix:
@@ -204,19 +198,12 @@ def _of_direction(builder: FileBuilder, part: Direction) -> Matrix:
     return of_quaternion(vector((w, -y, x, builder.zero)))
 
 
-def origin(builder: FileBuilder, placement: Placement) -> Vector:
-    """The origin of a frame."""
-    position = builder.vector(placement.position)
-    if placement.other_end is None:
-        return position
-    half = builder.number(Fraction(1, 2))
-    return half * (position + builder.vector(placement.other_end))
-
-
 def placed(builder: FileBuilder, pose: Pose, frame: Frame | None = None) -> Frame:
     """A pose in a frame, in what that frame stands in; without one, the pose as a frame."""
     found = frame or Frame(builder.identity, builder.still)
     for placement in pose:
-        position = origin(builder, placement)
+        position = builder.vector(placement.position)
+        if placement.other_end is not None:
+            position = builder.number(Fraction(1, 2)) * (position + builder.vector(placement.other_end))
         found = Frame(found.turn @ rotation(builder, placement), found.at(position))
     return found

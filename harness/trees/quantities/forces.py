@@ -57,7 +57,7 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
     values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
     of_joints = forces_of_joints(nodes)
     for node in nodes.nodes:
-        reflected = node.armature
+        reflected = node.of_velocity("armature")
         for column in node.columns:
             inertia = reflected * nodes.coordinates.third[column]
             values[column] = values[column] + inertia
@@ -123,7 +123,7 @@ def entries_of_mass(world: World) -> dict[tuple[int, int], Term]:
 
     rigids = [joined(builder, (lump.about_origin(builder) for lump in one.lumps)) for one in moving]
     frames = [Frame(builder.identity, one.arm) for one in moving]
-    return composite_inertias(world.kinematics, [one.motions for one in moving], rigids, frames, carried)
+    return composite_inertias(world.kinematics, [one.rates for one in moving], rigids, frames, carried)
 
 
 def _lengths_of_columns(motion: TreeMotion) -> Vector:

@@ -194,7 +194,7 @@ def energy(motion: TreeMotion) -> Iterator[Block]:
             kinetic = kinetic + (lump.mass * (velocity @ velocity) + turning)
             speed, _ = motion.speeds(number, one.position + lump.centre)
             size = size + (lump.mass * (speed * speed) + turning)
-        reflected = one.node.armature
+        reflected = one.node.of_velocity("armature")
         for column in one.node.columns:
             rate = motion.kinematics.coordinates.velocities[column]
             turning = reflected * (rate * rate)

@@ -131,11 +131,8 @@ _HELD: Kept[None] = Kept(64)
 
 def _zero_position(mechanism: Mechanism) -> Array:
     """(1, nq), where every quaternion is 1."""
-    found, first = np.zeros((1, mechanism.nq)), 0
-    for positions, velocities in mechanism.joint_sizes.values():
-        if positions > velocities:
-            found[0, first + positions - 4] = 1.0
-        first += positions
+    found = np.zeros((1, mechanism.nq))
+    found[0, [first + number for number, first in enumerate(mechanism.attitudes)]] = 1.0
     return found
 
 

@@ -141,16 +141,14 @@ class StepTruth(Truth):
         """(n, nv, nq), from differences of positions at q, (n, nq), to the velocities that make them in a second."""
         mechanism = self.basis.mechanism
         found = np.zeros((len(q), mechanism.nv, mechanism.nq))
-        row = column = 0
-        while row < mechanism.nv:
-            if row not in mechanism.attitudes:
-                found[:, row, column] = 1.0
-                row, column = row + 1, column + 1
-                continue
+        turning = {first: first + number for number, first in enumerate(mechanism.attitudes)}
+        rows, columns = set(range(mechanism.nv)), set(range(mechanism.nq))
+        for row, column in turning.items():
+            rows, columns = rows - {*range(row, row + 3)}, columns - {*range(column, column + 4)}
             w, x, y, z = q[:, column : column + 4].T
-            rows = [[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
-            found[:, row : row + 3, column : column + 4] = 2.0 * np.array(rows).transpose(2, 0, 1)
-            row, column = row + 3, column + 4
+            tangents = [[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
+            found[:, row : row + 3, column : column + 4] = 2.0 * np.array(tangents).transpose(2, 0, 1)
+        found[:, sorted(rows), sorted(columns)] = 1.0
         return found
 
     def _turn_little(self, states: States, after: Mapping[str, Array]) -> Flags:
