@@ -7,14 +7,14 @@ where it stands from the joint before it, its axis, and the mass, centre and mom
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.files.tree import WORLD, Body, Direction, Joint, Placement
-from harness.programs.terms import Matrix, Term, Vector
+from harness.programs.terms import Term
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Weights, about_centre, joined
 from harness.trees.bodies.spatial import FileBuilder, Frame, about, angle, direction, placed, rotation
@@ -71,12 +71,12 @@ def canonical(robot: Robot) -> dict[str, CanonicalNode]:
     """The nodes of a robot by the name of their joint, parents first; each number to the last bit or two."""
     tree, builder = bounded(robot.tree), FileBuilder(())
     weights = Weights(builder, tree)
-    # Of each body, the joint that moves it, and its frame in the world at zero.
+    # Of each body, the joint that moves it, and its frame in the world at zero; of the joints, terms from the world's origin.
     frames = {WORLD: ("", placed(builder, ()))}
-    joints: dict[str, _JointAtZero] = {}
+    joints: dict[str, CanonicalNode] = {}
     for body in tree.bodies:
         frames[body.name] = _grown(builder, body, *frames[body.parent], joints)
-    outputs: dict[str, list[Term]] = {f"joint {name}": [*one.anchor, *one.axis, *one.axes.flat] for name, one in joints.items()}
+    outputs: dict[str, list[Term]] = {f"joint {name}": [*one.anchor, *one.axis, *one.frame.flat] for name, one in joints.items()}
     moving = [body for body in tree.bodies if frames[body.name][0]]
     for body in moving:
         name, frame = frames[body.name]
@@ -88,9 +88,8 @@ def canonical(robot: Robot) -> dict[str, CanonicalNode]:
     anchors: dict[str, list[Any]] = {"": [0.0] * 3}
     for name, one in joints.items():
         anchors[name], rest = values[f"joint {name}"][:3], [float(value) for value in values[f"joint {name}"][3:]]
-        arm = [float(own - before) for own, before in zip(anchors[name], anchors[one.moved_by], strict=True)]
-        frame_axes = np.array(rest[3:]).reshape(3, 3)
-        found[name] = CanonicalNode(one.moved_by, one.joint, one.body, np.array(arm), np.array(rest[:3]), frame_axes, {}, {})
+        arm = [float(own - before) for own, before in zip(anchors[name], anchors[one.parent], strict=True)]
+        found[name] = replace(one, anchor=np.array(arm), axis=np.array(rest[:3]), frame=np.array(rest[3:]).reshape(3, 3))
     for body in moving:
         mass, *moments = values[f"body {body.name}"]
         node = found[frames[body.name][0]]
@@ -100,19 +99,7 @@ def canonical(robot: Robot) -> dict[str, CanonicalNode]:
     return found
 
 
-@dataclass(frozen=True)
-class _JointAtZero:
-    """A joint in the world at zero: its anchor, its axis, and the ``axes`` along which it has its velocity; the joint before it."""
-
-    moved_by: str
-    joint: Joint
-    body: Body
-    anchor: Vector
-    axis: Vector
-    axes: Matrix
-
-
-def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joints: dict[str, _JointAtZero]) -> tuple[str, Frame]:
+def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joints: dict[str, CanonicalNode]) -> tuple[str, Frame]:
     """Add the joints of a body; the last of them, and the body's frame in the world."""
     frame = placed(builder, body.pose, parent)
     for joint in body.joints:
@@ -123,7 +110,7 @@ def _grown(builder: FileBuilder, body: Body, moved_by: str, parent: Frame, joint
         at_zero = builder.number(joint.offset) - angle(builder, joint.reference, joint.in_degrees)
         is_planar = joint.kind.has_axis and not joint.kind.is_single
         axes = frame.turn @ rotation(builder, Placement(rotation=(Direction(joint.axis),))) if is_planar else frame.turn
-        joints[joint.name] = _JointAtZero(moved_by, joint, body, anchor, frame.turn @ axis, axes)
+        joints[joint.name] = CanonicalNode(moved_by, joint, body, anchor, frame.turn @ axis, axes, {}, {})
         if joint.kind.is_single and joint.kind.linear:
             frame = Frame(frame.turn, frame.shift + at_zero * (frame.turn @ axis))
         elif joint.kind.is_single:

@@ -179,8 +179,7 @@ def compare(certified: Certified, answers: np.ndarray[Any, np.dtype[np.floating[
     if answers.shape != certified.high.shape:
         raise ValueError(f"answers have shape {answers.shape}; the certified values have {certified.high.shape}")
     with np.errstate(all="ignore"):
-        lengths = _by_block(certified.lengths(certified.errors(answers)))
-        errors, granted = _in_roundoffs(certified, lengths)
+        lengths, errors, granted = _in_roundoffs(certified, answers)
         worst = np.arange(len(errors)), errors.argmax(axis=1)
         backward, error, size = errors[worst], lengths[worst], _by_block(certified.size)[worst]
         # Beside a subnormal answer a relative error says nothing.
@@ -203,7 +202,7 @@ def compare(certified: Certified, answers: np.ndarray[Any, np.dtype[np.floating[
 def errors_in_roundoffs(certified: Certified, answers: Array) -> Array:
     """Errors of each block, (n, blocks) [data roundoffs], of which ``compare`` takes the largest."""
     with np.errstate(all="ignore"):
-        return _in_roundoffs(certified, _by_block(certified.lengths(certified.errors(answers))))[0]
+        return _in_roundoffs(certified, answers)[1]
 
 
 def farthest_block(certified: Certified, answers: Array) -> int:
@@ -212,14 +211,15 @@ def farthest_block(certified: Certified, answers: Array) -> int:
     return int(np.nan_to_num(errors[certified.certified], nan=-1.0, posinf=np.inf).max(axis=0, initial=-1.0).argmax())
 
 
-def _in_roundoffs(certified: Certified, lengths: Array) -> tuple[Array, Flags]:
-    """(n, blocks) errors in data roundoffs, with the share in the blocks that fail without; the states (n,) that agree only so."""
+def _in_roundoffs(certified: Certified, answers: np.ndarray[Any, np.dtype[np.floating[Any]]]) -> tuple[Array, Array, Flags]:
+    """(n, blocks) errors, and in data roundoffs, with the share in the blocks that fail without; the states (n,) that agree only so."""
+    lengths = _by_block(certified.lengths(certified.errors(answers)))
     plain, shared = (
         np.where(lengths == 0, 0.0, lengths / _by_block(roundoff)) for roundoff in (certified.data_roundoff, certified.roundoff_with_share)
     )
     needing = ~(plain <= AGREEMENT) & (shared <= AGREEMENT)
     errors = np.where(needing, shared, plain)
-    return errors, needing.any(axis=1) & (errors.max(axis=1) <= AGREEMENT) & certified.certified
+    return lengths, errors, needing.any(axis=1) & (errors.max(axis=1) <= AGREEMENT) & certified.certified
 
 
 def _by_block(values: Array) -> Array:

@@ -79,6 +79,14 @@ class Reference(Certified):
         """(n,) energy norms of vectors (n, nv)."""
         return energy_norm(self.norm_factor, vectors)
 
+    def inverse_factor(self) -> Array:
+        """The inverse of ``norm_factor``, (n, nv, nv), of 1 where a state is not certified."""
+        return np.asarray(np.linalg.inv(np.where(self.certified[:, None, None], self.norm_factor, np.eye(self.high.shape[1]))))
+
+    def twice_the_energy(self, v: Array) -> Array:
+        """(n,) 2 T at velocities (n, nv), by the sum of squares; see the share of the motion."""
+        return np.asarray((np.einsum("nij,nj->ni", self.norm_factor, v) ** 2).sum(axis=1))
+
     def why_undecided(self) -> Iterator[str]:
         """See ``Certified``."""
         for index in np.flatnonzero(~self.certified):

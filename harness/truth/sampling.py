@@ -55,14 +55,6 @@ class Kind(IntEnum):
     FREE = 3
     RELEASED = 4
 
-    @property
-    def at_rest(self) -> bool:
-        return self in (Kind.STATIC, Kind.RELEASED)
-
-    @property
-    def unloaded(self) -> bool:
-        return self in (Kind.FREE, Kind.RELEASED)
-
 
 # The kinds of states in turn: a quarter is at rest, a quarter bears no force, and half is generic.
 TURNS = (Kind.GENERIC, Kind.STATIC, Kind.GENERIC, Kind.FREE, Kind.GENERIC, Kind.RELEASED, Kind.GENERIC, Kind.LOADED)
@@ -169,7 +161,7 @@ def _open_states(mechanism: Mechanism, points: Array, kind: Kind) -> States:
 
 
 def _rate_ranges(mechanism: Mechanism, kind: Kind) -> Sequence[tuple[float, float]]:
-    if not kind.at_rest:
+    if kind not in (Kind.STATIC, Kind.RELEASED):
         return mechanism.rate_ranges
     # As near to rest as a range allows.
     slowest = [min(max(0.0, low), high) for low, high in mechanism.rate_ranges]
@@ -177,7 +169,7 @@ def _rate_ranges(mechanism: Mechanism, kind: Kind) -> Sequence[tuple[float, floa
 
 
 def _force_ranges(mechanism: Mechanism, kind: Kind) -> Sequence[tuple[float, float]]:
-    if kind.unloaded:
+    if kind in (Kind.FREE, Kind.RELEASED):
         return [(0.0, 0.0)] * mechanism.nv
     loads = {Kind.LOADED: mechanism.moving_loads, Kind.STATIC: mechanism.static_loads}.get(kind)
     if not loads or not any(loads):

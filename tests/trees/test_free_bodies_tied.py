@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,17 @@ import pytest
 from catalogue import BUILT_IN, MODELS, is_tied
 from free_bodies import FreeBodies, free_bodies
 
+from harness.arrays import Array
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
+from harness.programs.mechanisms.constraint_forces import Tied, by_multipliers, by_reduction, constrained_program
 from harness.programs.states import States
-from harness.trees.mechanism import independent_rows
-from harness.trees.robot import tree_of
+from harness.programs.terms import Vector
+from harness.trees.bodies.spatial import FileProgram
+from harness.trees.mechanism import accelerations_of, independent_rows, tied_tree
+from harness.trees.recursion import recursion_program
+from harness.trees.robot import read_robot, tree_of
+from harness.trees.rows import untied
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
@@ -142,3 +148,39 @@ def test_rows_are_chosen_independent_and_as_many_as_there_are() -> None:
     assert moving == [0, 2, 3] and len(chosen) == 2 and set(chosen) < set(moving)
     assert np.linalg.matrix_rank(rows[chosen]) == 2
     assert independent_rows(np.empty((0, 3))) == ([], [])
+
+
+FILES = Path(__file__).parents[1] / "comparison" / "files"
+MIMIC_STATES = 8
+
+
+def short(size: tuple[int, int], rng: np.random.Generator) -> Array:
+    """Numbers of few bits, so that multiples of them are exact."""
+    return np.round(rng.uniform(-1, 1, size) * 64) / 64
+
+
+@pytest.mark.parametrize("way", [by_multipliers, by_reduction])
+@pytest.mark.parametrize("name", ["four_bar.urdf", "mimic.urdf"])
+def test_followers_held_by_forces_move_as_those_that_share_a_velocity(name: str, way: Callable[[Tied], tuple[Vector, Vector]]) -> None:
+    robot = read_robot(FILES / name)
+    joints = robot.tree.joints
+    names = [joint.name for joint in joints]
+    rng = np.random.default_rng(7)
+    own = {leader: place for place, leader in enumerate(robot.joints)}
+    q, v, tau = (short((MIMIC_STATES, len(own)), rng) for _ in range(3))
+    shared = accelerations_of(recursion_program(robot.tree, robot.joints), States.at(q, v, tau))
+
+    leaders = [own[joint.follows or joint.name] for joint in joints]
+    multiples, offsets = (np.array([float(getattr(joint, key)) for joint in joints]) for key in ("multiplier", "offset"))
+    loaded = np.where([not joint.follows for joint in joints], tau[:, leaders], 0.0)
+    states = States.at(multiples * q[:, leaders] + offsets, multiples * v[:, leaders], loaded)
+    equalities = {f"mimic {number}": one.rows for number, one in enumerate(robot.equalities)}
+    followers = [names.index(one.rows.joint) for one in robot.equalities]  # type: ignore[union-attr]
+    tied = tied_tree(untied(robot.tree, names), names, equalities, followers)
+    tied.constraints.checked(len(names))
+    held = accelerations_of(FileProgram(constrained_program(tied.constraints, way), tied.parameters), states)
+
+    np.testing.assert_allclose(held, multiples * shared[:, leaders], rtol=1e-15)
+    # Without the forces they move otherwise.
+    free = accelerations_of(FileProgram(tied.constraints.tree, tied.parameters), states)
+    assert abs(free - held).max() > 1e-2

@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from harness.trees.bodies.inertias import nearest_inertia
+from harness.trees.bodies.rigid import square
 from harness.trees.robot import read_robot
 
 TEXT = """<robot name="one">
@@ -70,8 +71,7 @@ def test_a_point_is_named_where_a_joint_moves_it_alone(tmp_path: Path) -> None:
 
 
 def second(moments: np.ndarray) -> np.ndarray:
-    xx, yy, zz, xy, xz, yz = moments
-    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    matrix = np.array(square(moments))
     return np.trace(matrix) / 2 * np.eye(3) - matrix
 
 

@@ -12,14 +12,15 @@ from catalogue import BUILT_IN, MODELLED, PLAIN, TREES
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited, truth_of
 from harness.engines import Model, NotOffered, Subject, Unsupported
-from harness.errors import InvalidModel
+from harness.engines.coordinates import multiplied
+from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.truth.compare import Certified, compare, farthest_block
-from harness.truth.quantities import Quantity, TruthBasis, find_quantities, of_files
+from harness.truth.quantities import Quantity, TruthBasis, find_quantities, of_files, select_quantities
 from harness.truth.quantities.of_files import FileTruth
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import generic_sample, sample
@@ -135,19 +136,12 @@ def test_what_floats_freely_keeps_its_momentum_but_for_its_weight() -> None:
         v, q = states.v + by * accelerations, states.q.copy()
         q[:, :3] += by * states.v[:, :3]
         spin = np.concatenate([np.zeros((STATES, 1)), states.v[:, 3:]], axis=1)
-        q[:, 3:] += by * _product(states.q[:, 3:], spin) / 2
+        q[:, 3:] += by * multiplied(states.q[:, 3:], spin) / 2
         return own.evaluate(States(q, v, still.tau, states.time)).high
 
     rates = (moved(step) - moved(-step)) / (2 * step)
     np.testing.assert_allclose(rates[:, 0], [[0.0, 0.0, -mechanism.gravity * mechanism.total_mass]] * STATES, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(rates[:, 2], 0.0, atol=1e-6 * np.abs(own.evaluate(still).high[:, 2]).max())
-
-
-def _product(first: Array, second: Array) -> Array:
-    """Of quaternions (w, x, y, z)."""
-    w = first[:, :1] * second[:, :1] - (first[:, 1:] * second[:, 1:]).sum(axis=1, keepdims=True)
-    rest = first[:, :1] * second[:, 1:] + second[:, :1] * first[:, 1:] + np.cross(first[:, 1:], second[:, 1:])
-    return np.concatenate([w, rest], axis=1)
 
 
 class Spoiled:
@@ -208,3 +202,26 @@ def test_numbers_that_are_not_those_of_the_energies_are_no_truth() -> None:
 def test_applied_forces_of_a_loop_are_not_one_answer() -> None:
     with pytest.raises(NotOffered, match="not determined by its accelerations"):
         truth("four_bar", "inverse_dynamics")
+
+
+BOTH = ["forward_dynamics_derivatives", "inverse_dynamics_derivatives"]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ([], ["accelerations"]),
+        (["gravity", "bias", "gravity"], ["bias", "gravity"]),
+        (["derivatives"], BOTH),
+        ([BOTH[1], "derivatives", "accelerations"], ["accelerations", *BOTH]),
+        (["all", "derivatives"], [*find_quantities()]),
+    ],
+)
+def test_names_stand_for_quantities_in_a_fixed_order(names: list[str], expected: list[str]) -> None:
+    assert select_quantities(names) == expected
+
+
+@pytest.mark.parametrize(("name", "nearest"), [("derivative", "derivatives"), ("mass_matrx", "mass_matrix"), ("al", "all")])
+def test_another_name_is_refused_with_the_nearest(name: str, nearest: str) -> None:
+    with pytest.raises(InvalidRequest, match=rf"no quantity is called '{name}'; .*\b{nearest}\b"):
+        select_quantities(["bias", name])

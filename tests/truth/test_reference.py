@@ -350,7 +350,7 @@ def test_instability_is_the_documented_bound(plain_mechanism: Mechanism, plain_r
     states = random_states(plain_mechanism, 3)
     reference = plain_reference.evaluate(states)
     if plain_mechanism.constraints is not None:
-        # Of the tree; tests/truth/test_rank.py has what constraints add.
+        # Of the tree; tests/truth/test_manifold.py has what constraints add.
         tree = replace(plain_mechanism, program=plain_mechanism.constraints.tree, constraints=None)
         reference = ReferenceKernel(tree).evaluate(states)
     equations = exact.equations

@@ -146,7 +146,6 @@ class Quantity:
         has_laws, has_step_rules: whether it asks the engine that reads the file for its laws of constraints, or its rules of steps.
         is_default: whether it is the one that is meant where none is named, which every engine claims to compute.
         is_quick: whether a check that names no quantity compares it as well, at a few states.
-        is_searched: whether a check searches for the states at which answers are worst.
         is_asked_again: whether a check times several calls and holds their answers against each other.
         group: the name that stands for it and others of its kind, as "derivatives"; "" for none.
     """
@@ -158,7 +157,6 @@ class Quantity:
     has_step_rules: bool = False
     is_default: bool = False
     is_quick: bool = True
-    is_searched: bool = False
     is_asked_again: bool = False
     group: str = ""
 

@@ -180,9 +180,7 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
 
 _KERNELS: Kept[ReferenceKernel] = Kept(64)
 _FAR_LINKS: Kept[FarLinks] = Kept(64)
-ACCELERATIONS = Quantity(
-    NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, is_searched=True, is_asked_again=True
-)
+ACCELERATIONS = Quantity(NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, is_asked_again=True)
 
 
 def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], model: ModelFile) -> list[Softness]:

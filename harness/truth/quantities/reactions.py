@@ -91,7 +91,7 @@ class ReactionTruth(TruthOfMotion):
         """The accelerations and the multipliers as values between, with their derivatives by all inputs of the equations of motion."""
         nv = states.v.shape[1]
         # |x_i| is at most |x|_M times the root of the diagonal entry of M^-1; twice that covers the rounding of the factor of M.
-        inverse = np.linalg.inv(np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(nv)))
+        inverse = reference.inverse_factor()
         radius = 2.0 * reference.radius[:, None] * np.linalg.norm(inverse, axis=2)
         columns = self._reference.derivatives(states, reference.high)
         slopes = inverse @ (inverse.transpose(0, 2, 1) @ columns)
@@ -99,7 +99,6 @@ class ReactionTruth(TruthOfMotion):
         slopes = np.concatenate([slopes, bearing.slopes], axis=1)
         felt, further = self._as_inputs(states, slopes)
         # What half an ulp of twice the kinetic energy as a torque on each rotating coordinate does.
-        twice_the_energy = (np.einsum("nij,nj->ni", reference.norm_factor, states.v) ** 2).sum(axis=1)
         rotating = states.q.shape[1] + nv + np.flatnonzero(self._basis.mechanism.rotating)
         return Between(
             high=np.concatenate([reference.high, bearing.high], axis=1),
@@ -107,7 +106,7 @@ class ReactionTruth(TruthOfMotion):
             radius=np.concatenate([radius, bearing.radius], axis=1),
             further=further,
             slopes=felt,
-            shares=np.asarray(twice_the_energy[:, None, None] * slopes[:, :, rotating]),
+            shares=np.asarray(reference.twice_the_energy(states.v)[:, None, None] * slopes[:, :, rotating]),
             certified=reference.certified & bearing.certified,
         )
 

@@ -161,13 +161,10 @@ class StepTruth(Truth):
 
     def _share_of_the_motion(self, states: States, reference: Reference) -> Array:
         """(n, 2 rules), what twice the kinetic energy as a torque on each rotating coordinate does in a step."""
-        factor = reference.norm_factor
         rotating = np.array(self.basis.mechanism.rotating)
-        twice_the_energy = (np.einsum("nij,nj->ni", factor, states.v) ** 2).sum(axis=1)
-        sound = np.where(reference.certified[:, None, None], factor, np.eye(states.v.shape[1]))
         # |M^-1 e|_M of a unit torque e is the length of a row of the inverse of the factor.
-        of_torques = np.linalg.norm(np.linalg.inv(sound), axis=2)[:, rotating].sum(axis=1)
-        share = twice_the_energy * of_torques
+        of_torques = np.linalg.norm(reference.inverse_factor(), axis=2)[:, rotating].sum(axis=1)
+        share = reference.twice_the_energy(states.v) * of_torques
         lengths = np.array([power for rule in self.rules for power in (rule.length, rule.length**2)])
         return np.asarray(share[:, None] * lengths)
 
