@@ -14,7 +14,7 @@ Indices = np.ndarray[Any, np.dtype[np.int64]]
 
 @dataclass(frozen=True)
 class Rows:
-    """A record of arrays that have the same first axis."""
+    """A record of arrays, and of such records, that have the same first axis."""
 
     def __len__(self) -> int:
         return len(getattr(self, fields(self)[0].name))
@@ -26,4 +26,5 @@ class Rows:
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """The rows of all parts, in order."""
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+        columns = ([getattr(part, field.name) for part in parts] for field in fields(cls))
+        return cls(*(own[0].concatenate(own) if isinstance(own[0], Rows) else np.concatenate(own) for own in columns))

@@ -168,7 +168,7 @@ def compare_terms(kernel: ReferenceKernel, states: States, model: Model, subject
 def _finding(name: str, reference: TermReference, terms: Terms, states: States, kinds: Kinds, coordinates: Sequence[str]) -> TermFinding:
     parts, whole, finite = term_errors(name, reference, terms)
     verdicts = np.select(
-        [~finite, ~reference.certified[name], whole <= AGREEMENT],
+        [~finite, ~getattr(reference.certified, name), whole <= AGREEMENT],
         [Verdict.ERROR.value, Verdict.UNDECIDED.value, Verdict.AGREES.value],
         Verdict.DISAGREES.value,
     )

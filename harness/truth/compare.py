@@ -27,7 +27,7 @@ CERTIFIED_RADIUS = 2.0**-60
 # Of a sensitivity: a backward error is read to three digits.
 MOST_DOUBT = 2.0**-10
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
-C = TypeVar("C", bound="Certified")
+Parts = TypeVar("Parts", bound=Rows)
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,6 @@ class Certified(Rows):
     condition: Array
     certified: Flags
     bits: Indices
-
-    def __len__(self) -> int:
-        return len(self.high)
 
     @property
     def in_balls(self) -> Flags:
@@ -105,10 +102,10 @@ class Certified(Rows):
         return np.asarray(vectors @ self.norm_factor.transpose(0, 2, 1))
 
 
-def in_order(parts: Iterable[tuple[C, Indices]]) -> C:
+def in_order(parts: Iterable[tuple[Parts, Indices]]) -> Parts:
     """Values that were certified in parts, each with the places of its states, in the order of these."""
     values, places = map(list, zip(*parts, strict=True))
-    found: C = values[0].concatenate(values)[np.argsort(np.concatenate(places))]
+    found: Parts = values[0].concatenate(values)[np.argsort(np.concatenate(places))]
     return found
 
 
@@ -150,9 +147,6 @@ class Comparison(Rows):
         """
         backward, relative = float(self.backward_error[index]), float(self.relative_error[index])
         return relative if relative <= min(backward, 1 / UNIT_ROUNDOFF) else None
-
-    def __len__(self) -> int:
-        return len(self.verdicts)
 
     @property
     def worst(self) -> int:

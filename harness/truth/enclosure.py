@@ -43,9 +43,6 @@ class Enclosed(Rows):
     bound: Array
     proved: np.ndarray[Any, np.dtype[np.bool_]]
 
-    def __len__(self) -> int:
-        return len(self.high)
-
     @property
     def rounded(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) whether ``high`` is proved to be the float64 number nearest to each of the numbers."""
@@ -176,6 +173,12 @@ class Encloser:
                 if found is None or all(ball.rad() <= _SHARP * abs(ball).mid() for ball in (*found.positions, *found.rates)):
                     break
         return found
+
+    def residual(self, q: Sequence[float]) -> Sequence[Any]:
+        """What the holonomic rows leave at positions, as ``arb`` at the working precision in force."""
+        import flint
+
+        return self._parts(self._bound(flint.ctx.prec)(*q, *[0.0] * (2 * self._mechanism.nv + 1)))[0]
 
     def _enclosed(self, q: Sequence[float], v: Sequence[float], precision: int) -> Enclosure | None:
         import flint

@@ -17,15 +17,12 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.programs.evaluation import values, values_and_spread
-from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.mechanism import JACOBIAN, RATE, RESIDUAL, Constraints, Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import OUTPUTS, right_hand_side, without_unused
@@ -196,34 +193,15 @@ def distances(mechanism: Mechanism, states: States) -> dict[str, Array]:
     """
     import flint
 
-    constraints = mechanism.constraints
+    constraints, encloser = mechanism.constraints, _closures(mechanism)[2]
     assert constraints is not None
-    found: dict[str, list[float]] = {name: [] for name in constraints.names}
+    owners, found = np.array(constraints.rows[: constraints.holonomic]), {name: np.zeros(len(states)) for name in constraints.names}
     with flint.ctx.workprec(_BITS):
-        for index in range(len(states)):
-            left = _rows_in_balls(mechanism, states, index, mechanism.parameter_values)
+        for index, q in enumerate(states.q.tolist()):
+            squares = np.array([ball.mid() ** 2 for ball in encloser.residual(q)], dtype=object)
             for name, lengths in found.items():
-                own = [left[row] ** 2 for row in range(constraints.holonomic) if constraints.rows[row] == name]
-                lengths.append(float(sum(own, flint.arb(0)).sqrt().mid()))
-    return {name: np.array(lengths) for name, lengths in found.items()}
-
-
-def _rows_in_balls(mechanism: Mechanism, states: States, index: int, parameters: Sequence[float]) -> list[Any]:
-    """The middles of what the rows and their rates leave at one state, as in ``rows_left``, in balls of ``_BITS``."""
-    import flint
-
-    assert mechanism.constraints is not None
-    program, nv = mechanism.constraints.program, mechanism.nv
-    state = [*states.q[index].tolist(), *states.v[index].tolist(), *[0.0] * nv, float(states.time[index])]
-    # Parameters that stand behind those of the rows are of a declared law.
-    own = parameters[: len(program.inputs) - len(state)]
-    with flint.ctx.workprec(_BITS):
-        outputs = iter(_BALLS.get(program.key, lambda: BallKernel(program, len(own))).bind(own)(*state))
-        rows = {name: [next(outputs) for _ in places] for name, places in program.outputs.items()}
-    return [ball.mid() for name in (RESIDUAL, RATE) for ball in rows[name]]
-
-
-_BALLS: Kept[BallKernel] = Kept(64)
+                lengths[index] = float(sum(squares[owners == name].tolist(), flint.arb(0)).sqrt().mid())
+    return found
 
 
 def rows_left(mechanism: Mechanism, states: States, parameters: Array | None = None) -> tuple[Array, Array]:

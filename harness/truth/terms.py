@@ -31,13 +31,13 @@ Numerical Algorithms, 2nd ed., section 3.1 (scalar products); Featherstone, Rigi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Indices, Rows
 from harness.engines import Terms
 from harness.programs.evaluation import jacobians
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -45,7 +45,7 @@ from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import OUTPUTS, upper_triangle
 from harness.programs.states import States
 from harness.truth.balls import factorise, forward_substitute, norm_over_first_axis, parts_of
-from harness.truth.compare import CERTIFIED_RADIUS, SOUGHT_RADIUS
+from harness.truth.compare import CERTIFIED_RADIUS, SOUGHT_RADIUS, in_order
 from harness.truth.reference import PRECISIONS, ChartKernel, ReferenceKernel
 
 MASS, VELOCITY, GRAVITY, PASSIVE = OUTPUTS
@@ -57,8 +57,8 @@ _MOST_AT_ONCE = 2**24
 
 
 @dataclass(frozen=True)
-class TermReference:
-    """Certified terms of n states, as arrays whose first axis is the state.
+class TermReference(Rows):
+    """Certified terms of n states.
 
     Attributes:
         high, low: the certified midpoints are high + low.
@@ -70,23 +70,21 @@ class TermReference:
     high: Terms
     low: Terms
     norm_factor: Array
-    sensitivity: Mapping[str, Array]
-    certified: Mapping[str, np.ndarray[Any, np.dtype[np.bool_]]]
-
-    def __len__(self) -> int:
-        return len(self.norm_factor)
+    sensitivity: Terms
+    certified: Terms
 
 
 def certify_terms(kernel: ReferenceKernel, states: States) -> TermReference:
     """The terms at ``states``, in the frames of ``kernel``; what cannot be certified is marked, never dropped."""
-    parts, places = [], []
-    for chart, chosen in kernel.by_chart(states):
-        program = chart.program
-        at_once = max(1, _MOST_AT_ONCE // (len(program.instructions) * len(program.inputs)))
-        for start in range(0, max(len(chosen), 1), at_once):
-            parts.append(_certify(kernel.mechanism, chart, states[chosen[start : start + at_once]]))
-            places.append(chosen[start : start + at_once])
-    return _in_order(parts, np.argsort(np.concatenate(places)))
+
+    def parts() -> Iterator[tuple[TermReference, Indices]]:
+        for chart, chosen in kernel.by_chart(states):
+            at_once = max(1, _MOST_AT_ONCE // (len(chart.program.instructions) * len(chart.program.inputs)))
+            for start in range(0, max(len(chosen), 1), at_once):
+                places = chosen[start : start + at_once]
+                yield _certify(kernel.mechanism, chart, states[places]), places
+
+    return in_order(parts())
 
 
 def dual_norm(norm_factor: Array, forces: Array) -> Array:
@@ -134,11 +132,11 @@ def _certify(mechanism: Mechanism, chart: ChartKernel, states: States) -> TermRe
             if not len(pending):
                 break
     # Where M is singular a force moves nothing, or without bound.
-    certified = {
+    certified: dict[str, Any] = {
         name: (each <= CERTIFIED_RADIUS) & np.isfinite(sensitivity[name].T).all(axis=tuple(range(sensitivity[name].ndim - 1)))
         for name, each in excess.items()
     }
-    return TermReference(high, low, norm_factor, sensitivity, certified)
+    return TermReference(high, low, norm_factor, Terms(**sensitivity), Terms(**certified))
 
 
 def _as_terms(flat: Array, nv: int, applied: Array | float) -> Terms:
@@ -210,7 +208,7 @@ def term_errors(name: str, reference: TermReference, terms: Terms) -> tuple[Arra
     """
     with np.errstate(all="ignore"):
         difference = (getattr(terms, name) - getattr(reference.high, name)) - getattr(reference.low, name)
-        sensitivity = UNIT_ROUNDOFF * reference.sensitivity[name]
+        sensitivity = UNIT_ROUNDOFF * getattr(reference.sensitivity, name)
         if name == MASS:
             parts = quotient(np.abs(difference), sensitivity)
             whole = parts.max(axis=(1, 2))
@@ -221,13 +219,4 @@ def term_errors(name: str, reference: TermReference, terms: Terms) -> tuple[Arra
             whole = quotient(dual_norm(reference.norm_factor, difference), sensitivity)
             whole = np.where(difference.any(axis=1), whole, 0.0)
         finite = np.isfinite(getattr(terms, name)).all(axis=tuple(range(1, parts.ndim)))
-        return parts, np.where(finite & reference.certified[name], whole, np.nan), finite
-
-
-def _in_order(parts: list[TermReference], order: Any) -> TermReference:
-    high, low = (Terms.concatenate([getattr(part, name) for part in parts])[order] for name in ("high", "low"))
-    sensitivity, certified = (
-        {term: np.concatenate([getattr(part, name)[term] for part in parts])[order] for term in TERMS}
-        for name in ("sensitivity", "certified")
-    )
-    return TermReference(high, low, np.concatenate([part.norm_factor for part in parts])[order], sensitivity, certified)
+        return parts, np.where(finite & getattr(reference.certified, name), whole, np.nan), finite

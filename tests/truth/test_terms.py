@@ -126,7 +126,7 @@ def test_certified_terms_and_their_data_roundoff_are_those_of_mpmath(name: str, 
     mechanism, nv = load_mechanism(BUILT_IN, name), exact.nv
     states = generic_sample(mechanism, 2, seed_of(name))
     reference = certify_terms(ReferenceKernel(mechanism), states)
-    assert all(certified.all() for certified in reference.certified.values())
+    assert all(certified.all() for certified in vars(reference.certified).values())
     equations = exact.equations
     terms = [equations.velocity_terms, equations.gravity_terms, equations.passive_forces]
     evaluate = exact.function([entry for term in (equations.mass_matrix, *terms) for entry in term])
@@ -166,10 +166,10 @@ def test_certified_terms_and_their_data_roundoff_are_those_of_mpmath(name: str, 
                 sensitivity += mpmath.fsum(abs(x) * r for x, r in zip(expected, reach, strict=True))
                 high, low = (mpmath.matrix(getattr(part, name_of)[index].tolist()) for part in (reference.high, reference.low))
                 assert size(high + low - expected) <= mpmath.mpf(2) ** -100 * sensitivity
-                assert float(sensitivity) == pytest.approx(reference.sensitivity[name_of][index], rel=1e-9, abs=1e-290)
+                assert float(sensitivity) == pytest.approx(getattr(reference.sensitivity, name_of)[index], rel=1e-9, abs=1e-290)
             high, low = (mpmath.matrix(part.mass[index].tolist()) for part in (reference.high, reference.low))
             assert all(abs((high + low - mass)[i, j]) <= mpmath.mpf(2) ** -100 * of_mass[i][j] for i in range(nv) for j in range(nv))
-            assert np.array(of_mass, dtype=float) == pytest.approx(reference.sensitivity[MASS][index], rel=1e-9)
+            assert np.array(of_mass, dtype=float) == pytest.approx(reference.sensitivity.mass[index], rel=1e-9)
 
 
 def test_dual_norm_is_the_energy_norm_of_the_accelerations() -> None:
@@ -191,7 +191,7 @@ def test_batches_and_charts_keep_the_order_of_states(name: str, monkeypatch: pyt
     single = certify_terms(kernel, states)
     for term in TERMS:
         assert np.array_equal(getattr(whole.high, term), getattr(single.high, term))
-        assert whole.sensitivity[term] == pytest.approx(single.sensitivity[term], rel=1e-12)
+        assert getattr(whole.sensitivity, term) == pytest.approx(getattr(single.sensitivity, term), rel=1e-12)
     alone = certify_terms(kernel, states[17:18])
     assert np.array_equal(alone.high.mass[0], whole.high.mass[17])
     assert len(whole) == 40 and len(certify_terms(kernel, states[:0])) == 0
@@ -211,15 +211,15 @@ def test_a_singular_mass_matrix_is_still_certified_and_forces_beside_it_are_not(
     )
     kernel = ReferenceKernel(replace(mechanism, program=program))
     reference = certify_terms(kernel, States.at([[0.0, 0.3], [0.5, 0.3]], [[0.0, 0.0]] * 2, [[1.0, 1.0]] * 2))
-    assert reference.certified[MASS].tolist() == [True, True]
-    assert reference.certified[GRAVITY].tolist() == [False, True]
+    assert reference.certified.mass.tolist() == [True, True]
+    assert reference.certified.gravity.tolist() == [False, True]
 
 
 def test_states_that_are_no_numbers_are_marked() -> None:
     mechanism = load_mechanism(BUILT_IN, "cart_pendulum")
     reference = certify_terms(ReferenceKernel(mechanism), States.at([[0.1, np.nan], [0.1, 0.2]], [[0.0, 1.0]] * 2, [[0.0, 0.0]] * 2))
-    assert reference.certified[GRAVITY].tolist() == [False, True]
-    assert reference.certified[MASS].tolist() == [False, True]
+    assert reference.certified.gravity.tolist() == [False, True]
+    assert reference.certified.mass.tolist() == [False, True]
 
 
 # The engines.
@@ -252,7 +252,7 @@ def test_terms_of_sound_engines_agree_and_sum_to_nothing(modelled_name: str) -> 
         size = size_of_sum(mechanism, states, terms, accelerations)
         if mechanism.constraints is not None:
             # What holds a constraint is as large as its stiffness makes of the roundings of accelerations.
-            size += references[kernel].sensitivity[PASSIVE][:, None] * np.sqrt(np.diagonal(terms.mass, axis1=1, axis2=2))
+            size += references[kernel].sensitivity.passive[:, None] * np.sqrt(np.diagonal(terms.mass, axis1=1, axis2=2))
         assert (np.abs(residual) <= BAR * UNIT_ROUNDOFF * size).all(), str(subject)
 
 

@@ -93,20 +93,22 @@ class DerivativeTruth(Truth):
     def evaluate(self, states: States) -> Certified:
         """Columns by q, v and the third vector, (n, 3 nv, nv)."""
         reference = self._reference.evaluate(states)
-        factor, inputs = self._factor(reference), self._inputs(states, self._third(states, reference))
+        third = reference.high if self.dynamics.is_inverse else states.tau
+        factor, inputs = self._factor(reference), self._inputs(states, third)
         split = self._charts.split(states.q)
         found = in_order((self._kernels[chart].evaluate(inputs[some], norm_factor=factor[some]), some) for chart, some in split)
         return replace(found, certified=found.certified & reference.certified)
 
     def third(self, states: States) -> Array:
         """What is given beside q and v, (n, nv): the applied forces, or the accelerations that they cause."""
-        return self._third(states, self._reference.evaluate(states)) if self.dynamics.is_inverse else states.tau
+        return self._reference.evaluate(states).high if self.dynamics.is_inverse else states.tau
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
         time = (states.time,) if getattr(model, "takes_time", False) else ()
         arguments = states.q, states.v, self.third(states), *time
-        return by_columns(answer_of(model, self.dynamics.method, arguments, (len(states), 3, self.nv, self.nv)))
+        matrices = answer_of(model, self.dynamics.method, arguments, (len(states), 3, self.nv, self.nv))
+        return np.ascontiguousarray(matrices.transpose(0, 1, 3, 2).reshape(len(states), -1, self.nv))
 
     def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
         """The column and the row that are farthest off, and the mistake that explains all that disagrees, where one does."""
@@ -152,9 +154,6 @@ class DerivativeTruth(Truth):
         factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(self.nv))
         return np.ascontiguousarray(np.linalg.inv(factor).transpose(0, 2, 1)) if self.dynamics.is_inverse else factor
 
-    def _third(self, states: States, reference: Reference) -> Array:
-        return reference.high if self.dynamics.is_inverse else states.tau
-
     def _inputs(self, states: States, third: Array) -> Array:
         """Inputs of the programs, (n, inputs)."""
         return np.ascontiguousarray(self.mechanism.inputs(replace(states, tau=third)).T)
@@ -165,11 +164,6 @@ def coordinate_names(mechanism: Mechanism) -> Iterator[str]:
     for place, joint in enumerate(mechanism.joints):
         several = mechanism.joints.count(joint) > 1
         yield f"joint {joint!r}" + (f", velocity {place - mechanism.joints.index(joint) + 1}" if several else "")
-
-
-def by_columns(matrices: Array) -> Array:
-    """Matrices (n, 3, nv, nv) by columns, (n, 3 nv, nv)."""
-    return np.ascontiguousarray(matrices.transpose(0, 1, 3, 2).reshape(len(matrices), -1, matrices.shape[-1]))
 
 
 # Mistakes that an engine may make of derivatives.
