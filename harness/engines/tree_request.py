@@ -10,12 +10,12 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.coordinates import multiplied, rotations
+from harness.engines.coordinates import cross_matrix, multiplied, rotations
 from harness.engines.request import Aid, AskedJoint, BodyInertia, JointForces, Request, in_columns
 from harness.files.facts import JointSpring, PointSpring, in_radians
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, meaning_of
-from harness.files.tree import WORLD, Axes, Body, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
+from harness.files.tree import WORLD, Axes, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
 
 # Orientation as a unit quaternion (w, x, y, z), and origin [m].
 Frame = tuple[tuple[float, ...], tuple[float, ...]]
@@ -43,15 +43,15 @@ def _frames_of_free_joints(tree: Tree) -> dict[str, Frame]:
         for joint in body.joints if body.joints and body.joints[0].kind == JointKind.FREE else ():
             while parent != WORLD and not bodies[parent].joints:
                 pose, parent = bodies[parent].pose + pose, bodies[parent].parent
-            found[joint.name] = _placed(_OF_THE_WORLD, pose)
+            found[joint.name] = _placed(pose)
     return found
 
 
-def _placed(frame: Frame, pose: Pose) -> Frame:
-    """A pose of a URDF in a frame, as that frame stands in the world."""
-    turn, shift = (np.array(part) for part in frame)
+def _placed(pose: Pose) -> Frame:
+    """A pose of a URDF as a frame in the world."""
+    turn, shift = (np.array(part) for part in _OF_THE_WORLD)
     for placement in pose:
-        shift = shift + rotations(turn[None])[0] @ np.array([float(value) for value in placement.position])
+        shift = shift + rotations(turn[None])[0] @ _floats(placement.position)
         for part in placement.rotation:
             assert isinstance(part, Turn), "a URDF has roll, pitch and yaw alone"
             half = float(part.angle) / 2
@@ -84,9 +84,8 @@ def aid_of(tree: Tree, joints: Sequence[AskedJoint]) -> Aid:
         if joint.stiffness and len(asked.positions) == 1:
             spring = JointSpring(joint.name, float(joint.stiffness), in_radians(joint, "spring_reference"), asked.line)
             springs.append((spring, asked.positions[0], asked.velocities[0]))
-    gravity = np.array([float(component) for component in tree.gravity])
     forces = JointForces(damping, tuple(springs))
-    return Aid(gravity, forces, armature, springs=tuple(map(_point_spring, tree.springs)))
+    return Aid(_floats(tree.gravity), forces, armature, springs=tuple(map(_point_spring, tree.springs)))
 
 
 def _point_spring(spring: Spring) -> PointSpring:
@@ -98,18 +97,15 @@ def _point_spring(spring: Spring) -> PointSpring:
 
 
 def inertias_of(tree: Tree) -> dict[str, BodyInertia]:
-    """The inertias of links of a URDF that have one, by name."""
-    return {body.name: inertia for body in tree.bodies if (inertia := _inertia(body)) is not None}
-
-
-def _inertia(body: Body) -> BodyInertia | None:
-    """The inertia of a link of a URDF in the link's frame, in float64."""
-    if body.inertia is None:
-        return None
-    turn, centre = _frame(body.inertia.pose)
-    xx, yy, zz, xy, xz, yz = (float(moment) for moment in body.inertia.moments)
-    matrix = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
-    return BodyInertia(float(body.inertia.mass), centre, (matrix + matrix.T) / 2)
+    """The inertias of links of a URDF that have one, by name, each in the link's frame and in float64."""
+    found = {}
+    for body in tree.bodies:
+        if body.inertia is not None:
+            turn, centre = _frame(body.inertia.pose)
+            xx, yy, zz, xy, xz, yz = _floats(body.inertia.moments)
+            matrix = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+            found[body.name] = BodyInertia(float(body.inertia.mass), centre, (matrix + matrix.T) / 2)
+    return found
 
 
 def _frame(pose: Pose) -> tuple[Array, Array]:
@@ -130,9 +126,8 @@ def _position(placement: Placement) -> Array:
 def _rotation(part: Turn | Quaternion | Axes | Direction) -> Array:
     """The matrix (3, 3) of one rotation, as ``harness.files.tree`` defines it."""
     if isinstance(part, Turn):
-        x, y, z = _unit(_floats(part.axis))
         angle = math.radians(part.angle) if part.in_degrees else float(part.angle)
-        skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        skew = cross_matrix(_unit(_floats(part.axis)))
         return np.asarray(np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew))
     if isinstance(part, Axes):
         first, second = _unit(_floats(part.x)), _unit(_floats(part.y))
