@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,17 +130,22 @@ def test_turns_between_frames_keep_power_and_undo_themselves() -> None:
     assert own_v[9] == v[6]
 
 
+def found_by(cache: Path, folder: Path, *words: str) -> Any:
+    """The JSON of a command with the environments of a cache, which ends well."""
+    variables, command = {**os.environ, "HARNESS_CACHE": str(cache)}, [sys.executable, "-m", "harness", *words, "--json", "out.json"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=variables, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads((folder / "out.json").read_text())
+
+
 def check_in_its_environment(
     name: str, systems: list[str], cache: Path, folder: Path, quantities: Sequence[str] = (ACCELERATIONS,)
 ) -> list[dict[str, object]]:
     """The records of an engine on ``systems``, of the whole catalogue for none; ``cache`` holds its environment."""
     chosen = [word for model_format in load_engine(BUILT_IN, name).formats for word in ("--subject", f"{name}/{model_format}")]
     chosen += [word for quantity in quantities for word in ("--quantity", quantity)]
-    checked = ["check", *systems, *chosen, "--states", "100", "--time-limit", "600", "--json", "out.json"]
-    words, variables = [sys.executable, "-m", "harness", *checked], {**os.environ, "HARNESS_CACHE": str(cache)}
-    done = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=variables, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    records: list[dict[str, object]] = json.loads((folder / "out.json").read_text())["records"]
+    found = found_by(cache, folder, "check", *systems, *chosen, "--states", "100", "--time-limit", "600")
+    records: list[dict[str, object]] = found["records"]
     return records
 
 
@@ -210,10 +216,7 @@ def test_automatic_derivatives_agree(name: str, systems: list[str], environment:
 @pytest.mark.parametrize("name", ["drake", "mjx"])
 def test_automatic_derivatives_are_on_the_chart(name: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
     """Where the engine is installed they are measured without being named."""
-    words = [sys.executable, "-m", "harness", "bench", "acrobot", "--derivatives", "--json", "out.json"]
-    variables = {**os.environ, "HARNESS_CACHE": str(environment(name))}
-    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=variables, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    found = {one["method"]: one for one in json.loads((tmp_path / "out.json").read_text())["benchmark"]["derivatives"]}
+    found = found_by(environment(name), tmp_path, "bench", "acrobot", "--derivatives")["benchmark"]["derivatives"]
+    found = {one["method"]: one for one in found}
     own = [method.name for method in find_methods("derivatives") if method.engine == name]
     assert len(own) == 2 and all(not found[one]["note"] and found[one]["error"] < 1e-12 for one in own)
