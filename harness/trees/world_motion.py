@@ -78,13 +78,8 @@ class World:
     @property
     def points(self) -> dict[str, Vector]:
         """By the name of a joint, the anchor in the world of the last joint of its body, which moves with the body."""
-        nodes = self.kinematics
-        found = {}
-        for one in self.moving:
-            name = one.node.joint.name
-            body = next(body for body in nodes.tree.bodies if name in {joint.name for joint in body.joints})
-            found[name] = self.moving[nodes.frames[body.name][0]].position
-        return found
+        bodies = ((self.kinematics.frames[body.name][0], body) for body in self.kinematics.tree.bodies)
+        return {joint.name: self.moving[number].position for number, body in bodies for joint in body.joints}
 
     def of_other(self, tree: Tree) -> World:
         """Another tree with the same joints, at the same coordinates."""

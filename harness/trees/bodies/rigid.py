@@ -168,16 +168,11 @@ class Lump:
     def in_frame(self, frame: Frame) -> Lump:
         """The same in what ``frame`` stands in, its own being ``frame``."""
         centre = frame.at(self.centre)
-        return Lump(self.mass, centre, along_axes(frame.turn, self.moments))
+        return Lump(self.mass, centre, frame.turn @ self.moments @ frame.turn.T)
 
     def about_origin(self, builder: FileBuilder) -> Rigid:
         """The lump about the origin of its frame."""
         return Rigid(self.mass, builder.still, self.moments).moved(Frame(builder.identity, self.centre))
-
-
-def along_axes(turn: Matrix, moments: Matrix) -> Matrix:
-    """Moments of inertia along other axes."""
-    return turn @ moments @ turn.T
 
 
 def joined(builder: FileBuilder, parts: Iterable[Rigid]) -> Rigid:
@@ -213,7 +208,7 @@ class Weights:
             mass, moments = _of_part(builder, part)
             if scale is not None:
                 mass, moments = scale * mass, scale * moments
-            yield Lump(mass, frame.shift, along_axes(frame.turn, moments))
+            yield Lump(mass, frame.shift, frame.turn @ moments @ frame.turn.T)
 
 
 def _of_part(builder: FileBuilder, part: Inertia | Solid) -> tuple[Term, Matrix]:
