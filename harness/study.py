@@ -9,7 +9,7 @@ place. Several generators are under way at once; where a process dies, the task 
 others go on::
 
     def inquiry(self, name: str) -> Inquiry[None]:
-        outcome = yield from ask(derive, self.library, name, affinity=name)
+        outcome = yield from ask(call, load_mechanism, self.library, name, affinity=name)
         mechanism = outcome.value
         ...
         yield Part(name, record)

@@ -137,7 +137,9 @@ def _read_tables(
     if data or not all(isinstance(one, list) for one in written.values()):
         raise InvalidInput(path, None, f"holds something other than {' and '.join(f'[[{one}]]' for one in tables)} tables")
     keys = set()
-    for number, table in [(number, one) for number, several in enumerate(written[name], start=1) for one in _each(several, kind.KEY)]:
+    # A list stands for several entries of verdicts alone.
+    listed = kind.KEY if issubclass(kind, Entry) else ()
+    for number, table in [(number, one) for number, several in enumerate(written[name], start=1) for one in _each(several, listed)]:
         where = f"[[{name}]] number {number}"
         try:
             entry = msgspec.convert(table, kind)
