@@ -112,7 +112,7 @@ def test_an_engine_that_cannot_be_imported_is_looked_for_all_the_same(
     (tmp_path / "broken" / "__init__.py").write_text("raise ImportError('libGL.so.1: cannot open shared object file')")
     (tmp_path / "broken" / "part.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
-    engine: Any = SimpleNamespace(requires=(module, "numpy"))
+    engine: Any = SimpleNamespace(requires=(module, "numpy"), environment=None)
     assert (installed_version(engine) is not None) == is_there
     assert "broken" not in sys.modules
 
