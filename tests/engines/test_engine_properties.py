@@ -24,7 +24,7 @@ from catalogue import TREES
 
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, load_engine
-from harness.files.model_file import read_model
+from harness.files.model_file import PointSpring, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.lagrange.euler_angles import sines_and_cosines
 from harness.lagrange.expressions import assemble
@@ -112,16 +112,28 @@ class PinocchioProbe(Probe):
         """Of a product of M^-1 with the derivative of the forces, and of what half an ulp of the inputs does to it.
 
         Its terms may cancel: M^-1 e_i has the norm sqrt((M^-1)_ii). So may those of the forces, which Pinocchio forms
-        in the world's frame, where every weight has a moment about the origin.
+        in the world's frame, where every weight, and the pull of a spring on either end, has a moment about the origin.
         """
         data, still = self.model.createData(), np.zeros((1, len(at.tau)))
         pinocchio.forwardKinematics(self.model, data, self.loaded.columns(at.q[None], still, still)[0][:, 0])
         bodies = zip(list(data.oMi)[1:], list(self.model.inertias)[1:], strict=True)
         gravity = np.linalg.norm(self.model.gravity.linear)
         moment = gravity * sum(body.mass * np.linalg.norm(placement.act(body.lever)) for placement, body in bodies)
-        forces = np.abs(at.mass @ at.slopes)
-        forces[:, : len(at.mass)] += moment * np.outer(at.rotating, at.rotating)
+        springs = [spring for spring in self.loaded.force_elements.elements if isinstance(spring, PointSpring)]
+        pulls, damping = np.sum([self._moments_of(spring, data) for spring in springs], axis=0) if springs else (0.0, 0.0)
+        forces, rotating = np.abs(at.mass @ at.slopes), np.outer(at.rotating, at.rotating)
+        forces += np.hstack([(moment + pulls) * rotating, damping * rotating])
         return BAR * UNIT_ROUNDOFF * (at.sensitivity + np.sqrt(np.linalg.inv(at.mass).diagonal()) @ forces)
+
+    def _moments_of(self, spring: PointSpring, data: Any) -> tuple[float, float]:
+        """How large the moments of a spring about the world's origin are: with what its length and its free length pull by themselves, and
+        with what damps the rates of its ends by themselves, by a rate about the origin."""
+        frames = [self.model.frames[self.model.getFrameId(body, pinocchio.FrameType.BODY)] for body, _ in spring.ends]
+        points = [np.array(point) for _, point in spring.ends]
+        ends = [(data.oMi[frame.parentJoint] * frame.placement).act(point) for frame, point in zip(frames, points, strict=True)]
+        pull = spring.stiffness * (np.linalg.norm(ends[1] - ends[0]) + spring.free_length)
+        arms = sum(float(np.linalg.norm(end)) for end in ends)
+        return float(pull * arms), spring.damping * arms**2
 
 
 PROBES: dict[Subject, type[Probe]] = {Subject("mujoco", "mjcf"): MujocoProbe, Subject("pinocchio", "urdf"): PinocchioProbe}
