@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import click
 
@@ -59,7 +59,9 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
     from harness.crosscheck.settings import Settings
     from harness.truth.quantities import select_quantities
 
-    refuse_alone(bracket, "check", asked.names, asked.stand_ins)
+    options = [word for name, path in asked.stand_ins.items() for word in (f"--{name}", str(path))]
+    if options and not asked.names:
+        _refuse_alone(bracket, options)
     bracket.choose_library(asked.names)
     settings = Settings(
         library=bracket.library,
@@ -70,7 +72,7 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
         stand_ins=asked.stand_ins,
         state=_parse_state(asked.state),
         componentwise=asked.state is not None,
-        replay_options=[*bracket.replay_options, *(word for name, path in asked.stand_ins.items() for word in (f"--{name}", str(path)))],
+        replay_options=[*bracket.replay_options, *options],
     )
     bracket.begin(asked.states, "check")
     quantities = select_quantities(asked.quantities)
@@ -99,26 +101,21 @@ def _parse_state(text: str | None) -> Any:
     return States.at(*parts)
 
 
-def refuse_alone(bracket: Bracket, command: str, names: Sequence[str], stand_ins: Mapping[str, Path]) -> None:
-    """Refuse files that stand in for no name, with what to do instead.
-
-    ``command`` is the one that takes a name with such a file.
+def _refuse_alone(bracket: Bracket, options: Sequence[str]) -> NoReturn:
+    """Refuse the files of options as --urdf that stand in for no name, with what to do instead.
 
     Raises:
-        InvalidRequest: there is such a file; the message gives the mechanisms whose joints have its names.
+        InvalidRequest: always; the message gives the mechanisms whose joints have the names of the first file's.
     """
-    if names or not stand_ins:
-        return
     from harness.files.text.joint_table import systems_with_joints_of
 
-    model_format, path = next(iter(stand_ins.items()))
+    model_format, path = options[0].removeprefix("--"), Path(options[1])
     problem, similar = f"{path} is a model file, and stands in for that of a mechanism, which is not named", list[str]()
     try:
         similar = systems_with_joints_of(bracket.library, path, model_format)
     except InvalidModel as error:
         problem = str(error)
     which = f"its joints are named like those of {', '.join(similar)}" if similar else "if its mechanism is one of harness list"
-    options = [word for name, file in stand_ins.items() for word in (f"--{name}", str(file))]
-    words = ["harness", command, similar[0] if similar else "NAME", *bracket.replay_options, *options]
-    alone = f"to check engines on the file by itself: {shlex.join(['harness', command, str(path)])}"
+    words = ["harness", "check", similar[0] if similar else "NAME", *bracket.replay_options, *options]
+    alone = f"to check engines on the file by itself: {shlex.join(['harness', 'check', str(path)])}"
     raise InvalidRequest(f"{problem}\n{which}: {shlex.join(words)}\n{alone}\nto write a mechanism of your own: harness new NAME")

@@ -11,9 +11,7 @@ import click
 from harness.commands import ROBOT
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import subjects_option, takes
-from harness.commands.frame.pages import leave_page
-from harness.commands.frame.robots import compare_robots
-from harness.commands.frame.terminal import print_sections
+from harness.commands.frame.pages import tell
 
 SECTION = ROBOT
 
@@ -83,7 +81,7 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     if asked.by or asked.start:
         raise click.UsageError("--by and --start are for motions; add --steps")
     from harness.comparison.study import ComparisonSettings, RobotComparison
-    from harness.report.comparison import render, sections
+    from harness.report.comparison import sections
 
     settings = ComparisonSettings(
         tuple(dict.fromkeys(asked.files)), asked.states, bracket.seed, bracket.floating_base, renamed, subjects=asked.subjects
@@ -91,8 +89,7 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
     bracket.begin(asked.states, "compare")
-    found = compare_robots(bracket, study, sections)
-    leave_page(asked.html_path, lambda: render(bracket.run, title, sections(found)))
+    found = tell(bracket, study, sections, asked.html_path, title)
     bracket.finish(study.problems, study.crashed, found.as_expected)
 
 
@@ -113,8 +110,7 @@ def _compare_motions(bracket: Bracket, asked: CompareOptions, steps: int, rename
     )
     study = GapStudy(settings)
     bracket.begin(1, "gap")
-    found = bracket.complete(study, lambda: vars(study.result()))
-    print_sections(gap_sections(found))
+    found = tell(bracket, study, gap_sections)
     bracket.finish(study.problems, study.crashed, bool(found.gaps))
 
 

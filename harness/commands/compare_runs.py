@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -10,6 +11,7 @@ from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
+from harness.results.table import Column, Table
 
 if TYPE_CHECKING:
     from harness.results.trend import ComparedRun
@@ -39,7 +41,6 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
       harness compare-runs 12 latest --out night --json changes.json
     """
     from harness.report.summary import changes_table
-    from harness.results.plain_json import to_json
     from harness.results.records import changed_versions
     from harness.results.trend import changes_between, run_changes
 
@@ -59,7 +60,8 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
     pairs = len({(one.system, one.subject) for one in changes})
     say("", f"{pairs} of {len(second.records)} records changed, {worse} changes for the worse" if changes else "nothing changed")
     compared = {name: {"number": one.number, "run": one.run} for name, one in (("before", first), ("now", second))}
-    bracket.write_text(to_json(second.run, [], compared=compared, changes=changes))
+    bracket.run = second.run
+    bracket.write_json(compared=compared, changes=changes)
     bracket.finish([], False, not worse)
 
 
@@ -107,26 +109,19 @@ def _described(one: ComparedRun) -> str:
 
 
 def _list(bracket: Bracket) -> None:
-    from harness.results.table import Column, Table
-
     runs = [_run_called(bracket, str(number)) for number in _runs(bracket)]
     versions = [one.run.versions for one in runs]
     differing = sorted({name for each in versions for name in each if len({one.get(name) for one in versions}) > 1})
-    heads: list[Column | str] = [Column("run", "plain"), "started", "profile", Column("states", "count"), Column("seed", "plain")]
-    heads += [Column("records", "count"), Column("not as expected", "count"), "versions that differ"]
-    rows = [
-        [
-            one.number,
-            one.run.started,
-            one.run.profile,
-            one.run.states,
-            one.run.seed,
-            len(one.records),
-            sum(not record.as_expected for record in one.records),
-            ", ".join(f"{name} {one.run.versions.get(name, 'absent')}" for name in differing),
-        ]
-        for one in runs
-    ]
-    if not rows:
+    if not runs:
         say("no run of this library is in the history")
-    print_titled("runs, newest first", Table(heads, rows))
+    columns: dict[Column | str, str | Callable[[ComparedRun], object]] = {
+        Column("run", "plain"): "number",
+        "started": "run.started",
+        "profile": "run.profile",
+        Column("states", "count"): "run.states",
+        Column("seed", "plain"): "run.seed",
+        Column("records", "count"): lambda one: len(one.records),
+        Column("not as expected", "count"): lambda one: sum(not record.as_expected for record in one.records),
+        "versions that differ": lambda one: ", ".join(f"{name} {one.run.versions.get(name, 'absent')}" for name in differing),
+    }
+    print_titled("runs, newest first", Table.of(runs, columns))

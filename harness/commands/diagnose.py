@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -13,8 +13,11 @@ from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import causes_of
 from harness.commands.frame.options import quantity_option, stand_in_options, states_option, subjects_option, takes
-from harness.commands.frame.robots import find_differing_lines
+from harness.commands.frame.pages import tell
+from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
+from harness.errors import InvalidInput, InvalidRequest
 from harness.results.records import quantity_words
+from harness.verdict import Verdict
 
 SECTION = MECHANISM
 
@@ -53,15 +56,12 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
       harness diagnose arm_2r --quantity mass_matrix --urdf edited.urdf
       harness diagnose robot.urdf --mjcf robot.xml
     """
-    from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
     from harness.crosscheck.assignment import refuse_robots
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.diagnosis.causes import find_differences
-    from harness.errors import InvalidInput, InvalidRequest
     from harness.explain.pattern import infer_from_records
     from harness.truth.quantities import require_quantity
-    from harness.verdict import Verdict
 
     require_quantity(asked.quantity)
     bracket.choose_library([asked.name])
@@ -76,8 +76,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
         # The file is the truth itself, and another file no model of it but a robot of its own.
         if asked.subjects:
             raise InvalidRequest("--subject chooses engines, and none is asked where files are held against each other; leave it out")
-        bracket.begin(asked.states, "diagnose")
-        find_differing_lines(bracket, asked.name, asked.stand_ins.values(), asked.states)
+        _find_differing_lines(bracket, Path(asked.name), asked.stand_ins.values(), asked.states)
     settings = Settings(
         library=bracket.library,
         names=(asked.name,),
@@ -108,3 +107,15 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
     problems = [problem for problem in study.problems if not (isinstance(problem, InvalidInput) and str(problem.path) in diagnosed)]
     bracket.finish(problems, study.crashed, found.as_expected, study.faults)
+
+
+def _find_differing_lines(bracket: Bracket, path: Path, suspects: Iterable[Path], states: int) -> None:
+    """Hold files against the robot at ``path``, print which of their lines differ, and end the command; no engine is asked."""
+    from harness.comparison.study import STATES, ComparisonSettings, RobotComparison
+    from harness.report.comparison import pair_sections
+
+    bracket.begin(states, "diagnose")
+    settings = ComparisonSettings((path, *suspects), min(states, STATES), bracket.seed, bracket.floating_base, stances=())
+    study = RobotComparison(settings, "diagnosis")
+    found = tell(bracket, study, pair_sections)
+    bracket.finish(study.problems, study.crashed, found.as_expected)

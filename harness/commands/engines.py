@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -119,7 +118,7 @@ def _list(bracket: Bracket) -> None:
                 "where": "nowhere" if file.version is None else _where(file.elsewhere, environment),
             }
         )
-    bracket.write_text(json.dumps({"engines": found}, indent=2) + "\n")
+    bracket.write_plain({"engines": found})
     columns: dict[Column | str, Callable[[Any], object]] = {
         "engine": lambda one: one["engine"],
         "version": lambda one: one["version"] or f"none; harness engines add {one['engine']}",

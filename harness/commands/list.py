@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -104,12 +103,8 @@ def command(bracket: Bracket, kind: str | None) -> None:
         return
     rows, taker = _KINDS[kind]
     table = rows()
-    _write(bracket, {kind: [dict(zip((head.title for head in table.heads), row, strict=True)) for row in table.rows]})
+    bracket.write_plain({kind: [dict(zip((head.title for head in table.heads), row, strict=True)) for row in table.rows]})
     say(*str(table).split("\n"), "", f"for: {taker}")
-
-
-def _write(bracket: Bracket, listed: Mapping[str, Any]) -> None:
-    bracket.write_text(json.dumps(listed, indent=2) + "\n")
 
 
 def _list_library(bracket: Bracket) -> None:
@@ -135,24 +130,21 @@ def _list_library(bracket: Bracket) -> None:
     systems = {name: found[name] for name in names if name in found}
     variants = {name: library.formats_of(name) for name in library.variant_names()}
     engines = engine_files(library)
-    _write(
-        bracket,
+    bracket.write_plain(
         {
             "systems": [{"name": name, "degrees_of_freedom": nv, "description": text} for name, (nv, text) in systems.items()],
             "variants": [{"name": name, "system": library.system_of(name), "formats": formats} for name, formats in variants.items()],
             "engines": [{"name": name, "formats": file.formats, "version": file.version} for name, file in engines.items()],
             "libraries": installed,
-        },
+        }
     )
+    states = {name: failures.failure(file.outcome) or file.version or "not installed" for name, file in engines.items()}
     width = max(len(printable(name)) for name in [*systems, *variants, *engines])
-    for name, (nv, text) in systems.items():
-        say(f"{printable(name):<{width}}  {nv:>2} dof  {text}")
-    say(*(["", "variants of their models:"] if variants else []))
-    for name, formats in variants.items():
-        say(f"{printable(name):<{width}}  {', '.join(formats)}")
-    say("")
-    for name, file in engines.items():
-        state = failures.failure(file.outcome) or file.version or "not installed"
-        say(f"{printable(name):<{width}}  {state}  ({', '.join(file.formats)})")
+    for title, listed in (
+        ([], {name: f"{nv:>2} dof  {text}" for name, (nv, text) in systems.items()}),
+        (["", "variants of their models:"] if variants else [], {name: ", ".join(formats) for name, formats in variants.items()}),
+        ([""], {name: f"{states[name]}  ({', '.join(file.formats)})" for name, file in engines.items()}),
+    ):
+        say(*title, *(f"{printable(name):<{width}}  {text}" for name, text in listed.items()))
     say("", f"installed libraries: {', '.join(installed) or 'none'}", f"other names: harness list {'|'.join(_KINDS)}")
     bracket.finish(failures.problems, failures.crashed, True)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.pages import leave_page
-from harness.commands.frame.robots import show_robot
+from harness.commands.frame.pages import leave_page, tell
 from harness.commands.frame.terminal import say
 from harness.library import is_file
 
@@ -33,12 +34,24 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     from harness.show.exhibit import Exhibition, as_text, render
 
     if is_file(bracket.library, name):
-        show_robot(bracket, name, html_path)
+        _show_robot(bracket, Path(name), html_path)
     bracket.library.select([name], with_variants=True)
     bracket.workers = 1
     study = Exhibition(bracket.library, name, html_path is not None)
     exhibit = bracket.complete(study)
     for text in as_text(exhibit):
         say(*text.split("\n"))
-    leave_page(html_path, lambda: render(exhibit, bracket.library.name, study.problems))
+    if html_path is not None:
+        leave_page(html_path, render(exhibit, bracket.library.name, study.problems))
+    bracket.finish(study.problems, study.crashed, True)
+
+
+def _show_robot(bracket: Bracket, path: Path, html_path: str | None) -> None:
+    """Print what a file is and what no body of it can have, write the same as a page, and end the command."""
+    from harness.comparison.study import ComparisonSettings, RobotComparison
+    from harness.report.comparison import file_sections
+
+    study = RobotComparison(ComparisonSettings((path,), 1, floating_base=bracket.floating_base, stances=()), "reading")
+    bracket.begin(1, "show")
+    tell(bracket, study, file_sections, html_path, path.name)
     bracket.finish(study.problems, study.crashed, True)

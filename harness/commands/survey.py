@@ -7,8 +7,7 @@ import click
 from harness.commands import ROBOT
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import subjects_option
-from harness.commands.frame.pages import write_page
-from harness.commands.frame.robots import compare_robots
+from harness.commands.frame.pages import tell, write_page
 from harness.commands.frame.terminal import say
 
 SECTION = ROBOT
@@ -43,7 +42,7 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tu
     profile = survey_profile(places, bracket.floating_base)
     before = bracket.history.latest(FilesComparison, bracket.library.name, profile)
     bracket.begin(states, profile, FilesComparison)
-    found = compare_robots(bracket, study, lambda found: survey_sections(found, before))
+    found = tell(bracket, study, lambda found: survey_sections(found, before))
     write_page(bracket)
     say("", f"page: {bracket.directory / ROBOTS}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

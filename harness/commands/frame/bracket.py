@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -170,7 +171,11 @@ class Bracket:
     def write_json(self, records: Sequence[Record] = (), **parts: Any) -> None:
         """Write the JSON file that was asked for, if one was; ``parts`` as for ``to_json``."""
         if self.json_path:
-            self.write_text(self._json.text(records, **parts))
+            self._write_text(self._json.text(records, **parts))
+
+    def write_plain(self, data: Any) -> None:
+        """Write plain data, of a command that has no run, to the JSON file that was asked for, if one was."""
+        self._write_text(json.dumps(data, indent=2) + "\n")
 
     @cached_property
     def _json(self) -> JsonDocument:
@@ -178,7 +183,7 @@ class Bracket:
 
         return JsonDocument(self.run)
 
-    def write_text(self, text: str) -> None:
+    def _write_text(self, text: str) -> None:
         """Make ``text`` the JSON file; on standard output only the last one is written, at the end of the command."""
         from harness.storage import write_atomically
 

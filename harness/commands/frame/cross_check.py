@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from harness.commands.frame.bracket import Bracket
+from harness.commands.frame.terminal import (
+    print_causes,
+    print_count,
+    print_differs,
+    print_further_quantities,
+    print_quantity_diagnoses,
+    print_superfluous,
+    print_table,
+    print_unexpected,
+    say,
+)
 from harness.results.records import ACCELERATIONS
 from harness.verdict import Verdict
 
@@ -52,13 +62,9 @@ def _followed(bracket: Bracket, before: CrossCheck | None, study: CrossCheck) ->
     """A study that was run to its end, with the records of those before it."""
     if before is not None:
         _append(before, study)
-    bracket.complete(study, functools.partial(_document, study.result()))
+    found = study.result()
+    bracket.complete(study, lambda: {"records": found.records, "superfluous": found.superfluous, "differs": found.differs})
     return study
-
-
-def _document(found: CrossCheckResult) -> Mapping[str, Any]:
-    """The parts of the JSON file while a cross-check runs."""
-    return {"records": found.records, "superfluous": found.superfluous, "differs": found.differs}
 
 
 def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
@@ -116,18 +122,6 @@ def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS
 
 def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACCELERATIONS,)) -> None:
     """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit."""
-    from harness.commands.frame.terminal import (
-        print_causes,
-        print_count,
-        print_differs,
-        print_further_quantities,
-        print_quantity_diagnoses,
-        print_superfluous,
-        print_table,
-        print_unexpected,
-        say,
-    )
-
     found = study.result()
     asked = [record for record in found.records if record.quantity in quantities]
     print_table(asked, bracket.run)

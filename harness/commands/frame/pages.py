@@ -1,25 +1,38 @@
-"""The report that a command leaves behind, from the history in its folder."""
+"""What a command leaves behind: sections with their page, and the report from the history in its folder."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from harness.commands.frame.terminal import say
+from harness.commands.frame.terminal import print_sections, say
 from harness.storage import write_atomically
 
 if TYPE_CHECKING:
     from harness.commands.frame.bracket import Bracket
     from harness.report import Survey
+    from harness.report.comparison import Section
     from harness.results.history import History
+    from harness.study import Study
 
 
-def leave_page(path: str | None, text: Callable[[], str]) -> None:
-    """Write one offline page to the file that was asked for, if one was, and say so."""
-    if path is not None:
-        write_atomically(path, text())
-        say("", f"page: {path}")
+def tell(bracket: Bracket, study: Study, shown: Callable[[Any], Iterable[Section]], html_path: str | None = None, title: str = "") -> Any:
+    """Run a study of files or motions that has begun: progress, JSON, ``shown`` of its result on standard output, and the page of that."""
+    found = bracket.complete(study, lambda: vars(study.result()))
+    sections = list(shown(found))
+    print_sections(sections)
+    if html_path is not None:
+        from harness.report.comparison import render
+
+        leave_page(html_path, render(bracket.run, title, sections))
+    return found
+
+
+def leave_page(path: str, text: str) -> None:
+    """Write one offline page to a file, and say so."""
+    write_atomically(path, text)
+    say("", f"page: {path}")
 
 
 def write_page(bracket: Bracket, number: int | None = None) -> None:
