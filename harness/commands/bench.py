@@ -12,6 +12,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, takes, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_sentences, print_titled, say
+from harness.results.table import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -134,11 +135,5 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
 
 def _print_remarks(costs: Iterable[tuple[str, AccelerationCost]]) -> None:
     """A line for each note, of what is named and the systems where it holds."""
-    remarks: dict[tuple[str, str], list[str]] = {}
-    for name, cost in costs:
-        systems = remarks.setdefault((cost.note, name), [])
-        if cost.system not in systems:
-            systems.append(cost.system)
-    for (note, name), systems in remarks.items():
-        if note:
-            say(f"  {name} on {', '.join(systems)}: {note}")
+    for (note, name), systems in grouped(((cost.note, name), cost.system) for name, cost in costs if cost.note).items():
+        say(f"  {name} on {', '.join(dict.fromkeys(systems))}: {note}")

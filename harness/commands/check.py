@@ -27,7 +27,7 @@ class CheckOptions:
     """Cross-check that is asked for."""
 
     names: Annotated[tuple[str, ...], click.argument("names", nargs=-1, metavar="[NAME|FILE]...")]
-    states: Annotated[int, states_option]
+    states: Annotated[int, states_option()]
     subjects: Annotated[tuple[str, ...], subjects_option]
     quantities: Annotated[tuple[str, ...], quantities_option("accelerations, and in a line for each subject the others at a few states")]
     stand_ins: Annotated[Mapping[str, Path], stand_in_options]

@@ -10,7 +10,7 @@ import click
 
 from harness.commands import ROBOT
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.options import subjects_option, takes
+from harness.commands.frame.options import states_option, subjects_option, takes
 from harness.commands.frame.pages import tell
 
 SECTION = ROBOT
@@ -27,7 +27,7 @@ class CompareOptions:
             "--map", "renamed", multiple=True, metavar="JOINT=OTHER", help="Joint of the first file, and its name in another; repeatable."
         ),
     ]
-    states: Annotated[int, click.option("--states", type=click.IntRange(min=1), default=64, show_default=True, help="States per file.")]
+    states: Annotated[int, states_option(64, "file")]
     steps: Annotated[
         int | None,
         click.option("--steps", type=click.IntRange(min=1), help="Compare the motions of two engines after so many steps instead."),

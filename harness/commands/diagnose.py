@@ -30,7 +30,7 @@ class DiagnoseOptions:
     stand_ins: Annotated[Mapping[str, Path], stand_in_options]
     subjects: Annotated[tuple[str, ...], subjects_option]
     quantity: Annotated[str, quantity_option]
-    states: Annotated[int, states_option]
+    states: Annotated[int, states_option()]
     evaluations: Annotated[
         int | None,
         click.option("--evaluations", type=click.IntRange(min=1), help="Changed models that a diagnosis may try; 1500 by default."),

@@ -15,7 +15,9 @@ from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import states_option, subjects_option, takes
 from harness.commands.frame.terminal import print_rows, say
-from harness.results.table import Cell, Column, Table
+from harness.errors import InvalidRequest
+from harness.library import nearest
+from harness.results.table import Cell, Column, Table, grouped
 
 if TYPE_CHECKING:
     from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
@@ -46,7 +48,7 @@ class FaultOptions:
             help="Relative size of a changed number; repeatable. Decades from 1e-12 to 1 by default.",
         ),
     ]
-    states: Annotated[int, states_option]
+    states: Annotated[int, states_option()]
     diagnoses: Annotated[
         int,
         click.option(
@@ -86,8 +88,6 @@ def command(bracket: Bracket, asked: FaultOptions) -> None:
     from harness.diagnosis.faults.campaign import SIZES, CampaignSettings, kinds_of_faults
     from harness.diagnosis.faults.study import campaign, smallest
     from harness.diagnosis.faults.summary import broken_bars, by_kind, shares
-    from harness.errors import InvalidRequest
-    from harness.library import nearest
 
     if asked.subjects and not asked.smallest:
         raise InvalidRequest("--subject belongs to --smallest; a campaign plants its faults for every subject that reads the file")
@@ -114,28 +114,24 @@ def command(bracket: Bracket, asked: FaultOptions) -> None:
         return {"faults": [row.as_json() for row in rows], **summary}
 
     rows = bracket.complete(study, document)
-    for sentence in study.deaths:
-        say(f"harness: {sentence}", err=True)
-    if rows:
-        if asked.smallest:
-            print_caught(rows)
-        else:
-            print_kinds(by_kind(rows))
+    say(*(f"harness: {sentence}" for sentence in study.deaths), err=True)
+    if rows and asked.smallest:
+        print_caught(rows)
+    elif rows:
+        print_kinds(by_kind(rows))
     elif study.steps and not study.problems and not study.crashed and not asked.smallest:
         say("no faults: mistakes of these kinds can be made nowhere in the models")
     _print_left_out(study.left_out)
     broken = [row for row in rows if not row.as_in_theory] if asked.smallest else broken_bars(rows)
     if not asked.smallest:
         _print_faults(rows)
-        for sentence in broken:
-            say(sentence)
+        say(*broken)
     bracket.finish(study.problems, study.crashed, not broken)
 
 
 def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:
     """One line for each system of which (system, subject or format) are expected to be unsupported, with the reason of the first."""
-    for system in dict.fromkeys(name for name, _ in reasons):
-        left_out = [(what, reason) for (name, what), reason in reasons.items() if name == system]
+    for system, left_out in grouped((name, (what, reason)) for (name, what), reason in reasons.items()).items():
         say(f"{system}: no {' and no '.join(what for what, _ in left_out)}, as expected: {left_out[0][1]}")
 
 
@@ -144,38 +140,38 @@ def _print_faults(faults: Sequence[Fault]) -> None:
     for fault in faults:
         if not fault.live:
             continue
-        wrong = (
-            [] if fault.caught else ["not caught" + (f" in size {', '.join(f'{size:g}' for size in fault.missed)}" if fault.missed else "")]
-        )
+        missed = f" in size {', '.join(f'{size:g}' for size in fault.missed)}" if fault.missed else ""
+        wrong = [] if fault.caught else [f"not caught{missed}"]
         wrong += [f"blamed on {fault.blamed}"] if fault.blamed else []
         wrong += ["not named"] if fault.known and fault.judged and not (fault.named or fault.in_class) else []
         if wrong:
             line, element, attribute = fault.where[0]
             size = f" by {fault.diagnosed:g}" if fault.sizes and fault.diagnosed else ""
-            what = f"{fault.kind}{size}: {fault.statement}" if fault.statement else f"{fault.kind}{size}"
+            what = ": ".join(filter(None, [f"{fault.kind}{size}", fault.statement, ", ".join(wrong)]))
             answer = f"; {fault.answer}" if fault.answer else ""
-            say(f"{fault.system}/{fault.format}:{line}: <{element} {attribute}> {what}: {', '.join(wrong)}{answer}")
-    cleared = sorted({fault.cleared for fault in faults if fault.cleared})
-    if cleared:
-        count = sum(bool(fault.cleared) for fault in faults)
-        say(f"{count} faults are felt by one reader alone ({', '.join(cleared)}); the diagnosis finds them in the file")
+            say(f"{fault.system}/{fault.format}:{line}: <{element} {attribute}> {what}{answer}")
+    if cleared := [fault.cleared for fault in faults if fault.cleared]:
+        say(f"{len(cleared)} faults are felt by one reader alone ({', '.join(sorted(set(cleared)))}); the diagnosis finds them in the file")
 
 
 def print_caught(caught: Sequence[SmallestChange]) -> None:
     """One row per live number of a model, and how far theory was kept in all."""
     from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY
 
-    if not caught:
-        say("no live numbers: no model was walked")
-        return
-    columns: dict[Column | str, Any] = {"system": "system", "subject": "subject", "where": lambda found: f"{found.file}:{found.place.line}"}
-    columns |= {"number": "number", Column("value", "given"): "value"}
-    columns |= {Column("smallest caught", "error"): "smallest", Column("theory", "error"): "theory"}
-    columns[Column("ratio", "rounded")] = lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise")
+    columns: dict[Column | str, Any] = {
+        "system": "system",
+        "subject": "subject",
+        "where": lambda found: f"{found.file}:{found.place.line}",
+        "number": "number",
+        Column("value", "given"): "value",
+        Column("smallest caught", "error"): "smallest",
+        Column("theory", "error"): "theory",
+        Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
+    }
     print_rows(Table.of(caught, columns))
     say("", "the number of each model that hides the largest error:")
-    pairs = [list(own) for _, own in itertools.groupby(caught, key=attrgetter("system", "subject"))]
-    hiding = Table.of([max(own, key=lambda found: found.smallest) for own in pairs], columns)
+    pairs = itertools.groupby(caught, key=attrgetter("system", "subject"))
+    hiding = Table.of([max(own, key=attrgetter("smallest")) for _, own in pairs], columns)
     print_rows(hiding.without("where", "value", "ratio"))
     fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
     furthest = max(found.ratio for found in caught)
@@ -187,17 +183,16 @@ def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     """One row per kind of fault of a campaign, and sentences over the kinds that the diagnosis knows and over the others."""
     from harness.diagnosis.faults.summary import shares
 
-    if not kinds:
-        say("no faults: no model was found to plant them in")
-        return
-    columns: dict[Column | str, Any] = {"kind": "kind"}
-    columns |= {Column(name, "count"): name for name in ("planted", "live", "caught", "judged")}
-    columns[Column("named first", "count")] = lambda one: f"{one.named / one.judged:.0%}" if one.judged else ""
-    columns[Column("in class", "count")] = lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else ""
-    columns[Column("blamed", "count")] = "blamed"
-    columns |= {Column("value right", "count"): lambda one: f"{one.right} of {one.found}" if one.found else ""}
-    columns |= {Column(name, "count"): name for name in ("misled", "stopped")}
-    columns |= {Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")}
+    columns: dict[Column | str, Any] = {
+        "kind": "kind",
+        **{Column(name, "count"): name for name in ("planted", "live", "caught", "judged")},
+        Column("named first", "count"): lambda one: f"{one.named / one.judged:.0%}" if one.judged else "",
+        Column("in class", "count"): lambda one: f"{one.in_class / one.judged:.0%}" if one.judged else "",
+        Column("blamed", "count"): "blamed",
+        Column("value right", "count"): lambda one: f"{one.right} of {one.found}" if one.found else "",
+        **{Column(name, "count"): name for name in ("misled", "stopped")},
+        **{Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")},
+    }
     print_rows(Table.of(kinds, columns))
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
     found = shares(kinds)

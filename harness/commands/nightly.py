@@ -12,7 +12,7 @@ import click
 
 from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.options import STATES_OF_PROFILE, time_limit_option
+from harness.commands.frame.options import STATES_OF_PROFILE, states_option, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_titled, progress, say
 from harness.errors import InvalidInput, InvalidRequest
@@ -31,7 +31,7 @@ STEP_SUMMARY = "GITHUB_STEP_SUMMARY"
 
 @click.command("nightly")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--states", type=click.IntRange(min=1), default=STATES_OF_PROFILE["nightly"], show_default=True, help="States per system.")
+@states_option(STATES_OF_PROFILE["nightly"])
 @click.option(
     "--stage", "stages", multiple=True, metavar="NAME", help="Only this stage: cross-check, atlas, survey, bench or faults; repeatable."
 )

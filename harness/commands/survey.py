@@ -6,7 +6,7 @@ import click
 
 from harness.commands import ROBOT
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.options import subjects_option
+from harness.commands.frame.options import states_option, subjects_option
 from harness.commands.frame.pages import tell, write_page
 from harness.commands.frame.terminal import say
 
@@ -15,7 +15,7 @@ SECTION = ROBOT
 
 @click.command("survey")
 @click.argument("places", nargs=-1, required=True, metavar="FOLDER|PACKAGE...")
-@click.option("--states", type=click.IntRange(min=1), default=32, show_default=True, help="States per file.")
+@states_option(32, "file")
 @subjects_option
 @computing(time_limit=300.0, library=False, directory=True, floating_base=True)
 def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tuple[str, ...]) -> None:

@@ -28,7 +28,7 @@ SECTION = ENGINES
 @click.argument("engine")
 @click.argument("names", nargs=-1, metavar="[OLD NEW] [NAME|FILE]...")
 @click.option("--bisect", "span", metavar="GOOD..BAD", help="Find the first version between these two that changed something.")
-@states_option
+@states_option()
 @computing(time_limit=60.0, scheduler=True, floating_base=True)
 def command(bracket: Bracket, engine: str, names: tuple[str, ...], span: str | None, states: int) -> None:
     """Say what changed between two versions of an engine.

@@ -123,9 +123,11 @@ def quantities_option(without: str) -> Callable[..., Any]:
 quantity_option = click.option(
     "--quantity", metavar="NAME", default=ACCELERATIONS, show_default=True, help="What is compared, as mass_matrix or reactions."
 )
-states_option = click.option(
-    "--states", type=click.IntRange(min=1), default=STATES_OF_PROFILE["quick"], show_default=True, help="States per system."
-)
+
+
+def states_option(default: int = STATES_OF_PROFILE["quick"], of: str = "system") -> Callable[..., Any]:
+    """--states with its default; ``of`` says what each of which is asked at so many."""
+    return click.option("--states", type=click.IntRange(min=1), default=default, show_default=True, help=f"States per {of}.")
 
 
 def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callable[..., Any]:

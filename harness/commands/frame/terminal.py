@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from harness.results.records import Record, Records, Run
-from harness.results.table import Table, printable
+from harness.results.table import Table, counted, grouped, printable
 from harness.verdict import AGREEMENT, Verdict
 
 if TYPE_CHECKING:
@@ -152,14 +152,11 @@ def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
 
 def print_further_quantities(records: Sequence[Record]) -> None:
     """A line for each subject: what it was asked for beside accelerations, and the worst of it."""
-    by_subject: dict[str, list[Record]] = {}
-    for record in records:
-        by_subject.setdefault(record.subject, []).append(record)
     if records:
         most = max(record.states for record in records)
         names = ", ".join(dict.fromkeys(record.quantity for record in records))
         say("", f"further quantities at {most} states each, of which harness check NAME --quantity QUANTITY tells more:", f"  {names}")
-    for subject, own in sorted(by_subject.items()):
+    for subject, own in sorted(grouped((record.subject, record) for record in records).items()):
         say(f"  {subject}: {_in_brief(own)}")
 
 
@@ -207,7 +204,7 @@ def print_count(
     apart = sum(finding.fails for finding in differs)
     good, in_all = sum(record.as_expected for record in records), len(records) + failing + apart
     counts = [_superfluous(failing)] if failing else []
-    counts += [f"{apart} difference{'' if apart == 1 else 's'} after loading"] if apart else []
+    counts += [f"{counted(apart, 'difference')} after loading"] if apart else []
     parts = f": {' and '.join(counts)} {'is' if failing + apart == 1 else 'are'} not" if counts else ""
     parts += f", and {_superfluous(warnings)} {'is a warning' if warnings == 1 else 'are warnings'}" if warnings else ""
     parts += f", {sum(record.as_expected for record in others)} of {len(others)} of further quantities" if others else ""
@@ -220,24 +217,27 @@ def _superfluous(count: int) -> str:
 
 def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
     """A line for each part of a model that its scene does not need, those that fail the check first."""
-    for fails in (True, False):
-        parts = [part for part in findings if part.fails == fails]
-        if parts:
-            warning = "" if fails else f", which {'is a warning' if len(parts) == 1 else 'are warnings'}"
-            say("", f"{_superfluous(len(parts))}{warning}:")
-        for part in sorted(parts, key=attrgetter("path", "subject", "line")):
-            say(f"  {part}")
+
+    def title(fails: bool, count: int) -> str:
+        return _superfluous(count) + ("" if fails else f", which {'is a warning' if count == 1 else 'are warnings'}")
+
+    _print_failing_first(sorted(findings, key=attrgetter("path", "subject", "line")), title)
 
 
 def print_differs(findings: Sequence[HeldDifference]) -> None:
     """A line for each quantity that subjects do not hold alike after loading, those that are not expected first."""
+
+    def title(fails: bool, count: int) -> str:
+        return "not held alike after loading, whether the motion feels it or not" + ("" if fails else ", as expected")
+
+    _print_failing_first(sorted(findings, key=attrgetter("system", "joint", "quantity")), title)
+
+
+def _print_failing_first(findings: Sequence[SuperfluousPart | HeldDifference], title: Callable[[bool, int], str]) -> None:
+    """Those that fail the check and those that do not, each under the title of whether they do and how many they are."""
     for fails in (True, False):
-        found = [finding for finding in findings if finding.fails == fails]
-        if found:
-            expected = "" if fails else ", as expected"
-            say("", f"not held alike after loading, whether the motion feels it or not{expected}:")
-        for finding in sorted(found, key=attrgetter("system", "joint", "quantity")):
-            say(f"  {finding}")
+        if found := [finding for finding in findings if finding.fails == fails]:
+            say("", f"{title(fails, len(found))}:", *(f"  {finding}" for finding in found))
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
@@ -245,33 +245,42 @@ def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
 
     Ends with the command that shows the rest, of a cross-check with ``settings``.
     """
-    for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
-        say("", f"{system}: {inference}")
-        for cause in own:
-            lines = [*cause.terms, *([cause.first_line] if cause.first_line != inference else [])]
-            for line in [f"as {cause.diagnosed}"] if cause.is_shared else lines:
-                say(f"  {cause.subject}: {line}")
+
+    def told(cause: Cause) -> list[str]:
+        lines = [*cause.terms, *([cause.first_line] if cause.first_line != cause.inference else [])]
+        return [f"  {cause.subject}: {line}" for line in ([f"as {cause.diagnosed}"] if cause.is_shared else lines)]
+
+    _print_by_system(causes, told)
     if causes:
-        systems = {cause.system for cause in causes}
-        say("", f"the whole diagnosis: {settings.diagnosis('NAME' if len(systems) > 1 else causes[0].system)}")
+        say("", f"the whole diagnosis: {settings.diagnosis(_one_name(causes))}")
 
 
 def print_quantity_diagnoses(records: Sequence[Record], settings: Settings) -> None:
     """The command that says what is wrong with each quantity beside accelerations that is not as expected."""
     wrong = [record for record in records if record.is_further and not record.as_expected]
     for quantity, own in itertools.groupby(sorted(wrong, key=attrgetter("quantity")), key=attrgetter("quantity")):
-        systems = sorted({record.system for record in own})
-        say("", f"the diagnosis of {quantity}: {settings.diagnosis('NAME' if len(systems) > 1 else systems[0], quantity)}")
+        say("", f"the diagnosis of {quantity}: {settings.diagnosis(_one_name(own), quantity)}")
+
+
+def _one_name(found: Iterable[Cause | Record]) -> str:
+    """The system of all of them; where they are of several, the word that stands for any."""
+    first, *others = {one.system for one in found}
+    return "NAME" if others else first
 
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
     """The party at fault in each system, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
+
+    def told(cause: Cause) -> list[str]:
+        lines = [f"as {cause.diagnosed}, which reads the same file"] if cause.is_shared else cause.lines
+        return ["", cause.subject, *(f"  {line}" for line in lines)]
+
+    _print_by_system(causes, told, [f"  held after loading: {difference}" for difference in held])
+
+
+def _print_by_system(causes: Sequence[Cause], told: Callable[[Cause], Iterable[str]], held: Sequence[str] = ()) -> None:
+    """The party at fault in each system, lines on what its subjects hold, and what is ``told`` of each cause."""
     for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
-        say("", f"{system}: {inference}")
-        for difference in held:
-            say(f"  held after loading: {difference}")
+        say("", f"{system}: {inference}", *held)
         for cause in own:
-            say("", cause.subject)
-            lines = [*cause.terms, *itertools.chain.from_iterable(cause.sides)]
-            for line in [f"as {cause.diagnosed}, which reads the same file"] if cause.is_shared else lines:
-                say(f"  {line}")
+            say(*told(cause))
