@@ -146,10 +146,9 @@ def records_of(document: Path, quantity: str = ACCELERATIONS) -> list[dict[str, 
     return [record for record in json.loads(document.read_text())["records"] if record["quantity"] == quantity]
 
 
-def complaints(done: Done) -> list[str]:
-    """What a command wrote to standard error beside a line of progress every ten seconds, which a loaded machine brings."""
-    progress = re.compile(r"harness: [^:]+: \d+ of \d+ after \d+ s")
-    return [line for line in done.stderr.splitlines() if not progress.match(line)]
+def complaints(done: Done | subprocess.CompletedProcess[str]) -> list[str]:
+    """The lines on standard error of a command, as by ``without_progress``."""
+    return without_progress(done.stderr).splitlines()
 
 
 def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | None = None) -> Path:
@@ -264,7 +263,7 @@ def pytest_in_this_process(*arguments: str, cwd: Path) -> Done:
 
 def without_progress(errors: str) -> str:
     """Standard error without the lines that tell, on a busy machine, how far long work is."""
-    return re.sub(r"^harness: .* of \d+ after \d+ s.*\n", "", errors, flags=re.MULTILINE)
+    return re.sub(r"^harness: [^:\n]+: \d+ of \d+ after \d+ s.*\n", "", errors, flags=re.MULTILINE)
 
 
 @dataclass

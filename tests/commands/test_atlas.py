@@ -10,11 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 from support import Stage, where
+from support_results import RUN
 
 from harness import workers
-from harness.cli import main
 from harness.engines import select_subjects
 from harness.hard.cases import hard_cases
 from harness.hard.measurement import measure
@@ -25,10 +25,6 @@ from harness.results.history import History
 from harness.results.records import Run
 from harness.workers import Crash, Outcome, Task
 
-RUN = Run(
-    started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0"}, machine={}, seed=0, profile="atlas", states=8,
-    library="built-in", command="harness atlas",
-)  # fmt: skip
 POINT = HardPoint(
     knob=1.0, system="spring_damper", verdict="agrees", backward_error=1.5, digits_lost=0.3, condition=1.0, unstable_bound=16.0,
     certified=8, states=8, bits=128, state={"q": [0.1], "v": [0.0], "tau": [1.0]},
@@ -56,10 +52,17 @@ def answer(task: Task) -> Outcome:
     return Outcome(task, value=[PARTING] if task.function is partings else [replace(STEP, measured=2.0, verdict="agrees")])
 
 
-@pytest.fixture
-def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(main, ["atlas", *arguments])
+def unstable(task: Task) -> Outcome:
+    """Agreement at the first value of the knob alone."""
+    worse = replace(POINT, verdict="unstable", backward_error=1e5)
+    return Outcome(task, value=row(where(task)[0], str(where(task)[1]), POINT, worse))
+
+
+def latest(reports: Path) -> tuple[Run, Atlas]:
+    with History(reports / "history.sqlite") as history:
+        found = history.latest(Atlas, "built-in")
+    assert found is not None
+    return found
 
 
 @pytest.fixture
@@ -92,10 +95,7 @@ def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Cal
     assert result.exit_code == 0, result.output
     for words in ("stiff_spring", "chaos", "mujoco RK4", "1 family, 3 subjects, 3 points: every verdict is as expected."):
         assert words in result.output
-    with History(tmp_path / "here" / "history.sqlite") as history:
-        found = history.latest(Atlas, "built-in")
-    assert found is not None
-    run, atlas = found
+    run, atlas = latest(tmp_path / "here")
     assert run.profile == "atlas" and len(atlas.rows) == 3
     assert atlas.rows[0].points == [POINT] and PARTING in atlas.partings
     document = json.loads((tmp_path / "atlas.json").read_text(), parse_constant=pytest.fail)
@@ -105,16 +105,14 @@ def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Cal
 
 
 def test_a_verdict_that_no_entry_expects_fails(stage: Stage, invoke: Callable[..., Result]) -> None:
-    worse = replace(POINT, verdict="unstable", backward_error=1e5)
-    stage.answers = lambda task: Outcome(task, value=row(where(task)[0], str(where(task)[1]), POINT, worse))
+    stage.answers = unstable
     result = invoke("stiff_spring", "--subject", "mujoco/mjcf")
     assert result.exit_code == 1
     assert "not as expected: stiff_spring, mujoco/mjcf: unstable at 1 points, which no entry expects" in result.output
 
 
 def test_a_verdict_that_is_expected_comes_with_its_reason(stage: Stage, invoke: Callable[..., Result]) -> None:
-    worse = replace(POINT, verdict="unstable", backward_error=1e5)
-    stage.answers = lambda task: Outcome(task, value=row(where(task)[0], str(where(task)[1]), POINT, worse))
+    stage.answers = unstable
     result = invoke("vanishing_wrist", "--subject", "mujoco/mjcf", "--subject", "lagrange")
     assert result.exit_code == 0, result.output
     assert "every verdict is as expected" in result.output
@@ -139,33 +137,16 @@ def test_a_crash_costs_its_part_alone(stage: Stage, invoke: Callable[..., Result
     stage.answers = crashing
     result = invoke("stiff_spring")
     assert result.exit_code == 3
-    with History(tmp_path / "reports" / "history.sqlite") as history:
-        found = history.latest(Atlas, "built-in")
-    assert found is not None
-    crashed = next(row for row in found[1].rows if row.subject == "pinocchio/urdf")
+    _, atlas = latest(tmp_path / "reports")
+    crashed = next(row for row in atlas.rows if row.subject == "pinocchio/urdf")
     assert crashed.crashed and crashed.points[0].knob == 1e6 and "SIGSEGV" in crashed.points[0].reason
-    assert [row.verdict for row in found[1].rows].count("agrees") == 2
+    assert [row.verdict for row in atlas.rows].count("agrees") == 2
 
 
 def test_a_motion_that_fails_is_told(stage: Stage, invoke: Callable[..., Result]) -> None:
     stage.answers = lambda task: Outcome(task, exception=ZeroDivisionError("no step")) if where(task)[1] == "chaos" else answer(task)
     result = invoke("stiff_spring", "--motion")
     assert result.exit_code == 1 and "not measured: chaos: ZeroDivisionError: no step" in result.output
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["stif_spring"], "did you mean 'stiff_spring'?"),
-        (["--subject", "mujoco/urdv"], "no subject is called 'mujoco/urdv'"),
-        (["--library", "nowhere"], "no such directory"),
-        (["--time-limit", "0"], "--time-limit"),
-    ],
-)
-def test_bad_usage(arguments: list[str], words: str, invoke: Callable[..., Result], tmp_path: Path) -> None:
-    result = invoke(*arguments)
-    assert result.exit_code == 2 and words in result.output
-    assert not (tmp_path / "reports").exists()
 
 
 def test_parts_of_an_atlas_come_back_as_they_were(tmp_path: Path) -> None:

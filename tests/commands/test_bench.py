@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
-from support import Stage, completed, where
+from click.testing import Result
+from support import Stage, complaints, completed, harness_in_a_process, make_library, where
+from support_results import RECORD, RUN
 
 from harness import workers
 from harness.bench.parts import PARTS, BenchmarkSettings, load
 from harness.bench.study import BenchmarkStudy
-from harness.cli import main
 from harness.crosscheck.scene import Scene
 from harness.errors import InvalidModel
 from harness.lagrange.derivation import load_mechanism
@@ -28,19 +24,8 @@ from harness.library import Library
 from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Figure, MotionCost, Order
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
-from harness.results.records import Record, Run
 from harness.study import Inquiry, ask, run_study
 from harness.workers import Crash, Outcome, Task
-
-RUN = Run(
-    started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0"}, machine={}, seed=0, profile="quick", states=1000,
-    library="built-in", command="harness report",
-)  # fmt: skip
-RECORD = Record(
-    system="collar", subject="lagrange", states=1000, verdict="agrees", expected="agrees", backward_error=1.0, relative_error=1e-16,
-    worst_state=None, seconds_per_state=1e-8, message="",
-)  # fmt: skip
-
 
 # Of a path, only the file may reach a published page.
 UPSIDE_DOWN = Path("somebody", "mjcf", "bar_pendulum.xml")
@@ -51,12 +36,6 @@ def cost(system: str, seconds: float = 1e-6) -> Benchmark:
         system=system, method="pinocchio aba", threads=1, states=10, seconds_per_state=seconds, backward_error=1.0, relative_error=1e-15
     )
     return Benchmark(accelerations=[entry])
-
-
-@pytest.fixture
-def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(main, ["bench", *arguments])
 
 
 def answer(task: Task) -> Outcome:
@@ -186,25 +165,6 @@ def test_exit_statuses(
     assert words in done.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "fragments"),
-    [
-        (["colar"], ["no system is called 'colar'", "did you mean 'collar'"]),
-        (["--methods", "pinocchio abba"], ["no method or integrator is called 'pinocchio abba'", "did you mean 'pinocchio aba'"]),
-        (["--methods", "mujoco RK4"], ["'mujoco RK4' computes motion; ask for it with --motion"]),
-        (["--profile", "thorough"], ["--profile", "quick"]),
-        (["--library", "nowhere"], ["nowhere", "no such directory"]),
-        (["collar", "--out", "/dev/null/reports"], ["/dev/null/reports", "cannot be used"]),
-        (["collar", "--workers", "0"], ["--workers"]),
-    ],
-)
-def test_bad_usage_is_exit_status_2(arguments: list[str], fragments: list[str], invoke: Callable[..., Result]) -> None:
-    done = invoke(*arguments)
-    assert done.exit_code == 2, done.output
-    for fragment in fragments:
-        assert fragment in done.output
-
-
 def test_parts_are_kept_as_they_come(invoke: Callable[..., Result], measure: Callable[..., None], tmp_path: Path) -> None:
     def interrupt() -> None:
         written = json.loads((tmp_path / "out.json").read_text())["benchmark"]
@@ -234,7 +194,7 @@ def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
     assert 'id="verdicts"' in text and 'id="cost"' in (tmp_path / "reports" / "mechanisms" / "collar.html").read_text()
     document = json.loads((tmp_path / "reports" / "report.json").read_text())
     assert [entry["seconds_per_state"] for entry in document["benchmark"]["accelerations"]] == [2e-6]
-    assert [record["system"] for record in document["records"]] == ["collar"]
+    assert [record["system"] for record in document["records"]] == [RECORD.system]
     cheapest = [Cheapest(**entry) for entry in document["benchmark"]["cheapest"]]
     assert [entry.way for entry in cheapest] == ["pinocchio aba"] * 3
 
@@ -261,17 +221,11 @@ def test_parts_have_names_of_their_own() -> None:
 
 @pytest.mark.costly
 def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
-    built_in, root = Library.built_in(), tmp_path / "mine"
-    for folder in ("systems", "mjcf", "urdf"):
-        (root / folder).mkdir(parents=True)
-    shutil.copy(built_in.system_path("spring_damper"), root / "systems")
-    for model_format in ("mjcf", "urdf"):
-        shutil.copy(built_in.model_path("spring_damper", model_format), root / model_format)
-    command = [sys.executable, "-m", "harness", "bench", "--library", "mine", "--workers", "1", "--json", "out.json"]
-    command += ["--methods", "pinocchio aba", "--methods", "heyoka float64"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, env=os.environ, check=False)
+    make_library(tmp_path / "mine", ["spring_damper"])
+    methods = ("--methods", "pinocchio aba", "--methods", "heyoka float64")
+    done = harness_in_a_process("bench", "--library", "mine", "--workers", "1", "--json", "out.json", *methods, cwd=tmp_path, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert [line for line in done.stderr.splitlines() if not line.startswith("harness: benchmark: ")] == []
+    assert complaints(done) == []
     document = json.loads((tmp_path / "out.json").read_text(), parse_constant=pytest.fail)
     assert {"harness", "pin", "mujoco"} <= set(document["harness"])
     measured = {entry["method"]: entry for entry in document["benchmark"]["accelerations"]}

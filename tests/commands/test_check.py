@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shlex
 import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -151,33 +148,6 @@ def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: 
     assert "bar_pendlum" in done.stderr and "did you mean 'bar_pendulum'" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "fragments"),
-    [
-        (["check", "cart_pendlum"], ["no system is called 'cart_pendlum'", "did you mean 'cart_pendulum'"]),
-        (["check", "--subject", "mujoco/mjfc"], ["no subject is called 'mujoco/mjfc'", "did you mean 'mujoco/mjcf'"]),
-        (["check", "--library", "nowhere"], ["nowhere", "no such directory"]),
-        (["check", "--mjcf", "x.xml"], ["x.xml", "no such file", "harness check NAME --mjcf x.xml"]),
-        (["check", "collar", "acrobot", "--mjcf", "x.xml"], ["name exactly one system"]),
-        (["check", "collar", "--mjcf", "x.xml"], ["x.xml", "no such file"]),
-        (["check", "collar", "--state", "{"], ["--state"]),
-        (["check", "collar", "--state", '{"q": [1], "v": [1], "tau": [1, 2]}'], ["same length"]),
-        (["check", "arm_2r", "--state", '{"q": [1], "v": [1], "tau": [1]}'], ["1 numbers for q", "arm_2r has 2 and 2 degrees of freedom"]),
-        (["check", "collar", "--state", '{"q": [NaN], "v": [1], "tau": [1]}'], ["finite"]),
-        (["check", "--states", "0"], ["--states"]),
-        (["check", "--json", "no/such/folder/out.json", "collar"], ["no/such/folder/out.json", "cannot be written"]),
-        (["show", "colar"], ["did you mean 'collar'"]),
-        (["report", "--profile", "slow"], ["nightly"]),
-    ],
-)
-def test_bad_usage_is_exit_status_2_with_one_message(tmp_path: Path, arguments: list[str], fragments: list[str]) -> None:
-    done = harness(*arguments, cwd=tmp_path)
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    for fragment in fragments:
-        assert fragment.lower() in done.stderr.lower()
-
-
 def test_a_cluster_that_is_not_there_is_exit_status_2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("harness.workers.cluster.CONNECT_SECONDS", 1.0)
     done = harness("check", "--scheduler", "tcp://127.0.0.1:9", "collar", cwd=tmp_path, isolated=True)
@@ -305,50 +275,3 @@ def test_report_writes_everything_and_keeps_history(library: Path) -> None:
     everything = len(json.loads((out / "report.json").read_text())["records"])
     with sqlite3.connect(out / "history.sqlite") as connection:
         assert connection.execute("SELECT count(*) FROM parts WHERE part = 'records'").fetchone() == (2 * everything,)
-
-
-SLEEPING_ENGINE = """
-import time
-
-from harness.engines.adapters.mujoco import MujocoEngine
-
-
-class Engine(MujocoEngine):
-    def load(self, source, joints, gravity):
-        if source.path.stem == "spring_damper":
-            time.sleep(1000)
-        return super().load(source, joints, gravity)
-
-
-ENGINE = Engine()
-"""
-
-
-@pytest.mark.costly
-def test_records_survive_a_kill(library: Path) -> None:
-    """Kill the whole process group while an engine hangs on one system: the records of the other stay."""
-    (library / "engines").mkdir()
-    (library / "engines" / "sleeping.py").write_text(SLEEPING_ENGINE)
-    out = library / "out"
-    command = [sys.executable, "-m", "harness", "report", "--library", str(library), "--out", str(out), "--json", str(library / "out.json")]
-    command += ["--workers", "2"]
-    with subprocess.Popen(command, cwd=library, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        deadline = time.monotonic() + 120
-        while time.monotonic() < deadline and _recorded(out / "history.sqlite") < 6:
-            time.sleep(0.1)
-        os.killpg(process.pid, signal.SIGKILL)
-    # The engine reads two formats.
-    assert 6 <= _recorded(out / "history.sqlite") <= 7
-    records = json.loads((library / "out.json").read_text())["records"]
-    assert len(records) >= 5
-    assert {(record["system"], record["verdict"]) for record in records} == {("bar_pendulum", "agrees")}
-
-
-def _recorded(path: Path) -> int:
-    if not path.is_file():
-        return 0
-    try:
-        with sqlite3.connect(path) as connection:
-            return int(connection.execute("SELECT count(*) FROM parts WHERE part = 'records'").fetchone()[0])
-    except sqlite3.OperationalError:
-        return 0

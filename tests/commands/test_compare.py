@@ -16,6 +16,21 @@ FILES = Path(__file__).parent.parent / "comparison" / "files"
 ARM = FILES / "arm.urdf"
 
 
+def folder_of(folder: Path, *names: str) -> Path:
+    """A new folder with copies of these robots."""
+    folder.mkdir()
+    for name in names:
+        shutil.copy(FILES / name, folder)
+    return folder
+
+
+def compared_at(home: Path, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """The command in a process whose environment is a home, which may hold Python modules, and nothing else."""
+    environment = {"HOME": str(home), "PATH": "/usr/bin:/bin", "PYTHONPATH": f"{home}:{Path(__file__).parents[2]}"}
+    command = [sys.executable, "-m", "harness", "compare", *arguments, "--states", "8"]
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
+
+
 def test_one_file_is_told_in_sections(tmp_path: Path) -> None:
     done = harness("compare", str(ARM), "--states", "16", "--json", "found.json", "--html", "found.html", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -51,22 +66,15 @@ def test_a_file_without_meaning_is_invalid_input(tmp_path: Path) -> None:
 
 @pytest.mark.costly
 def test_from_an_empty_folder_with_an_empty_home(tmp_path: Path) -> None:
-    for name in ("home", "work"):
-        (tmp_path / name).mkdir()
-    shutil.copy(FILES / "massless_foot.urdf", tmp_path / "work")
-    environment = {"HOME": str(tmp_path / "home"), "PATH": "/usr/bin:/bin", "PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, "-m", "harness", "compare", "massless_foot.urdf", "--states", "8"]
-    done = subprocess.run(command, cwd=tmp_path / "work", env=environment, capture_output=True, text=True, timeout=300, check=False)
+    home, work = folder_of(tmp_path / "home"), folder_of(tmp_path / "work", "massless_foot.urdf")
+    done = compared_at(home, "massless_foot.urdf", cwd=work)
     assert done.returncode == 0, done.stderr
     assert "inertia of a link of mass 0" in done.stdout
-    assert [path.name for path in (tmp_path / "work").iterdir()] == ["massless_foot.urdf"]
+    assert [path.name for path in work.iterdir()] == ["massless_foot.urdf"]
 
 
 def test_a_survey_has_a_row_for_each_robot(tmp_path: Path) -> None:
-    robots = tmp_path / "robots"
-    robots.mkdir()
-    for name in ("arm.urdf", "impossible.urdf", "mimic.urdf"):
-        shutil.copy(FILES / name, robots)
+    robots = folder_of(tmp_path / "robots", "arm.urdf", "impossible.urdf", "mimic.urdf")
     (robots / "bad.urdf").write_text("<robot name='bad'><link name='a'/><link name='b'/></robot>")
     done = harness("survey", str(robots), "--states", "8", "--out", "out", "--json", "found.json", cwd=tmp_path)
     assert done.returncode == 1
@@ -89,10 +97,7 @@ def test_a_survey_has_a_row_for_each_robot(tmp_path: Path) -> None:
 
 
 def test_a_survey_says_what_changed_since_the_last_one(tmp_path: Path) -> None:
-    robots = tmp_path / "robots"
-    robots.mkdir()
-    for name in ("arm.urdf", "mimic.urdf"):
-        shutil.copy(FILES / name, robots)
+    robots = folder_of(tmp_path / "robots", "arm.urdf", "mimic.urdf")
     survey = ("survey", str(robots), "--states", "8")
     first = harness(*survey, cwd=tmp_path)
     assert first.returncode == 0 and "Since the survey" not in first.stdout
@@ -120,9 +125,7 @@ def test_an_engine_that_dies_costs_its_own_record(engine: str, tmp_path: Path) -
         f"        if name == {engine!r} and 'HARNESS_WORKER' in os.environ: os.abort()\n"
         "sys.meta_path.insert(0, Finder())\n"
     )
-    environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin", "PYTHONPATH": f"{tmp_path}:{Path(__file__).parents[2]}"}
-    command = [sys.executable, "-m", "harness", "compare", str(ARM), "--states", "8", "--json", "-", "--workers", "1"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    done = compared_at(tmp_path, str(ARM), "--json", "-", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 3, done.stderr
     verdicts = {(one["engine"], one["verdict"]) for one in json.loads(done.stdout)["subjects"]}
     assert (engine, "error") in verdicts and all(verdict != "error" for name, verdict in verdicts if name != engine)

@@ -45,6 +45,8 @@ x = dynamicsymbols("x")
 SYSTEM = System(coordinates={x: "slide"}, kinetic=Odd(), potential=0, parameters={}, total_mass=0)
 """,
 }
+FOLDER = "a folder of the file's name"
+REFUSED = Library.built_in().model_path("bar_pendulum", "mjcf").read_text().replace("0.5 0.5 1e-15", "0.5 0.5 1.0000000000000002")
 
 
 @pytest.fixture
@@ -116,7 +118,15 @@ def test_listing_and_showing_it_is_2_as_well(library: Path, command: str) -> Non
 
 @pytest.mark.parametrize("command", ["check", "diagnose"])
 @pytest.mark.parametrize(
-    ("text", "fragment"), [(None, "no such file"), ("<mujoco><", "stand_in.xml:1"), ("\0\0", "stand_in.xml"), ("<robot/>", "robot")]
+    ("text", "fragment"),
+    [
+        (None, "no such file"),
+        ("<mujoco><", "stand_in.xml:1"),
+        ("\0\0", "stand_in.xml"),
+        ("<robot/>", "robot"),
+        (FOLDER, "stand_in.xml"),
+        (REFUSED, "stand_in.xml: mujoco refuses it"),
+    ],
 )
 def test_a_model_file_that_cannot_be_used_ends_the_run_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, text: str | None, fragment: str
@@ -124,34 +134,16 @@ def test_a_model_file_that_cannot_be_used_ends_the_run_at_once(
     def never(*arguments: object, **named: object) -> None:
         raise AssertionError("something was computed")
 
-    for place in ("harness.crosscheck.loading.load_mechanism", "harness.crosscheck.run.compare_all"):
-        monkeypatch.setattr(place, never)
+    monkeypatch.setattr("harness.crosscheck.run.compare_all", never)
+    if text != REFUSED:
+        monkeypatch.setattr("harness.crosscheck.loading.load_mechanism", never)
     path = tmp_path / "stand_in.xml"
-    if text is not None:
+    if text == FOLDER:
+        path.mkdir()
+    elif text is not None:
         path.write_text(text)
-    for subject in ("mujoco/mjcf", "pinocchio/urdf"):
-        done = harness(command, "bar_pendulum", "--mjcf", str(path), "--subject", subject, cwd=tmp_path)
+    # Only the engine that refuses a file can say so.
+    for subjects in ([],) if text == REFUSED else (["--subject", "mujoco/mjcf"], ["--subject", "pinocchio/urdf"]):
+        done = harness(command, "bar_pendulum", "--mjcf", str(path), *subjects, cwd=tmp_path)
         assert done.returncode == 2 and done.stdout == "", done.stdout + done.stderr
         assert len(done.stderr.splitlines()) == 1 and fragment in done.stderr
-
-
-@pytest.mark.parametrize("command", ["check", "diagnose"])
-def test_a_model_file_that_an_engine_refuses_ends_the_run_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
-    def never(*arguments: object) -> None:
-        raise AssertionError("something was computed")
-
-    monkeypatch.setattr("harness.crosscheck.run.compare_all", never)
-    path = tmp_path / "stand_in.xml"
-    path.write_text(
-        Library.built_in().model_path("bar_pendulum", "mjcf").read_text().replace("0.5 0.5 1e-15", "0.5 0.5 1.0000000000000002")
-    )
-    done = harness(command, "bar_pendulum", "--mjcf", str(path), cwd=tmp_path)
-    assert done.returncode == 2 and done.stdout == "", done.stdout + done.stderr
-    assert f"{path}: mujoco refuses it" in done.stderr and "at fault" not in done.stderr
-
-
-def test_a_model_file_that_cannot_be_opened_ends_the_run_at_once(tmp_path: Path) -> None:
-    folder = tmp_path / "folder.urdf"
-    folder.mkdir()
-    done = harness("check", "bar_pendulum", "--urdf", str(folder), cwd=tmp_path)
-    assert done.returncode == 2 and done.stdout == "" and "folder.urdf" in done.stderr

@@ -71,15 +71,3 @@ def test_the_program_s_own_help_has_examples_and_exit_statuses() -> None:
         command_called(name).make_context(name, arguments)
     for status in ("0 ", "1 ", "2 ", "3 "):
         assert f"\n    {status}" in help_of()
-
-
-@pytest.mark.parametrize(
-    ("word", "said"),
-    [
-        ("chek", "no command is called 'chek'; did you mean 'check'?"),
-        ("robots/arm.urdf", "robots/arm.urdf is a file, and a command goes before it: harness compare robots/arm.urdf"),
-    ],
-)
-def test_what_is_no_command_is_told_with_what_may_be_meant(word: str, said: str) -> None:
-    done = CliRunner().invoke(main, [word])
-    assert (done.exit_code, said in done.output) == (2, True)

@@ -122,22 +122,6 @@ def test_a_night_writes_page_summary_and_junit_and_says_what_is_new(folder: Path
     assert "Good again (1)" in (folder / "out" / "nightly.md").read_text()
 
 
-def test_what_a_night_is_refused(folder: Path) -> None:
-    for arguments, said in (
-        (["--stage", "crosscheck"], "no stage of a night is called 'crosscheck'"),
-        (["--engine", "mujoco@0.1"], "no engine is called 'mujoco@0.1'"),
-        (["no_such_system"], "no system is called 'no_such_system'"),
-        (["--stage", "survey", "--survey", "library/engines"], "holds no model of a robot"),
-    ):
-        done = night(folder, *arguments)
-        assert done.returncode == 2
-        assert said in done.stderr
-    done = harness("nightly", "--library", "library", "--out", "out", "--stage", "survey", cwd=folder)
-    assert done.returncode == 2
-    assert "no stage has anything to do" in done.stderr
-    assert not (folder / "out" / "history.sqlite").exists()
-
-
 @pytest.mark.ci
 def test_a_summary_that_cannot_be_written_is_named(folder: Path) -> None:
     done = night(folder, "bar_pendulum", states=20, GITHUB_STEP_SUMMARY=str(folder / "gone" / "step.md"))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import harness, make_library, records_of, written_site
+from support import changed_engine, harness, make_library, records_of, written_site
 
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep
@@ -22,28 +22,7 @@ STALE = FoundState(
     verdict="unstable", term="mass matrix", statement="stored elsewhere", versions={"harness": __version__}, date="2026-01-01",
 )  # fmt: skip
 # No number for a few of the fastest states.
-ENGINE = """
-import numpy as np
-from harness.engines.adapters.mujoco import MujocoEngine
-from harness.engines.adapters.mujoco.model import MujocoModel
-
-
-class Model(MujocoModel):
-    def forward_dynamics(self, q, v, tau):
-        answer = super().forward_dynamics(q, v, tau)
-        answer[v[:, 0] > 9.5] = np.nan
-        return answer
-
-
-class Engine(MujocoEngine):
-    formats = ("mjcf",)
-
-    def load(self, source, joints, gravity):
-        return Model(super().load(source, joints, gravity).model, joints)
-
-
-ENGINE = Engine()
-"""
+ENGINE = changed_engine("return np.where(v[:, :1] > 9.5, np.nan, exact(q, v, tau))")
 
 
 @pytest.fixture(scope="module")

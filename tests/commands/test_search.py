@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -12,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
-from support import Stage
+from click.testing import Result
+from support import Stage, harness, make_library
 
-from harness.cli import main
 from harness.errors import InvalidRequest
 from harness.hard import search
 from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
-from harness.library import MODEL_SUFFIXES, Library
+from harness.library import Library
 from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import FoundCase, FoundState, SearchResult, keep, path_of
 from harness.results.history import History
@@ -31,12 +29,6 @@ FOUND = FoundState(
     state={"q": [1.0], "v": [0.0], "tau": [0.0]}, subject="mujoco/mjcf", backward_error=1e4, digits_lost=4.0, verdict="unstable",
     term="mass matrix", statement="M is ill-conditioned", versions={}, date="2026-01-31",
 )  # fmt: skip
-
-
-@pytest.fixture
-def invoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(main, ["search", *arguments])
 
 
 def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSettings]:
@@ -94,20 +86,6 @@ def test_exit_statuses(outcome: dict[str, Any], status: int, invoke: Callable[..
         assert "4.0 digits lost (mass matrix)" in result.output and "replay: harness check simple_pendulum" in result.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["simple_pendulm"], "did you mean 'simple_pendulum'?"),
-        (["simple_pendulum", "--subject", "mujoco/urdv"], "no subject is called 'mujoco/urdv'"),
-        (["simple_pendulum", "--budget", "0"], "--budget"),
-        ([], "Missing argument"),
-    ],
-)
-def test_bad_usage(arguments: list[str], words: str, invoke: Callable[..., Result]) -> None:
-    result = invoke(*arguments)
-    assert result.exit_code == 2 and words in result.output
-
-
 def test_what_cannot_be_searched_is_bad_usage(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*arguments: Any) -> StateSearch:
         raise InvalidRequest("pinocchio/urdf cannot be searched")
@@ -119,14 +97,7 @@ def test_what_cannot_be_searched_is_bad_usage(invoke: Callable[..., Result], mon
 
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
-    """A library of one pendulum."""
-    built_in, root = Library.built_in(), tmp_path / "library"
-    (root / "systems").mkdir(parents=True)
-    shutil.copy(built_in.system_path("simple_pendulum"), root / "systems")
-    for form in MODEL_SUFFIXES:
-        (root / form).mkdir()
-        shutil.copy(built_in.model_path("simple_pendulum", form), root / form)
-    return root
+    return make_library(tmp_path / "library", ["simple_pendulum"])
 
 
 @pytest.mark.costly
@@ -138,15 +109,14 @@ def test_a_search_for_real(library: Path, invoke: Callable[..., Result]) -> None
     assert "not stored: every state agrees" in result.output and not path_of(Library.at(library), "simple_pendulum").exists()
 
 
-@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.costly
 def test_worst_cases_are_ranked_in_the_report_with_programs_that_run(library: Path, tmp_path: Path) -> None:
     """A stored state of another version is compared anew, so its old error is not shown."""
     stale = FoundState(**{**vars(FOUND), "backward_error": 1e9, "versions": {"mujoco": "0.0"}})
     keep(Library.at(library), "simple_pendulum", [stale])
     reports = tmp_path / "reports"
-    result = CliRunner().invoke(main, ["report", "--library", str(library), "--out", str(reports), "--workers", "1"])
-    assert result.exit_code == 0, result.output
+    result = harness("report", "--library", str(library), "--out", str(reports), "--workers", "1", cwd=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
     with History(reports / "history.sqlite") as history:
         [number] = history.studies(CrossCheckResult)
         found = history.read(number, CrossCheckResult)

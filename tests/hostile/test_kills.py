@@ -97,3 +97,39 @@ def test_a_death_inside_of_a_reader_leaves_no_file(tmp_path: Path, monkeypatch: 
         [outcome] = workers.run([Task(0, read_and_die, ())])
     assert "SIGKILL" in str(outcome.crash)
     assert list(tmp_path.iterdir()) == []
+
+
+SLEEPING_ENGINE = """
+import time
+
+from harness.engines.adapters.mujoco import MujocoEngine
+
+
+class Engine(MujocoEngine):
+    def load(self, source, joints, gravity):
+        if source.path.stem == "spring_damper":
+            time.sleep(1000)
+        return super().load(source, joints, gravity)
+
+
+ENGINE = Engine()
+"""
+
+
+@pytest.mark.costly
+def test_records_survive_a_kill(tmp_path: Path) -> None:
+    """Kill the whole process group while an engine hangs on one system: the records of the other stay."""
+    library = make_library(tmp_path / "library", ["bar_pendulum", "spring_damper"], {"sleeping": SLEEPING_ENGINE})
+    out = library / "out"
+    command = [sys.executable, "-m", "harness", "report", "--library", str(library), "--out", str(out), "--json", str(library / "out.json")]
+    command += ["--workers", "2"]
+    with subprocess.Popen(command, cwd=library, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        deadline = time.monotonic() + 120
+        while time.monotonic() < deadline and written(out / "history.sqlite") < 6:
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGKILL)
+    # The engine reads two formats.
+    assert 6 <= written(out / "history.sqlite") <= 7
+    records = json.loads((library / "out.json").read_text())["records"]
+    assert len(records) >= 5
+    assert {(record["system"], record["verdict"]) for record in records} == {("bar_pendulum", "agrees")}
