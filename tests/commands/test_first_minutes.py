@@ -65,16 +65,17 @@ def test_a_mechanism_whose_joints_have_the_names_of_the_file_is_named(folder: Pa
     assert likeness.endswith(command.replace(file, str(folder / file)))
 
 
-def test_both_files_of_a_mechanism_are_kept(folder: Path) -> None:
-    done = harness("check", "--urdf", "own.urdf", "--mjcf", "own.xml", cwd=folder)
-    assert done.returncode == 2
-    assert re.search(r"harness check (cart|double)_pendulum --mjcf own.xml --urdf own.urdf$", done.stderr, re.MULTILINE), done.stderr
-
-
-def test_the_library_of_the_user_is_kept(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("options", "command"),
+    [
+        (["--mjcf", "own.xml"], "(cart|double)_pendulum --mjcf own.xml --urdf own.urdf"),
+        (["--library", "mine"], "double_pendulum --library mine --urdf own.urdf"),
+    ],
+)
+def test_both_files_of_a_mechanism_and_the_library_of_the_user_are_kept(folder: Path, options: list[str], command: str) -> None:
     make_library(folder / "mine", ["double_pendulum"])
-    done = harness("check", "--urdf", "own.urdf", "--library", "mine", cwd=folder)
-    assert done.returncode == 2 and "harness check double_pendulum --library mine --urdf own.urdf" in done.stderr
+    done = harness("check", "--urdf", "own.urdf", *options, cwd=folder)
+    assert done.returncode == 2 and re.search(f"harness check {command}$", done.stderr, re.MULTILINE), done.stderr
 
 
 @pytest.mark.parametrize("file", ["nowhere.urdf", "torn.urdf", "own.xml"])

@@ -7,7 +7,7 @@ import re
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from harness.results import benchmark as bench
 from harness.results.atlas import Atlas, HardPoint, HardRow, Parting, StableStep
 from harness.results.cross_check import Cause, SuperfluousPart
 from harness.results.pareto import with_cheapest
+from harness.results.records import Record
 from harness.results.table import Column, Table
 
 # Markup of rich, colours, a title, a carriage return, a line of its own, and a reversal of what follows.
@@ -40,74 +41,36 @@ EVIL = "[red]x[/blue]\x1b[31m\x1b]0;t\x07\r\n9 of 9 as expected\x9b\u202e"
 LONG = "long_name_" * 25
 
 
-def hostile(template: Any, *, but: tuple[str, ...] = (), name: str = EVIL) -> Any:
-    """A copy of a result with ``name`` in each of its texts, but for those that are not free."""
-    return replace(template, **{part.name: name for part in fields(template) if _is_text(part.type) and part.name not in but})
-
-
-def _is_text(kind: Any) -> bool:
-    return str(kind) == "str" or str(kind).startswith("Annotated[str, ")
+def hostile(kind: type[Any], **given: Any) -> Any:
+    """A result with ``EVIL`` in each of its texts and 1 for each number that it needs, but for what is given."""
+    texts = {part.name: EVIL for part in fields(kind) if str(part.type) == "str" or str(part.type).startswith("Annotated[str, ")}
+    needed = [part.name for part in fields(kind) if part.default is part.default_factory is MISSING]
+    return kind(**dict.fromkeys(needed, 1) | texts | given)
 
 
 MEASURED = bench.Benchmark(
-    accelerations=[
-        hostile(bench.AccelerationCost(
-            system="", method="", threads=1, states=10, seconds_per_state=1e-6, backward_error=1.0, relative_error=1e-15, note="-"
-        ))
-    ],
-    growth=[
-        hostile(bench.Growth(
-            family="", method="", sizes=[1, 2], seconds_per_state=[1e-6, 2e-6], backward_errors=[1.0, 1.0], exponent=1.0, expected=""
-        ))
-    ],
-    truths=[hostile(bench.MotionTruth(system="", start={EVIL: [0.5]}, horizon=2.0, trusted=2.0, error=1e-15, precision="", seconds=1.0))],
-    drifts=[
-        hostile(bench.Drift(
-            system="", integrator="", step=0.1, steps=10, seconds=1.0, largest=1.0, growth=1.0, verdict="", expected=""
-        ))
-    ],
-    stationarity=[hostile(bench.Stationarity(system="", path="", step=0.1, residual=1e-3, slope=2.0, first_variation=1e-3))],
-    orders=[hostile(bench.Order(system="", integrator="", measured=0.5, expected=1.0, verdict=""), but=("verdict",))],
-    motion=[
-        hostile(bench.MotionCost(
-            system="", integrator="", step=0.1, tolerance=None, steps=20, evaluations=80, seconds=1e-3, state_error=1e-4,
-            energy_error=1e-4, duration=2.0,
-        ))
-    ],
-    figures=[hostile(bench.Figure(system="", what="", unit="", printed=1.0, computed=2.0, truth=2.0, reproduced=False))],
+    accelerations=[hostile(bench.AccelerationCost)],
+    growth=[hostile(bench.Growth, sizes=[1, 2], seconds_per_state=[1e-6, 2e-6], backward_errors=[1.0, 1.0])],
+    truths=[hostile(bench.MotionTruth, start={EVIL: [0.5]})],
+    drifts=[hostile(bench.Drift)],
+    stationarity=[hostile(bench.Stationarity)],
+    orders=[hostile(bench.Order, verdict="")],
+    motion=[hostile(bench.MotionCost, tolerance=None, state_error=1e-4, energy_error=1e-4, duration=2.0)],
+    figures=[hostile(bench.Figure, reproduced=False)],
     problems=[EVIL],
-)  # fmt: skip
-POINT = HardPoint(
-    knob=1.0, system=EVIL, verdict="agrees", backward_error=1.5, digits_lost=0.3, condition=1.0, unstable_bound=16.0, certified=8,
-    states=8, bits=128, state=None, reason=EVIL,
-)  # fmt: skip
-HARD = Atlas(
-    rows=[
-        HardRow(case=EVIL, title=EVIL, subject=EVIL, knob=EVIL, unit=EVIL, points=[POINT], verdict="agrees", source=EVIL, remedy=EVIL)
-    ],
-    partings=[
-        Parting(
-            motion=EVIL, system=EVIL, integrator=EVIL, knob=2.4, rate=1.1, expected_rate=1.0, parted=25.0, earliest=24.0, largest=1.0,
-            verdict="agrees",
-        )
-    ],
-    stable_steps=[
-        StableStep(case=EVIL, system=EVIL, integrator=EVIL, knob=1.0, frequency=1.0, measured=1.0, expected=2.0, verdict="disagrees")
-    ],
-    problems=[EVIL],
-)  # fmt: skip
-CAUSE = Cause(
-    system=EVIL, subject=EVIL, inference=EVIL, first_line=EVIL + ".", diagnosed=EVIL,
-    found={"terms": {"sentences": [EVIL]}, "model": {"file": EVIL, "text": [EVIL]}, "textbook": None},
-)  # fmt: skip
-FAULT = Fault(system=EVIL, format=EVIL, kind=EVIL, statement=EVIL, where=((1, EVIL, EVIL),), answer=EVIL, blamed=EVIL, cleared=EVIL)
-KIND = KindOfFault(
-    kind=EVIL, planted=1, live=1, caught=1, judged=1, named=1, in_class=1, blamed=0, smallest=1e-9, theory=1e-9, seconds=1.0, longest=1.0,
-    known=True, diagnosed=1, found=1, found_in_class=1, right=1, misled=0, stopped=0,
-)  # fmt: skip
-CHANGE = SmallestChange(
-    system=EVIL, subject=EVIL, file=EVIL, place=TextPlace(3, EVIL, EVIL, 0, EVIL), statement=EVIL, value=1.0, smallest=1e-9, theory=1e-9
 )
+HARD = Atlas(
+    rows=[hostile(HardRow, points=[hostile(HardPoint, verdict="agrees", state=None)], verdict="agrees")],
+    partings=[hostile(Parting, verdict="agrees")],
+    stable_steps=[hostile(StableStep, expected=2.0, verdict="disagrees")],
+    problems=[EVIL],
+)
+NUMBERS = {name: value for name, value in vars(RECORD).items() if not isinstance(value, str)}
+WRONG = hostile(Record, **NUMBERS, verdict=RECORD.verdict, expected=RECORD.expected)
+FOUND = {"terms": {"sentences": [EVIL]}, "model": {"file": EVIL, "text": [EVIL]}, "textbook": None}
+CAUSES = [hostile(Cause, first_line=EVIL + ".", diagnosed=diagnosed, found=FOUND) for diagnosed in (EVIL, "")]
+FAULT = hostile(Fault, where=((1, EVIL, EVIL),), caught_by="")
+CHANGE = hostile(SmallestChange, place=TextPlace(3, EVIL, EVIL, 0, EVIL))
 DIFFERENCE = Difference("mass", EVIL, ((EVIL,), (EVIL,)), (1.0, 2.0), 1e9, {"mjcf": (1,)}, {"mjcf": EVIL})
 
 
@@ -124,16 +87,16 @@ def _refuse() -> None:
 
 
 PRINTED: dict[str, Callable[[], None]] = {
-    "records": lambda: terminal.print_table([hostile(RECORD, but=("verdict", "expected"))], RUN),
-    "unexpected": lambda: terminal.print_unexpected([hostile(RECORD, but=("verdict", "expected"))]),
-    "superfluous": lambda: terminal.print_superfluous([SuperfluousPart(EVIL, EVIL, EVIL, 1, EVIL, EVIL, EVIL, EVIL)]),
-    "causes": lambda: terminal.print_causes([CAUSE, replace(CAUSE, diagnosed="")], Settings(library=Library.built_in())),
-    "diagnoses": lambda: terminal.print_diagnoses([CAUSE, replace(CAUSE, diagnosed="")], [DIFFERENCE]),
+    "records": lambda: terminal.print_table([WRONG], RUN),
+    "unexpected": lambda: terminal.print_unexpected([WRONG]),
+    "superfluous": lambda: terminal.print_superfluous([hostile(SuperfluousPart)]),
+    "causes": lambda: terminal.print_causes(CAUSES, Settings(library=Library.built_in())),
+    "diagnoses": lambda: terminal.print_diagnoses(CAUSES, [DIFFERENCE]),
     "benchmark": lambda: _print_benchmark(BenchmarkSummary(RUN, with_cheapest(MEASURED))),
     "atlas": _atlas,
     "faults": lambda: _print_faults([FAULT]),
     "left out": lambda: _print_left_out({(EVIL, EVIL): EVIL}),
-    "kinds of faults": lambda: faults.print_kinds([KIND]),
+    "kinds of faults": lambda: faults.print_kinds([hostile(KindOfFault)]),
     "smallest changes": lambda: faults.print_caught([CHANGE]),
     "errors": _refuse,
 }
@@ -207,11 +170,11 @@ def test_a_library_with_a_hostile_file_name_is_checked_listed_and_shown(tmp_path
         assert "[red]x" in shown and [letter for letter in shown if not letter.isprintable() and letter != "\n"] == []
 
 
+@dataclass
 class Clock:
     """A clock that stands still until it is moved."""
 
-    def __init__(self) -> None:
-        self.now = 0.0
+    now: float = 0.0
 
     def __call__(self) -> float:
         return self.now
@@ -254,25 +217,21 @@ def test_without_a_terminal_a_line_tells_every_ten_seconds_how_far_it_is(
     assert capsys.readouterr().out == ""
 
 
-def test_short_work_is_silent_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    pipe, clock = piped(monkeypatch), Clock()
-    with terminal.progress(2, "cross-check", clock) as advance:
-        advance("a")
-        clock.now = 9.9
-        time.sleep(0.02)
-        advance("b")
-    assert pipe.getvalue() == ""
-
-
-def test_work_goes_on_without_lines_where_no_thread_can_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("seconds", "threads"), [(9.9, True), (30.0, False)])
+def test_short_work_is_silent_and_so_is_work_for_which_no_thread_can_be_had(
+    seconds: float, threads: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def start(self: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
 
     pipe, clock = piped(monkeypatch), Clock()
-    monkeypatch.setattr("threading.Thread.start", start)
+    if not threads:
+        monkeypatch.setattr("threading.Thread.start", start)
     with terminal.progress(2, "cross-check", clock) as advance:
-        clock.now = 30.0
         advance("a")
+        clock.now = seconds
+        time.sleep(0.02)
+        advance("b")
     assert pipe.getvalue() == ""
 
 
