@@ -1,4 +1,4 @@
-"""The array types of the harness, float64 and integers of any shape, and records of such arrays."""
+"""The array types of the harness, float64 and integers of any shape, records of such arrays, and norms."""
 
 from __future__ import annotations
 
@@ -28,3 +28,10 @@ class Rows:
         """The rows of all parts, in order."""
         columns = ([getattr(part, field.name) for part in parts] for field in fields(cls))
         return cls(*(own[0].concatenate(own) if isinstance(own[0], Rows) else np.concatenate(own) for own in columns))
+
+
+def norm_over_first_axis(vectors: Array) -> Array:
+    """Euclidean norms along axis 0, without overflow or underflow in the squares."""
+    largest = np.abs(vectors).max(axis=0)
+    divisor = np.where(largest > 0, largest, 1.0)
+    return np.asarray(largest * np.sqrt(((vectors / divisor) ** 2).sum(axis=0)))

@@ -50,6 +50,11 @@ def cache_directory() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "harness"
 
 
+def machine_code_directory() -> Path:
+    """``$HEYOKA_CACHE_DIR``, else ``machine_code`` in the harness's cache."""
+    return Path(os.environ.get("HEYOKA_CACHE_DIR") or cache_directory() / "machine_code")
+
+
 @functools.cache
 def sources_digest(*rooms: str) -> bytes:
     """A hash of every Python file of ``rooms``, and of the modules that every room may use.

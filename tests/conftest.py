@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, settings
 from rooms import PACKAGE, REPOSITORY
 
 from harness.programs.loops.interpreter import loop
-from harness.programs.machine_code import machine_code_directory
+from harness.storage import machine_code_directory
 
 if TYPE_CHECKING:
     # Imported where they are used, because the process that gives out the tests needs none of them.

@@ -353,6 +353,14 @@ def compare_all(*arguments):
 """
 
 
+MOST_FILES_OF_A_STATE = 28
+
+
+def test_the_first_state_of_a_process_goes_through_at_most_28_files() -> None:
+    found = files_of_a_state(REPOSITORY)
+    assert len(found) <= MOST_FILES_OF_A_STATE, found
+
+
 @pytest.mark.costly
 def test_a_further_file_is_counted(copied: Path) -> None:
     before = files_of_a_state(copied)

@@ -15,7 +15,7 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.results.records import ACCELERATIONS, quantity_words
+from harness.results.records import ACCELERATIONS
 from harness.storage import Kept
 from harness.truth.compare import Certified, Comparison
 from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
@@ -54,7 +54,7 @@ class Assignment:
     @property
     def title(self) -> str:
         """The subject, and the quantity where it is not the usual one."""
-        return " ".join([str(self.subject), *quantity_words(self.quantity)])
+        return str(self.subject) if self.asked.is_default else f"{self.subject} {self.quantity}"
 
     @property
     def asked(self) -> Quantity:

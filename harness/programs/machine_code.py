@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import os
 import sqlite3
 import sys
 import warnings
@@ -17,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from harness.storage import cache_directory
+from harness.storage import machine_code_directory
 from harness.workers.program import is_worker
 
 _SECOND_COPY = """
@@ -32,11 +31,6 @@ CREATE TRIGGER forget AFTER DELETE ON cache BEGIN DELETE FROM copies WHERE hash 
 COMMIT;
 """
 _DIFFERENT = "SELECT 1 FROM cache LEFT JOIN copies USING (hash) WHERE copies.obj IS NOT cache.obj LIMIT 1"
-
-
-def machine_code_directory() -> Path:
-    """``$HEYOKA_CACHE_DIR``, else ``machine_code`` in the harness's cache."""
-    return Path(os.environ.get("HEYOKA_CACHE_DIR") or cache_directory() / "machine_code")
 
 
 def load_heyoka() -> Any:

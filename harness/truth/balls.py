@@ -86,13 +86,6 @@ def condition_number(factors: Array) -> Array:
     return np.where(usable & (smallest > 0), (largest / np.where(smallest > 0, smallest, 1.0)) ** 2, np.inf)
 
 
-def norm_over_first_axis(vectors: Array) -> Array:
-    """Euclidean norms along axis 0, without overflow or underflow in the squares."""
-    largest = np.abs(vectors).max(axis=0)
-    divisor = np.where(largest > 0, largest, 1.0)
-    return np.asarray(largest * np.sqrt(((vectors / divisor) ** 2).sum(axis=0)))
-
-
 # Of kappa_s; beyond, rounding M costs its factor too many digits, and it is computed in balls.
 MOST_IN_FLOAT64 = 1e8
 # Parameter sets whose constants are kept in balls.

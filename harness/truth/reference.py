@@ -32,7 +32,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.arrays import Array, Indices
+from harness.arrays import Array, Indices, norm_over_first_axis
 from harness.programs.evaluation import jacobians
 from harness.programs.loops.encoding import Encoded, encode
 from harness.programs.loops.interpreter import Norms, derivatives, evaluate, measure
@@ -47,7 +47,6 @@ from harness.truth.balls import (
     columns_in_balls,
     condition_number,
     forward_substitute,
-    norm_over_first_axis,
 )
 from harness.truth.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags, in_order
 
@@ -184,7 +183,11 @@ class ChartKernel:
     def __init__(self, mechanism: Mechanism, program: StraightLineProgram) -> None:
         self.mechanism = mechanism
         self.program = program
-        self.balls = BallSolver(mechanism, program)
+
+    @functools.cached_property
+    def balls(self) -> BallSolver:
+        """The program and its solution in balls, which most states do not need."""
+        return BallSolver(self.mechanism, self.program)
 
     @functools.cached_property
     def encoded(self) -> Encoded | None:

@@ -37,14 +37,14 @@ from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array, Indices, Rows
+from harness.arrays import Array, Indices, Rows, norm_over_first_axis
 from harness.engines import Terms
 from harness.programs.evaluation import jacobians
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import OUTPUTS, upper_triangle
 from harness.programs.states import States
-from harness.truth.balls import factorise, forward_substitute, norm_over_first_axis, parts_of
+from harness.truth.balls import factorise, forward_substitute, parts_of
 from harness.truth.compare import CERTIFIED_RADIUS, SOUGHT_RADIUS, in_order
 from harness.truth.reference import PRECISIONS, ChartKernel, ReferenceKernel
 

@@ -14,7 +14,8 @@ import sympy as sp
 from support import harness_in_a_process, without_progress
 from worker_tasks import use_heyoka
 
-from harness.programs.machine_code import load_heyoka, machine_code_directory, replace_damaged
+from harness.programs.machine_code import load_heyoka, replace_damaged
+from harness.storage import machine_code_directory
 from harness.workers import Task, Workers
 
 

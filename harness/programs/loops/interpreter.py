@@ -37,9 +37,8 @@ import numpy as np
 
 from harness.arrays import Array, Rows
 from harness.programs.loops.encoding import Encoded
-from harness.programs.machine_code import machine_code_directory
 from harness.programs.numbers import LANES
-from harness.storage import read_entry, sources_digest, write_entry
+from harness.storage import machine_code_directory, read_entry, sources_digest, write_entry
 from harness.version import version_of
 
 if TYPE_CHECKING:
