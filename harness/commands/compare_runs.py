@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +14,7 @@ from harness.errors import InvalidRequest
 from harness.results.table import Column, Table
 
 if TYPE_CHECKING:
+    from harness.results.history import History
     from harness.results.trend import ComparedRun
 
 SECTION = STUDIES
@@ -46,10 +47,11 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
 
     if not (bracket.directory / "history.sqlite").is_file():
         raise InvalidRequest(f"{bracket.directory} holds no history; name the folder of a report with --out")
+    known = _runs(bracket)
     if listed:
-        _list(bracket)
+        _list([_run(bracket.history, number) for number in known])
         return
-    first, second = _run_called(bracket, before), _run_called(bracket, now)
+    first, second = (_run_called(bracket.history, known, name) for name in (before, now))
     if first.number == second.number:
         raise InvalidRequest(f"{before} and {now} are one run, {first.number}; see harness compare-runs --list")
     changes = run_changes(first.records, second.records)
@@ -74,17 +76,22 @@ def _runs(bracket: Bracket) -> list[int]:
     return [number for number in history.studies(CrossCheckResult, library) if history.read(number, CrossCheckResult, "records").records]
 
 
-def _run_called(bracket: Bracket, name: str) -> ComparedRun:
-    """The run of that number, or of the cross-check of that night.
+def _run(history: History, number: int) -> ComparedRun:
+    from harness.results.cross_check import CrossCheckResult
+    from harness.results.trend import ComparedRun
+
+    found = history.read(number, CrossCheckResult, "records")
+    return ComparedRun(number=number, run=history.studies(CrossCheckResult)[number], records=found.records)
+
+
+def _run_called(history: History, known: Sequence[int], name: str) -> ComparedRun:
+    """The run of that number, or of the cross-check of that night; ``known`` are the numbers of all runs.
 
     Raises:
         InvalidRequest: there is none.
     """
-    from harness.results.cross_check import CrossCheckResult
     from harness.results.night import Night
-    from harness.results.trend import ComparedRun
 
-    known, history = _runs(bracket), bracket.history
     place = {LATEST: 0, PREVIOUS: 1}.get(name)
     if place is not None:
         number = known[place] if place < len(known) else None
@@ -96,11 +103,7 @@ def _run_called(bracket: Bracket, name: str) -> ComparedRun:
     if number is None:
         there = ", ".join(map(str, known)) or "none"
         raise InvalidRequest(f"no run is called {name!r}; expected {LATEST}, {PREVIOUS} or a number; there are {there}")
-    return ComparedRun(
-        number=number,
-        run=history.studies(CrossCheckResult)[number],
-        records=history.read(number, CrossCheckResult, "records").records,
-    )
+    return _run(history, number)
 
 
 def _described(one: ComparedRun) -> str:
@@ -108,8 +111,7 @@ def _described(one: ComparedRun) -> str:
     return f"run {one.number} of {run.started}, {run.profile}, {run.states:,} states a system, seed {run.seed}: {len(one.records)} records"
 
 
-def _list(bracket: Bracket) -> None:
-    runs = [_run_called(bracket, str(number)) for number in _runs(bracket)]
+def _list(runs: Sequence[ComparedRun]) -> None:
     versions = [one.run.versions for one in runs]
     differing = sorted({name for each in versions for name in each if len({one.get(name) for one in versions}) > 1})
     if not runs:

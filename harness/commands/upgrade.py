@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +15,7 @@ from harness.commands.frame.terminal import print_titled, say
 from harness.errors import InvalidRequest
 from harness.library import matching
 from harness.results.trend import TIME, RunChange
+from harness.results.trend import changes_between as changes_table
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -71,11 +73,9 @@ def _upgrade(bracket: Bracket, settings: Settings, engine: str, versions: Sequen
     if before == after:
         raise InvalidRequest(f"{before} is one version; name two")
     study = _ask(bracket, settings, before, after)
-    changes = _explained(bracket, settings, study.result().records, before, after)
-    _write(bracket, study.result().records, changes)
-    _print(changes, study.result().records, versions)
+    is_worse = _tell(bracket, settings, study.result().records, (before, after), versions)
     crashed = any(subject is not None and subject.startswith(f"{after}/") for _, subject in study.crashes)
-    bracket.finish(study.problems, crashed, not any(one.is_worse for one in changes), study.faults)
+    bracket.finish(study.problems, crashed, not is_worse, study.faults)
 
 
 def _bisect(bracket: Bracket, settings: Settings, engine: str, ends: Sequence[str]) -> None:
@@ -91,7 +91,7 @@ def _bisect(bracket: Bracket, settings: Settings, engine: str, ends: Sequence[st
     def ask(version: str) -> tuple[str, list[Record]]:
         name = add(bracket, engine, version)
         found = _ask(bracket, settings, name).result().records
-        say(*(f"  {one.system} {one.subject}: {one.verdict}" for one in sorted(found, key=lambda one: (one.system, one.subject))))
+        say(*(f"  {one.system} {one.subject}: {one.verdict}" for one in sorted(found, key=attrgetter("system", "subject"))))
         asked[version] = name, found
         return asked[version]
 
@@ -100,15 +100,11 @@ def _bisect(bracket: Bracket, settings: Settings, engine: str, ends: Sequence[st
         return any(change.what != TIME for change in found)
 
     found = first_changed(versions, ask, changed)
-    records, changes = [record for _, those in asked.values() for record in those], list[RunChange]()
-    if found is not None:
-        before, after = (asked[version][0] for version in found)
-        changes = _explained(bracket, settings, records, before, after)
-        _print(changes, records, found)
-    _write(bracket, records, changes)
+    records = [record for _, those in asked.values() for record in those]
+    is_worse = _tell(bracket, settings, records, [asked[version][0] for version in found or ()], found)
     first = f"first changed by {engine} {found[1]}; {found[0]} is as {ends[0]}" if found else f"nothing changed from {ends[0]} to {ends[1]}"
     say("", f"{first}; asked: {', '.join(asked)} of {len(versions)} versions")
-    bracket.finish([], False, not any(one.is_worse for one in changes))
+    bracket.finish([], False, not is_worse)
 
 
 def _ask(bracket: Bracket, settings: Settings, *versions: str) -> CrossCheck:
@@ -120,23 +116,23 @@ def _ask(bracket: Bracket, settings: Settings, *versions: str) -> CrossCheck:
     return study
 
 
-def _explained(bracket: Bracket, settings: Settings, records: Sequence[Record], before: str, after: str) -> list[RunChange]:
+def _tell(bracket: Bracket, settings: Settings, records: Sequence[Record], names: Sequence[str], versions: Sequence[str] | None) -> bool:
+    """Write and print what changed from one of two ``names`` of engines to the other; True where something became worse.
+
+    Without ``versions`` nothing changed.
+    """
     from harness.upgrade.study import Explanations, changes_between
 
-    study = Explanations(settings, records, before, after)
-    found = [*changes_between(records, before, after), *bracket.complete(study, kept=False)]
-    return sorted(found, key=lambda change: (change.system, change.subject))
-
-
-def _write(bracket: Bracket, records: Sequence[Record], changes: Sequence[RunChange]) -> None:
-    bracket.write_json(sorted(records, key=lambda one: (one.system, one.subject)), changes=changes)
-
-
-def _print(changes: Sequence[RunChange], records: Sequence[Record], versions: Sequence[str]) -> None:
-    from harness.results.trend import changes_between
-
-    print_titled(f"what changed from {versions[0]} to {versions[1]}", changes_between(changes))
+    changes: list[RunChange] = []
+    if versions is not None:
+        explained = bracket.complete(Explanations(settings, records, *names), kept=False)
+        changes = sorted([*changes_between(records, *names), *explained], key=attrgetter("system", "subject"))
+    bracket.write_json(sorted(records, key=attrgetter("system", "subject")), changes=changes)
+    if versions is None:
+        return False
+    print_titled(f"what changed from {versions[0]} to {versions[1]}", changes_table(changes))
     pairs = {(one.system, one.subject.partition("/")[2]) for one in records}
     changed = {(one.system, one.subject) for one in changes}
     worse = {(one.system, one.subject) for one in changes if one.is_worse}
     say("", f"{len(pairs) - len(changed)} of {len(pairs)} unchanged, {len(worse)} worse; errors count data roundoffs")
+    return bool(worse)

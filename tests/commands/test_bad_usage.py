@@ -11,6 +11,8 @@ from support import harness
 @pytest.mark.parametrize(
     ("arguments", "fragments"),
     [
+        ([], ["Usage: "]),
+        (["check", "--nonsense"], ["--nonsense"]),
         (["chek"], ["no command is called 'chek'; did you mean 'check'?"]),
         (["robots/arm.urdf"], ["robots/arm.urdf is a file, and a command goes before it: harness compare robots/arm.urdf"]),
         (["check", "cart_pendlum"], ["no system is called 'cart_pendlum'", "did you mean 'cart_pendulum'"]),

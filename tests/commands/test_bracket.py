@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -13,31 +12,23 @@ from support import InThisProcess
 from support_results import RUN
 
 from harness.commands.frame.bracket import Bracket
-from harness.study import Part
-from harness.workers import Outcome, Task
+from harness.study import Inquiry, Part, Study, ask, call
 
 
-def nothing(note: object) -> None:
-    """A task that is complete at once."""
-
-
-@dataclass
-class Counting:
+class Counting(Study):
     """A study of so many parts, which fails after ``sound`` of them."""
 
-    steps: int
-    sound: int
-    title: str = "counting"
-    problems: list[Exception] = field(default_factory=list)
-    crashed: bool = False
-    found: list[dict[str, int]] = field(default_factory=list)
-    _given: bool = False
+    title = "counting"
 
-    def tasks(self) -> list[Task]:
-        given, self._given = self._given, True
-        return [] if given else [Task(("count",), nothing, ())]
+    def __init__(self, steps: int, sound: int) -> None:
+        super().__init__()
+        self.steps, self.sound, self.found = steps, sound, list[dict[str, int]]()
 
-    def take(self, outcome: Outcome) -> Iterator[Part]:
+    def inquiries(self) -> Iterator[list[Inquiry[None]]]:
+        yield [self._count()]
+
+    def _count(self) -> Inquiry[None]:
+        yield from ask(call, int)
         for number in range(self.steps):
             if number == self.sound:
                 raise KeyboardInterrupt

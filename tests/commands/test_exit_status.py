@@ -93,11 +93,6 @@ def test_a_fault_in_a_worker_is_70_too_and_costs_no_other_record(monkeypatch: py
     assert "bar_pendulum" in done.stdout
 
 
-def test_usage_stays_2_and_help_0() -> None:
-    assert harness("chek").returncode == harness("check", "--nonsense").returncode == harness().returncode == 2
-    assert harness("--help").returncode == harness("check", "--help").returncode == 0
-
-
 @pytest.mark.ci
 @pytest.mark.parametrize("case", RECURSIONS)
 def test_a_system_file_that_recurses_without_end_is_2(library: Path, case: str) -> None:

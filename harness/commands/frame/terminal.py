@@ -125,21 +125,15 @@ def print_titled(title: str, table: Table) -> None:
         print_rows(table)
 
 
-def print_section(parts: Sequence[str | Table]) -> None:
-    """Lines of text, which a terminal wraps, and tables."""
-    for part in parts:
-        if isinstance(part, Table):
-            print_rows(part)
-        else:
-            indent = len(part) - len(part.lstrip())
-            say(f"  {' ' * indent}{part.strip()}")
-
-
 def print_sections(sections: Iterable[Section]) -> None:
-    """Each section below its title, with an empty line between two."""
+    """Each section below its title, with an empty line between two: lines of text, which a terminal wraps, and tables."""
     for number, section in enumerate(sections):
         say(*([""] if number else []), section.title)
-        print_section(section.parts)
+        for part in section.parts:
+            if isinstance(part, Table):
+                print_rows(part)
+            else:
+                say(f"  {part.rstrip()}")
 
 
 def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
