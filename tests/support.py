@@ -146,11 +146,6 @@ def records_of(document: Path, quantity: str = ACCELERATIONS) -> list[dict[str, 
     return [record for record in json.loads(document.read_text())["records"] if record["quantity"] == quantity]
 
 
-def complaints(done: Done | subprocess.CompletedProcess[str]) -> list[str]:
-    """The lines on standard error of a command, as by ``without_progress``."""
-    return without_progress(done.stderr).splitlines()
-
-
 def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | None = None) -> Path:
     """A library in ``root`` with copies of built-in mechanisms, and with engine files of the given sources; its path."""
     for folder in ("systems", *MODEL_SUFFIXES, *(["engines"] if engines else [])):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from catalogue import BUILT_IN
-from support import InThisProcess, completed
+from support import InThisProcess, completed, given_out
 
 from harness.crosscheck import hypothesis_search, stages, superfluous
 from harness.crosscheck.run import CrossCheck
@@ -45,12 +45,8 @@ def agreement(task: Task) -> Any:
 
 
 class Agreeing(InThisProcess):
-    def run(self, given: Any, further: Callable[[], Any] = tuple) -> Any:
-        waiting = list(given)
-        while waiting:
-            task = waiting.pop(0)
-            yield Outcome(task, value=agreement(task))
-            waiting += further()
+    def run(self, tasks: Any, further: Callable[[], Any] = tuple) -> Any:
+        return (Outcome(task, value=agreement(task)) for task in given_out(tasks, further))
 
 
 def cross_check(states: int) -> None:
