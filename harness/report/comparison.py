@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from harness.report.sparkline import Sparkline
@@ -16,6 +15,7 @@ from harness.results.comparison import (
     PairRecord,
     SubjectRecord,
     changes,
+    names_apart,
     short_names,
     trends,
 )
@@ -52,10 +52,11 @@ class Section:
 def sections(found: FilesComparison) -> Iterator[Section]:
     """Sections of a comparison, in the order in which a person asks."""
     yield from file_sections(found)
+    names = names_apart(file.path for file in found.files)
     for file in found.files:
         own = found.of(file.path)
         if own:
-            yield Section(f"3. The engines on {file.name}", [_subjects(own), *_readings(own), *_equalities(found, file)])
+            yield Section(f"3. The engines on {names[file.path]}", [_subjects(own), *_readings(own), *_equalities(found, file)])
     yield Section("4. The rest", _rest(found))
     for section in pair_sections(found):
         yield replace(section, title=f"5. {section.title}")
@@ -64,13 +65,15 @@ def sections(found: FilesComparison) -> Iterator[Section]:
 def file_sections(found: FilesComparison) -> Iterator[Section]:
     """The files as they are, without any engine."""
     yield Section("1. What the file is" if len(found.files) == 1 else "1. What the files are", [*_descriptions(found.files)])
-    yield Section("2. What no body can have", [*_impossible(found)] or ["nothing: every inertia is one that a body can have"])
+    if any(not file.problem for file in found.files):
+        nothing = "nothing: every inertia is one that a body can have"
+        yield Section("2. What no body can have", [*_impossible(found)] or [nothing])
 
 
 def pair_sections(found: FilesComparison) -> Iterator[Section]:
     """The files held against the first of them."""
     for pair in found.pairs:
-        yield Section(f"{Path(pair.first).name} and {Path(pair.second).name}", _pair(pair))
+        yield Section(" and ".join(_names_of(pair)), _pair(pair))
 
 
 def gap_sections(found: Gaps) -> Iterator[Section]:
@@ -195,12 +198,13 @@ def _description(file: FileRecord) -> list[str]:
 
 
 def _impossible(found: FilesComparison) -> Iterator[str]:
+    names = names_apart(file.path for file in found.files)
     for file in found.files:
         for one in file.impossible:
             numbers, nearest = (" ".join(f"{value:.6g}" for value in values) for values in (one.found, one.nearest))
             by = f" by {one.by_how_much:.2g} of the largest" if one.by_how_much else ""
             possible = f"; nearest that a body can have: {nearest}" if nearest else ""
-            yield f"{file.name}:{one.line}: {one.body}: {one.what}{by}: {numbers}{possible}"
+            yield f"{names[file.path]}:{one.line}: {one.body}: {one.what}{by}: {numbers}{possible}"
         if file.impossible:
             stances = {True: "refuses the file", False: "computes on without a word"}
             plain = [subject for subject in found.of(file.path) if not subject.aided]
@@ -262,18 +266,30 @@ def subject_lines(subject: SubjectRecord) -> list[str]:
 
 
 def _rest(found: FilesComparison) -> list[str]:
-    return [*_unexplained(found)] or ["nothing: every answer agrees with the file, or with what the readings make of it"]
+    """What no reading explains, and who gave no answer; "nothing" is said where everybody was asked and answered."""
+    names = names_apart(file.path for file in found.files)
+    said = {Verdict.UNSUPPORTED: "refuses", Verdict.UNDECIDED: "is not judged on"}
+    silent = [one for one in found.subjects if one.explained and one.verdict in said]
+    lines = [f"no answer: {one.subject}, {one.kind}, {said[Verdict(one.verdict)]} {names[one.path]}" for one in silent]
+    lines += [f"no answer: no engine was asked about {names[file.path]}" for file in found.files if not found.of(file.path)]
+    return [*_unexplained(found), *lines] or ["nothing: every answer agrees with the file, or with what the readings make of it"]
 
 
 def _unexplained(found: FilesComparison) -> Iterator[str]:
+    names = names_apart([*(one.path for one in found.equalities), *(one.path for one in found.subjects)])
     for record in found.equalities:
         if not record.explained:
-            yield f"{Path(record.path).name} {record.subject}, plain, with the file's equalities: {_with_equalities(record)}"
+            yield f"{names[record.path]} {record.subject}, plain, with the file's equalities: {_with_equalities(record)}"
     for subject in found.subjects:
         if not subject.explained:
             message = "" if subject.rest else f": {subject.message}"
-            yield f"{Path(subject.path).name} {subject.subject}, {subject.kind}: {subject.outcome}{message}"
+            yield f"{names[subject.path]} {subject.subject}, {subject.kind}: {subject.outcome}{message}"
             yield from (f"  {sentence}" for sentence in subject.rest)
+
+
+def _names_of(pair: PairRecord) -> tuple[str, str]:
+    names = names_apart([pair.first, pair.second])
+    return names[pair.first], names[pair.second]
 
 
 def _pair(pair: PairRecord) -> list[str | Table]:
@@ -281,10 +297,11 @@ def _pair(pair: PairRecord) -> list[str | Table]:
         return [pair.problem]
     error = "" if pair.backward_error is None else f": {error_text(pair.backward_error)} data roundoffs apart"
     relative = "" if not pair.relative_error else f", {pair.relative_error:.2g} of the accelerations"
+    first, second = _names_of(pair)
     columns: dict[Column | str, str | Callable[[Any], object]] = {
         "what": "what",
-        Path(pair.first).name: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
-        Path(pair.second).name: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
+        first: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
+        second: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
         Column("alone it moves qdd by", "error"): "alone",
     }
     table = Table.of(pair.differences, columns, "Differences, the one that moves the accelerations most first.")

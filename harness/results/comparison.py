@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -280,6 +280,16 @@ class FilesComparison(StudyResult):
             pairs=self.pairs,
             equalities=sorted(self.equalities, key=lambda one: (one.path, one.engine)),
         )
+
+
+def names_apart(paths: Iterable[str]) -> dict[str, str]:
+    """The name of each file, with as many of its folders as tell it from the others, by its whole path."""
+    parts, names = {path: Path(path).parts for path in paths}, {}
+    for path, own in parts.items():
+        others = [other for other in parts.values() if other != own]
+        enough = (count for count in range(1, len(own)) if all(other[-count:] != own[-count:] for other in others))
+        names[path] = str(Path(*own[-next(enough, len(own)) :]))
+    return names
 
 
 def short_names(found: FilesComparison) -> dict[str, str]:
