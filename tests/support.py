@@ -159,6 +159,12 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
     return root
 
 
+def expected_entry(system: str, subject: str, verdict: str, backward_error: float) -> str:
+    """An entry of a library's expected verdicts, as text."""
+    about = f"subject = {json.dumps(subject)}\nverdict = {json.dumps(verdict)}\nbackward_error = {backward_error}"
+    return f'[[expected]]\nsystem = {json.dumps(system)}\n{about}\nreason = "planted"\nlink = "here"\n'
+
+
 def cache_with_mechanisms(folder: Path) -> Path:
     """A new cache at ``folder``, for environments of its own, that shares with the current one what is derived of mechanisms."""
     folder.mkdir(parents=True)

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support import engine_source, harness, harness_in_a_process, make_library, records_of, without_progress
+from support import engine_source, expected_entry, harness, harness_in_a_process, make_library, records_of, without_progress
 
 from harness.library import Library
 from harness.results.hard_states import load_found
@@ -126,23 +126,20 @@ def test_failing_examples_are_kept_and_tried_first(library: Path, tmp_path: Path
 
 
 def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: Path) -> None:
-    entry = (
-        '[[expected]]\nsystem = "bar_pendulum"\nsubject = "mujoco/mjcf"\nverdict = "disagrees"\n'
-        'backward_error = 1e9\nreason = "moon gravity"\nlink = "none"\n'
-    )
-    (library / "expected_verdicts.toml").write_text(entry)
+    expected, about = library / "expected_verdicts.toml", ("mujoco/mjcf", "disagrees")
+    expected.write_text(expected_entry("bar_pendulum", *about, 1e9))
     model = library / "mjcf" / "bar_pendulum.xml"
     edit(model, "9.81", "9.8100001")
     arguments = ("check", "bar_pendulum", "--library", str(library), "--subject", "mujoco/mjcf")
     assert harness(*arguments, cwd=library).returncode == 0
-    (library / "expected_verdicts.toml").write_text(entry.replace("1e9", "1e3"))
+    expected.write_text(expected_entry("bar_pendulum", *about, 1e3))
     assert harness(*arguments, cwd=library).returncode == 1
-    (library / "expected_verdicts.toml").write_text(entry)
+    expected.write_text(expected_entry("bar_pendulum", *about, 1e9))
     edit(model, "9.8100001", "9.81")
     done = harness(*arguments, cwd=library)
     assert done.returncode == 1
-    assert "expected disagrees" in done.stdout and "moon gravity" in done.stdout
-    (library / "expected_verdicts.toml").write_text(entry.replace("bar_pendulum", "bar_pendlum"))
+    assert "expected disagrees" in done.stdout and "planted" in done.stdout
+    expected.write_text(expected_entry("bar_pendlum", *about, 1e9))
     done = harness(*arguments, cwd=library)
     assert done.returncode == 2
     assert "bar_pendlum" in done.stderr and "did you mean 'bar_pendulum'" in done.stderr

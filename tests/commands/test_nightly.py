@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import lxml.html
 import pytest
@@ -47,9 +48,8 @@ def night(folder: Path, *arguments: str, states: int = 300, ulps: float = 4, **v
         return harness("nightly", *asked, *arguments, cwd=folder)
 
 
-def document(folder: Path) -> dict[str, object]:
-    found: dict[str, object] = json.loads((folder / "out.json").read_text())
-    return found
+def document(folder: Path) -> Any:
+    return json.loads((folder / "out.json").read_text())
 
 
 @pytest.fixture
@@ -67,7 +67,6 @@ def test_a_median_that_rises_is_reported_that_night_and_changes_no_verdict(folde
     done = night(folder, "--seed", "4", ulps=10)
     assert done.returncode == 0, done.stdout + done.stderr
     changes = document(folder)["changes"]
-    assert isinstance(changes, list)
     medians = [one for one in changes if one["number"] == MEDIAN]
     assert {(one["system"], one["subject"]) for one in medians} == {("bar_pendulum", "scaled/mjcf"), ("spring_damper", "scaled/mjcf")}
     assert {one["subject"] for one in changes} == {"scaled/mjcf"}
@@ -106,7 +105,6 @@ def test_a_night_writes_page_summary_and_junit_and_says_what_is_new(folder: Path
     done = night(folder, "bar_pendulum", states=60, ulps=1e6)
     assert done.returncode == 1
     found = document(folder)["since_last_night"]
-    assert isinstance(found, dict)
     assert [(case["group"], case["name"]) for case in found["worse"]] == [("bar_pendulum", "scaled/mjcf")]
     gone = [title.split()[-1] for title in found["went"]]
     assert len([name for name in gone if name not in find_quantities()]) == len(subjects)
@@ -138,7 +136,6 @@ def test_a_file_that_has_to_be_mended_is_named_and_the_rest_goes_on(folder: Path
     assert done.returncode == 2
     assert "spring_damper.xml" in done.stderr and "orphan.xml" in done.stderr
     cases = document(folder)["cases"]
-    assert isinstance(cases, list)
     good = {case["name"] for case in cases if case["group"] == "bar_pendulum" and case["outcome"] == "passed" and " " not in case["name"]}
     assert good == {"lagrange", "mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf", "scaled/mjcf", "models"}
     assert "To be mended" in (folder / "out" / "nightly.md").read_text()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import changed_engine, harness, make_library, records_of, written_site
+from support import changed_engine, expected_entry, harness, make_library, records_of, written_site
 
 from harness.library import Library
 from harness.results.hard_states import FoundState, keep
@@ -35,9 +35,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     # What is expected is not diagnosed, which would take the most of the time.
     wrong = [("bar_pendulum", "mujoco/mjcf", "disagrees", 1e12), ("bar_pendulum", "pinocchio/mjcf", "disagrees", 1e12)]
     wrong += [(name, "silent/mjcf", "error", 1e12) for name in ("arm_2r", "bar_pendulum")]
-    keys = ("system", "subject", "verdict", "backward_error")
-    tables = ["\n".join(f"{key} = {json.dumps(value)}" for key, value in zip(keys, one, strict=True)) for one in wrong]
-    entries = "".join(f'[[expected]]\n{text}\nreason = "planted"\nlink = "here"\n' for text in tables)
+    entries = "".join(expected_entry(*one) for one in wrong)
     differs = 'system = "bar_pendulum"\nquantity = "gravity"\njoint = ""\nulps = 1e9\nreason = "planted"\nlink = "here"\n'
     (root / "expected_verdicts.toml").write_text(f"{entries}[[differs]]\n{differs}")
     done = harness("report", "--library", str(root), "--out", "out", cwd=root)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import Done, harness, make_library
+from support import Done, expected_entry, harness, make_library
 
 import harness as public
 from harness.arrays import Array
@@ -102,15 +102,12 @@ def test_an_engine_that_is_wrong_is_red_with_the_number_it_is_wrong_by(folder: P
 
 
 def test_what_a_folder_expects_of_a_robot_holds(folder: Path, undamped: None) -> None:
-    entry = (
-        '[[expected]]\nsystem = "{}"\nsubject = "pinocchio/urdf"\nverdict = "disagrees"\nbackward_error = 1e30\nreason = "r"\nlink = "l"\n'
-    )
     expected = folder / "expected_verdicts.toml"
-    expected.write_text(entry.format("arm.urdf"))
+    expected.write_text(expected_entry("arm.urdf", "pinocchio/urdf", "disagrees", 1e30))
     assert harness("check", "arm.urdf", "--states", "4", cwd=folder).returncode == 0
     # Of another robot of the folder it says nothing here; of none it is refused.
     assert harness("check", "mimic.urdf", "--states", "4", "--subject", "mujoco/urdf", cwd=folder).returncode == 0
-    expected.write_text(entry.format("gone.urdf"))
+    expected.write_text(expected_entry("gone.urdf", "pinocchio/urdf", "disagrees", 1e30))
     assert "gone.urdf" in harness("check", "arm.urdf", cwd=folder).stderr
 
 
