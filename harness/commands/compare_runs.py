@@ -55,15 +55,17 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
     if first.number == second.number:
         raise InvalidRequest(f"{before} and {now} are one run, {first.number}; see harness compare-runs --list")
     changes = run_changes(first.records, second.records)
-    say(*(f"{name}: {_described(one)}" for name, one in (("before", first), ("now", second))))
+    pair = {"before": first, "now": second}
+    for name, one in pair.items():
+        asked = f"{one.run.profile}, {one.run.states:,} states a system, seed {one.run.seed}"
+        say(f"{name}: run {one.number} of {one.run.started}, {asked}: {len(one.records)} records")
     print_titled("versions", changes_table("version", changed_versions(first.run.versions, second.run.versions)))
     print_titled("changes", changes_between(changes))
     worse = sum(one.is_worse for one in changes)
     pairs = len({(one.system, one.subject) for one in changes})
     say("", f"{pairs} of {len(second.records)} records changed, {worse} changes for the worse" if changes else "nothing changed")
-    compared = {name: {"number": one.number, "run": one.run} for name, one in (("before", first), ("now", second))}
     bracket.run = second.run
-    bracket.write_json(compared=compared, changes=changes)
+    bracket.write_json(compared={name: {"number": one.number, "run": one.run} for name, one in pair.items()}, changes=changes)
     bracket.finish([], False, not worse)
 
 
@@ -104,11 +106,6 @@ def _run_called(history: History, known: Sequence[int], name: str) -> ComparedRu
         there = ", ".join(map(str, known)) or "none"
         raise InvalidRequest(f"no run is called {name!r}; expected {LATEST}, {PREVIOUS} or a number; there are {there}")
     return _run(history, number)
-
-
-def _described(one: ComparedRun) -> str:
-    run = one.run
-    return f"run {one.number} of {run.started}, {run.profile}, {run.states:,} states a system, seed {run.seed}: {len(one.records)} records"
 
 
 def _list(runs: Sequence[ComparedRun]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -106,25 +107,23 @@ def _list(bracket: Bracket) -> None:
     from harness.results.table import Column, Table
 
     environments = {one.name: one for one in find_environments()}
-    found = []
-    for name, file in engine_files(bracket.library).items():
-        environment = environments.get(name)
-        found.append(
-            {
-                "engine": name,
-                "version": file.version,
-                "formats": {model_format: file.oldest.get(model_format) for model_format in file.formats},
-                "bytes": None if environment is None else environment.size(),
-                "where": "nowhere" if file.version is None else _where(file.elsewhere, environment),
-            }
-        )
+    found = [
+        {
+            "engine": name,
+            "version": file.version,
+            "formats": {model_format: file.oldest.get(model_format) for model_format in file.formats},
+            "bytes": environments[name].size() if name in environments else None,
+            "where": "nowhere" if file.version is None else _where(file.elsewhere, environments.get(name)),
+        }
+        for name, file in engine_files(bracket.library).items()
+    ]
     bracket.write_plain({"engines": found})
     columns: dict[Column | str, Callable[[Any], object]] = {
-        "engine": lambda one: one["engine"],
+        "engine": itemgetter("engine"),
         "version": lambda one: one["version"] or f"none; harness engines add {one['engine']}",
         "formats": lambda one: ", ".join(f"{name} from {oldest}" if oldest else name for name, oldest in one["formats"].items()),
         Column("size", "plain"): lambda one: "" if one["bytes"] is None else _megabytes(one["bytes"]),
-        "where": lambda one: one["where"],
+        "where": itemgetter("where"),
     }
     say(*str(Table.of(found, columns)).split("\n"))
 
