@@ -84,15 +84,18 @@ def write_entry(entry: Path, text: str) -> None:
     """Keep ``text``; a cache that cannot be written costs time, not the run."""
     with contextlib.suppress(OSError, InvalidInput):
         entry.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(entry, f"{_digest(text)}\n{text}")
+        # A part of an entry is known by its digest.
+        write_atomically(entry, f"{_digest(text)}\n{text}", lasting=False)
 
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def write_atomically(path: Path | str, text: str) -> None:
+def write_atomically(path: Path | str, text: str, lasting: bool = True) -> None:
     """Write UTF-8 ``text`` so that a reader meets either the old file or the new one, never a part.
+
+    ``lasting``: also after a loss of power, for which the disk is waited for.
 
     Raises:
         InvalidInput: the file cannot be written.
@@ -108,8 +111,9 @@ def write_atomically(path: Path | str, text: str) -> None:
         try:
             with temporary.open("wb") as stream:
                 stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
+                if lasting:
+                    stream.flush()
+                    os.fsync(stream.fileno())
             temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)
