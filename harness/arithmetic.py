@@ -1,7 +1,7 @@
 """The processor's arithmetic: rounding to nearest and gradual underflow, which every certified number assumes.
 
 Any program in this process can change both for all that comes behind it: a library that is linked with -ffast-math does when it is
-loaded. What is not the harness's own is called within ``Arithmetic``.
+loaded. What is not the harness's own is called within ``KeptArithmetic``.
 
 Source: ISO C, section 7.6 (fenv.h); Intel 64 and IA-32 Architectures Software Developer's Manual, vol. 1, section 10.2.3 (MXCSR); Arm
 Architecture Reference Manual for A-profile, FPCR.
@@ -51,7 +51,7 @@ def _environment() -> tuple[Any, _ControlWord] | None:
         return None
 
 
-class Arithmetic:
+class KeptArithmetic:
     """A context that ends with the arithmetic that it began with.
 
     Attributes:
@@ -60,7 +60,7 @@ class Arithmetic:
 
     left: str = ""
 
-    def __enter__(self) -> Arithmetic:
+    def __enter__(self) -> KeptArithmetic:
         self._before = ctypes.create_string_buffer(_MOST_BYTES)
         if (known := _environment()) is not None:
             known[0].fegetenv(self._before)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from support import harness, make_library, records_of
 
-from harness.arithmetic import Arithmetic
+from harness.arithmetic import KeptArithmetic
 
 # Of ``fesetround``.
 DOWNWARD, UPWARD, TOWARD_ZERO = (0x400, 0x800, 0xC00) if platform.machine() in {"x86_64", "AMD64"} else (0x800000, 0x400000, 0xC00000)
@@ -62,14 +62,14 @@ def engine(**places: str) -> str:
 
 @pytest.mark.parametrize("direction", WORDS)
 def test_a_direction_of_rounding_is_told_and_restored(direction: int) -> None:
-    with Arithmetic() as arithmetic:
+    with KeptArithmetic() as arithmetic:
         ctypes.CDLL(LIBRARY).fesetround(direction)
     assert arithmetic.left == WORDS[direction]
     assert ctypes.CDLL(LIBRARY).fegetround() == 0 and 1.0 + 2.0**-53 == 1.0
 
 
 def test_what_is_flushed_to_zero_is_told_and_restored() -> None:
-    with Arithmetic() as arithmetic:
+    with KeptArithmetic() as arithmetic:
         flush_to_zero()
     assert arithmetic.left == "subnormal numbers flushed to zero"
     assert sys.float_info.min / 2 > 0.0
@@ -86,7 +86,7 @@ def flush_to_zero() -> None:
 
 
 def test_operations_that_raise_flags_change_nothing() -> None:
-    with Arithmetic() as arithmetic:
+    with KeptArithmetic() as arithmetic:
         assert math.isinf(1e308 * float("1e10")) and 1.0 / 3.0 and math.exp(-800.0) == 0.0
     assert arithmetic.left == ""
 

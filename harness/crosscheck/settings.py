@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import platform
@@ -9,6 +10,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 from harness.engines import engine_files
@@ -88,8 +90,11 @@ def stored_states(library: Library, mechanism: Mechanism) -> States | None:
 def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str], workers: str) -> Run:
     """Versions, machine and settings of a run that starts now; ``workers`` is how many processes it is spread over."""
     versions = {"harness": __version__, "python": platform.python_version()}
-    for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma", "distributed"):
+    for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma"):
         versions[distribution] = version_of(distribution)
+    # An extra, which a cluster alone asks for.
+    with contextlib.suppress(PackageNotFoundError):
+        versions["distributed"] = version_of("distributed")
     known = {name: file for name, file in engine_files(library).items() if not split_name(name)[1]}
     engines = {name: file for name, file in known.items() if file.version is not None}
     versions |= {file.requires[1]: str(file.version) for file in engines.values()}

@@ -16,7 +16,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from harness.arithmetic import Arithmetic
+from harness.arithmetic import KeptArithmetic
 from harness.arrays import Array
 from harness.engines.engine import Engine, require_model
 from harness.engines.files import (
@@ -151,7 +151,7 @@ def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: 
         InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
     """
     source = mechanism if model is None else model
-    with Arithmetic() as arithmetic:
+    with KeptArithmetic() as arithmetic:
         try:
             loaded = load_engine(library, subject.engine).load(source, mechanism.joints, mechanism.gravity)
         except ValueError as error:

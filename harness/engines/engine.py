@@ -6,7 +6,7 @@ import copy
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self, cast
 
-from harness.arithmetic import Arithmetic
+from harness.arithmetic import KeptArithmetic
 from harness.engines.interface import InvalidAnswer, Unsupported
 from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
@@ -120,7 +120,7 @@ class Engine:
 
     def ask(self, question: EngineQuestion) -> EngineAnswers:
         """Accelerations at all states; a refusal of the file is an answer, no exception."""
-        with Arithmetic() as arithmetic:
+        with KeptArithmetic() as arithmetic:
             try:
                 loaded = self.read(question.request)
                 found = loaded.forward_dynamics(question.q, question.v, question.tau)

@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import msgspec
 
-from harness.arithmetic import Arithmetic
+from harness.arithmetic import KeptArithmetic
 from harness.engines.engine import Engine
 from harness.environments import environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest
@@ -214,7 +214,7 @@ def file_engine(library: Library, name: str) -> Engine:
 
 def _load_file(library: Library, name: str) -> Engine:
     path = _path_of(library, name)
-    with Arithmetic() as arithmetic:
+    with KeptArithmetic() as arithmetic:
         module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
     engine: Engine | None = getattr(module, "ENGINE", None)
     if problem := _problem_of(engine):
@@ -232,9 +232,9 @@ _LEFT_BEHIND: dict[Path, str] = {}
 
 
 def left_behind(library: Library, name: str, now: str) -> str:
-    """What an engine's file, or loading a model, has made of the arithmetic of this process, as ``Arithmetic.left``; ``now`` is the latest.
+    """What an engine's file, or loading a model, has made of the arithmetic of this process, in words as ``KeptArithmetic`` has them.
 
-    A library changes it once in a process, when it is loaded itself.
+    ``now`` is the latest. A library changes it once in a process, when it is loaded itself.
     """
     path = _path_of(library, split_name(name)[0])
     _LEFT_BEHIND[path] = _LEFT_BEHIND.get(path) or now

@@ -38,7 +38,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.arithmetic import Arithmetic
+from harness.arithmetic import KeptArithmetic
 from harness.arrays import Array, Rows
 from harness.errors import InvalidModel
 from harness.files.joint_kinds import JointKind
@@ -196,7 +196,7 @@ def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[
     if asked is None:
         raise NotOffered(f"the engine offers no {method.replace('_', ' ')}")
     copies = [np.array(one) if isinstance(one, np.ndarray) else one for one in arguments]
-    with Arithmetic() as arithmetic:
+    with KeptArithmetic() as arithmetic:
         answer: Any = asked(*copies)
     if arithmetic.left:
         raise InvalidAnswer(f"{method} leaves {arithmetic.left} for everything behind it in the process")

@@ -47,7 +47,7 @@ class _NotRead(Exception):
     """What an equality speaks of is not there, or not read; the message says what."""
 
 
-class Between:
+class ElementsBetween:
     """Reads a file whose ``bodies`` have been read; ``name`` gives the name of a body's element."""
 
     def __init__(self, source: Source, attributes: Attributes, name: Callable[[etree._Element], str], bodies: Sequence[Body]) -> None:

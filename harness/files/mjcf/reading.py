@@ -23,7 +23,7 @@ from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, sho
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import JOINTS, KINDS, REPEATED, Attributes, inside, is_on, resolved_text
-from harness.files.mjcf.between import Between
+from harness.files.mjcf.between import ElementsBetween
 from harness.files.mjcf.inertias import CompileMeshes, Inertias
 from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers, Tree, Vector, vector
 
@@ -49,7 +49,7 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> tu
     _refuse_other_frames(source, attributes)
     reader = _MjcfReader(source, attributes, compile_meshes)
     bodies = tuple(reader.body(body) for world in source.root.iterchildren("worldbody") for body in world.iter("body"))
-    between, inertias = Between(source, attributes, reader.name, bodies), reader.inertias
+    between, inertias = ElementsBetween(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
     tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, source.place(source.root), inertias.bounds)
     return tree, between.equalities(), SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
