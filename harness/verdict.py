@@ -10,12 +10,17 @@ AGREEMENT = 64.0
 
 
 class Verdict(StrEnum):
-    """The result of a comparison; in ascending order of severity."""
+    """The result of a comparison; in ascending order of severity.
+
+    ``MISREADS`` is a difference whose cause is known: the engine's reader accepts the file and makes something else of it, as one of its
+    declared readings says. ``UNSUPPORTED`` is what the engine itself says that it cannot do.
+    """
 
     AGREES = "agrees"
     UNDECIDED = "undecided"
     UNSUPPORTED = "unsupported"
     UNSTABLE = "unstable"
+    MISREADS = "misreads"
     DISAGREES = "disagrees"
     ERROR = "error"
 

@@ -34,7 +34,7 @@ from harness.workers import Task, Workers
 
 # Evaluations of all diagnoses of one call together, when very much is wrong, and the least of any.
 EVALUATIONS_IN_ALL, LEAST_EVALUATIONS = 30_000, 300
-_WRONG = {Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
+_WRONG = {Verdict.MISREADS.value, Verdict.DISAGREES.value, Verdict.UNSTABLE.value, Verdict.ERROR.value}
 
 
 @dataclass

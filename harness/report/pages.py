@@ -26,6 +26,7 @@ KEY = {
     "agrees": "right to rounding",
     "unstable": "digits lost by the algorithm",
     "undecided": "no certified truth",
+    "misreads": "another mechanism read, known which",
     "disagrees": "wrong",
     "error": "failed",
     "unsupported": "not expressible, or refused",

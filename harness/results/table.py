@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 # Classes of the page's style sheet to styles of the terminal.
-_STYLES = {"surprise": "bold red", "expected": "green"}
+_STYLES = {"surprise": "bold red", "misreads": "red", "expected": "green"}
 # Characters that Markdown takes for markup; an underscore within a word is none.
 _MARKUP = re.compile(r"[\\`*\[\]|]|~(?=~)|(?<=~)~|(?<![^\W_])_|_(?![^\W_])")
 _Key = TypeVar("_Key")
@@ -203,7 +203,7 @@ class Table:
             table.add_column(Text(printable(head.title)), justify=justify, overflow="fold", min_width=least)
         for row, texts in zip(self.rows, rows, strict=True):
             tones = [cell.tone.split() if isinstance(cell, Cell) else [] for cell in row]
-            styles = [next((_STYLES[tone] for tone in own if tone in _STYLES), "") for own in tones]
+            styles = [next((style for tone, style in _STYLES.items() if tone in own), "") for own in tones]
             table.add_row(*(Text(text, style) for text, style in zip(texts, styles, strict=True)))
         return table
 

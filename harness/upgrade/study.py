@@ -76,7 +76,7 @@ def _terms(before: Assignment, after: Assignment, seed: int, note: Note) -> Iter
             yield _change(after, TERMS, old.sentence, new.sentence, SEVERITY[new.verdict] > SEVERITY[old.verdict])
 
 
-_ANSWERED = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.DISAGREES, Verdict.UNDECIDED)
+_ANSWERED = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.MISREADS, Verdict.DISAGREES, Verdict.UNDECIDED)
 
 
 def version_name(library: Library, engine: str, version: str) -> str:

@@ -42,6 +42,15 @@ def test_an_unexpected_record_says_how_to_go_on() -> None:
     assert "  expected because known (a page)" in lines and lines[-1] == "  replay: harness check arm_2r"
 
 
+def test_a_known_misreading_is_red_where_it_is_expected_too() -> None:
+    misread = replace(RECORD, verdict="misreads", expected="misreads")
+    assert misread.as_expected and misread.is_noteworthy
+    shown = Records([misread]).brief().terminal()
+    styles = {str(style) for column in shown.columns for cell in column.cells if (style := getattr(cell, "style", ""))}
+    assert misread.marked_verdict.value == "misreads (as expected)" and styles == {"red"}
+    assert json.loads(to_json(RUN, [misread]))["records"][0]["verdict"] == "misreads"
+
+
 def test_json_is_strict_and_keeps_the_contract() -> None:
     document = json.loads(to_json(RUN, [RECORD, replace(RECORD, relative_error=math.nan)], [CARD]), parse_constant=pytest.fail)
     assert document["harness"] == RUN.versions

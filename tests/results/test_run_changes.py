@@ -35,6 +35,7 @@ def test_one_run_twice_has_no_changes() -> None:
     [
         ({"verdict": "disagrees"}, ["verdict"], True),
         ({"verdict": "unstable", "expected": "unstable"}, ["verdict"], True),
+        ({"verdict": "misreads", "expected": "misreads"}, ["verdict"], True),
         ({"verdict": "agrees", "expected": "unstable"}, ["verdict"], True),
         ({"expected_median_backward_error": 1.0}, ["verdict"], True),
         ({"median_backward_error": 2.4, "median_bounds": [2.34, 2.46]}, ["median backward error"], True),
