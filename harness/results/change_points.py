@@ -17,7 +17,11 @@ A machine's noise comes and goes: a cost is judged by runs of nights, each of wh
 nights of a run that ends too soon are noise. Costs have no drifts.
 
 Limit and interval follow from the false alarms that are allowed in one night over all cells: the limit by Bonferroni's inequality,
-the interval by Siegmund's approximation of the average run length.
+the interval by Siegmund's approximation of the average run length. They hold for nights that are independent of one another and whose
+noise is known. Nights of a cost resemble each other, and a worst error may have two humps. A value whose noise is not known is therefore
+held against all others of its pool as well: a jump is one only where its score is well beyond the largest scores of all earlier nights
+but one, whatever cell they were of. Where nights are exchangeable, such a night is one of two among all of them; no other law is assumed.
+The one that is left out is the night of a true change, which would else hide every smaller one behind it.
 
 Source: J. M. Lucas, Combined Shewhart-CUSUM quality control schemes, J. Quality Technology 14 (1982); D. M. Hawkins, Self-starting
 CUSUM charts for location and scale, The Statistician 36 (1987); D. Siegmund, Sequential Analysis (1985), section 2.6.
@@ -27,13 +31,16 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import NormalDist
+from typing import TypeVar
 
-# Of all cells together, expected in a night in which nothing changes: half of them jumps, half drifts.
+# Of all cells together whose noise is known, expected in a night in which nothing changes: half of them jumps, half drifts.
 FALSE_ALARMS = 1e-3
+# Earlier nights whose scores a jump of a pool need not exceed, and the factor by which it exceeds those of the others.
+NIGHTS_PASSED_OVER, WELL_BEYOND = 1, 1.25
 # Of CUSUM: half of the shift, in standard deviations, that it finds soonest.
 ALLOWANCE = 0.5
 # Nights whose scatter tells the noise where nothing else does.
@@ -44,6 +51,7 @@ WIDENED_AT = 1e-4
 MUCH_LARGER, FEWEST_SCATTERED = 2.0, 3
 JUMP, DRIFT = "jump", "drift"
 _NORMAL = NormalDist()
+_Cell = TypeVar("_Cell")
 _EULER = 0.5772156649015329
 _GUMBEL = math.pi / math.sqrt(6)
 # Overshoot of a CUSUM of normal scores, see Siegmund.
@@ -58,16 +66,15 @@ class NightValue:
 
     Attributes:
         value: a logarithm. noise: its standard deviation, as far as it is known beforehand, which is the least that is assumed.
-        is_known: whether that is all of the noise.
-        is_skewed: whether noise has a long upper tail.
+        pool: the numbers that are scored together with it, as their noise is not known beforehand and has a long upper tail; "" where
+            ``noise`` is all of it.
         run: how many nights in a row must show a change.
         measured: the number itself, for a reader; None where it is not known.
     """
 
     value: float
     noise: float
-    is_known: bool = True
-    is_skewed: bool = False
+    pool: str = ""
     run: int = 1
     measured: float | None = None
 
@@ -104,28 +111,70 @@ class Chart:
             low, high = (low, middle) if _run_length(middle) > run_length else (middle, high)
         return high
 
-    def changes(self, readings: Sequence[NightValue]) -> Iterator[ChangePoint]:
-        """The changes in a series of nights, oldest first; after each the series begins anew."""
-        segment, pending = _Segment(), list[tuple[int, NightValue]]()
-        for place, reading in enumerate(readings):
-            found_by = segment.judge(reading, self)
-            if found_by and pending and (pending[-1][1].value > segment.mean) != (reading.value > segment.mean):
-                segment, pending = segment.with_all(pending), []
-            if not found_by:
-                segment, pending = segment.with_all([*pending, (place, reading)]), []
-                continue
-            pending.append((place, reading))
-            if len(pending) >= reading.run:
-                # The mildest of the run says what is there to stay.
-                now = min((one.value for _, one in pending), key=lambda value: abs(value - segment.mean))
-                yield ChangePoint(place, segment.mean, now, segment.count, found_by)
-                segment, pending = _Segment().with_all(pending), []
+    def changes(self, series: Mapping[_Cell, Sequence[tuple[int, NightValue]]]) -> dict[_Cell, list[ChangePoint]]:
+        """The changes of each cell, oldest first; after each its series begins anew.
+
+        Args:
+            series: of each cell, its nights by their places in ascending order.
+        """
+        courses = {cell: _Course() for cell in series}
+        nights: dict[int, list[tuple[_Cell, NightValue]]] = {}
+        for cell, values in series.items():
+            for place, value in values:
+                nights.setdefault(place, []).append((cell, value))
+        largest: dict[str, list[float]] = {}
+        for place in sorted(nights):
+            scores: dict[str, float] = {}
+            for cell, value in nights[place]:
+                earlier = sorted(largest.get(value.pool, ()))[:-NIGHTS_PASSED_OVER]
+                score = courses[cell].take(place, value, self, WELL_BEYOND * earlier[-1] if earlier else 0.0)
+                if value.pool:
+                    scores[value.pool] = max(score, scores.get(value.pool, 0.0))
+            for pool, score in scores.items():
+                largest.setdefault(pool, []).append(score)
+        return {cell: course.found for cell, course in courses.items()}
 
 
 def _run_length(interval: float) -> float:
     """Nights until a one-sided CUSUM of normal scores is beyond ``interval`` on average, by Siegmund's approximation."""
     reach = 2 * ALLOWANCE * (interval + _OVERSHOOT)
     return (math.exp(reach) - 1 - reach) / (2 * ALLOWANCE**2)
+
+
+@dataclass
+class _Course:
+    """A cell from night to night: the nights since its last change, those of a run under way with their scores, and the changes."""
+
+    segment: _Segment = field(default_factory=lambda: _Segment())
+    run: list[tuple[int, NightValue, float]] = field(default_factory=list)
+    found: list[ChangePoint] = field(default_factory=list)
+
+    def take(self, place: int, value: NightValue, chart: Chart, least: float) -> float:
+        """Score of the run that a night completes, 0 where it completes none; it is a change if the score is beyond ``least``."""
+        found_by, score = self.segment.judge(value, chart)
+        if self.run and (not found_by or (self.run[-1][2] > 0) != (score > 0)):
+            self._settle()
+        if not found_by:
+            self.segment.add(value)
+            return 0.0
+        self.run.append((place, value, score))
+        if len(self.run) < value.run:
+            return 0.0
+        # The mildest night of the run says what is there to stay.
+        of_run = min(abs(one) for _, _, one in self.run)
+        if of_run > least:
+            mean = self.segment.mean
+            now = min((one.value for _, one, _ in self.run), key=lambda value: abs(value - mean))
+            self.found.append(ChangePoint(place, mean, now, self.segment.count, found_by))
+            self.segment = _Segment()
+        self._settle()
+        return of_run
+
+    def _settle(self) -> None:
+        """Count the nights of the run to the segment."""
+        for _, value, _ in self.run:
+            self.segment.add(value)
+        self.run = []
 
 
 @dataclass
@@ -139,13 +188,7 @@ class _Segment:
     up: float = 0.0
     down: float = 0.0
 
-    def with_all(self, readings: Sequence[tuple[int, NightValue]]) -> _Segment:
-        """This segment after more nights."""
-        for _, reading in readings:
-            self._add(reading)
-        return self
-
-    def _add(self, reading: NightValue) -> None:
+    def add(self, reading: NightValue) -> None:
         """Welford's update."""
         self.count += 1
         step = reading.value - self.mean
@@ -153,28 +196,28 @@ class _Segment:
         self.squares += step * (reading.value - self.mean)
         self.known += (reading.noise**2 - self.known) / self.count
 
-    def judge(self, reading: NightValue, chart: Chart) -> str:
-        """Way in which a reading shows a change; "" where it shows none."""
-        if self.count < (1 if reading.is_known else FEWEST_UNKNOWN):
-            return ""
+    def judge(self, reading: NightValue, chart: Chart) -> tuple[str, float]:
+        """Way in which a reading shows a change, "" where it shows none, and its score."""
+        if self.count < (FEWEST_UNKNOWN if reading.pool else 1):
+            return "", 0.0
         score = self._score(reading)
         if abs(score) > chart.limit(reading.run):
-            return JUMP
-        if reading.run > 1:
-            return ""
+            return JUMP, score
+        if reading.pool:
+            return "", score
         self.up, self.down = max(0.0, self.up + score - ALLOWANCE), max(0.0, self.down - score - ALLOWANCE)
-        return DRIFT if max(self.up, self.down) > chart.interval else ""
+        return DRIFT if max(self.up, self.down) > chart.interval else "", score
 
     def _score(self, reading: NightValue) -> float:
         scatter = math.sqrt(self.squares / (self.count - 1)) if self.count > 1 else 0.0
         by_noise = math.sqrt(reading.noise**2 + self.known / self.count)
         of_scatter = scatter * math.sqrt(1 + 1 / self.count)
         ratio = (reading.value - self.mean) / max(by_noise, of_scatter)
-        if reading.is_skewed:
+        if reading.pool:
             ratio = max(-_FURTHEST, min(_FURTHEST, ratio / _widening(self.count - 1)))
             return _normal_of_gumbel(ratio) if ratio > 0 else ratio
         is_scattered = self.count >= FEWEST_SCATTERED and of_scatter > MUCH_LARGER * by_noise
-        if is_scattered or not reading.is_known:
+        if is_scattered:
             ratio = _normal_of_student(ratio, self.count - 1)
         return max(-_FURTHEST, min(_FURTHEST, ratio))
 

@@ -108,9 +108,7 @@ def readings_of_records(records: Iterable[Record]) -> dict[Cell, NightValue]:
                 )
         if record.backward_error is not None:
             error = record.backward_error
-            found[record.system, record.series, WORST] = NightValue(
-                logarithm_of(error, WORST), WORST_NOISE, is_known=False, is_skewed=True, measured=error
-            )
+            found[record.system, record.series, WORST] = NightValue(logarithm_of(error, WORST), WORST_NOISE, WORST, measured=error)
     return found
 
 
@@ -121,7 +119,7 @@ def readings_of_costs(benchmark: Benchmark) -> dict[Cell, NightValue]:
     for cost in benchmark.accelerations:
         if cost.fastest and (yardstick := yardsticks.get(cost.system)):
             ratio = cost.fastest / yardstick
-            found[cost.system, way_of(cost), COST] = NightValue(logarithm_of(ratio, COST), COST_NOISE, False, True, COST_RUN, ratio)
+            found[cost.system, way_of(cost), COST] = NightValue(logarithm_of(ratio, COST), COST_NOISE, COST, COST_RUN, ratio)
     return found
 
 
@@ -134,8 +132,10 @@ def trends(nights: Sequence[Mapping[Cell, NightValue]], chart: Chart | None = No
     """The trend of every cell with the changes in it, by cell; a night without a number of a cell is passed over for it."""
     series = grouped((cell, (place, reading)) for place, night in enumerate(nights) for cell, reading in night.items())
     chart = chart or Chart(len(nights[-1]) if nights else 0)
+    changes_of = chart.changes(series)
     found = []
-    for (system, subject, number), own in sorted(series.items()):
+    for cell, own in sorted(series.items()):
+        system, subject, number = cell
         changes = [
             ChangedCell(
                 system=system,
@@ -145,11 +145,11 @@ def trends(nights: Sequence[Mapping[Cell, NightValue]], chart: Chart | None = No
                 now=number_of(change.now, number),
                 by=change.now - change.before,
                 nights=change.nights,
-                place=own[change.place][0],
+                place=change.place,
                 found_by=change.found_by,
-                run=own[change.place][1].run,
+                run=own[-1][1].run,
             )
-            for change in chart.changes([reading for _, reading in own])
+            for change in changes_of[cell]
         ]
         measured = {place: reading.measured for place, reading in own}
         values = [measured.get(place) for place in range(len(nights))]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import pytest
 from support_results import RECORD
 
 from harness.results.benchmark import AccelerationCost, Benchmark, Yardstick
-from harness.results.change_points import DRIFT, FALSE_ALARMS, JUMP, Chart, NightValue, _run_length
+from harness.results.change_points import DRIFT, FALSE_ALARMS, JUMP, NIGHTS_PASSED_OVER, ChangePoint, Chart, NightValue, _run_length
 from harness.results.quantiles import quantile_ranks
 from harness.results.records import Record
 from harness.results.trend import (
@@ -74,6 +74,11 @@ def readings(night: Mapping[str, np.ndarray], factors: Mapping[str, float] | Non
     return readings_of_records(record(system, errors, (factors or {}).get(system, 1.0)) for system, errors in night.items())
 
 
+def changes_of(chart: Chart, values: Sequence[NightValue]) -> list[ChangePoint]:
+    """Changes of one cell that has a value in every night."""
+    return chart.changes({"": list(enumerate(values))})[""]
+
+
 @pytest.mark.costly
 @pytest.mark.parametrize("states", [1500, 5000])
 def test_quiet_nights_of_other_seeds_show_no_change(recorded: list[np.ndarray], states: int) -> None:
@@ -123,7 +128,7 @@ def test_a_slow_drift_is_found_by_the_sums() -> None:
     chart = Chart(CELLS)
     values = [0.0] * 10 + [0.15] * 30
     assert abs(0.15 / (0.05 * math.sqrt(1.1))) < chart.limit()
-    [first, *_] = chart.changes([NightValue(value, 0.05) for value in values])
+    [first, *_] = changes_of(chart, [NightValue(value, 0.05) for value in values])
     assert first.found_by == DRIFT
     assert 10 < first.place < 25
 
@@ -133,7 +138,7 @@ def test_a_slow_drift_is_found_by_the_sums() -> None:
 def test_false_alarms_are_as_many_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 4000, 40.0
     chart = Chart(cells, allowed)
-    found = [change for row in draw.normal(size=(cells, nights)) for change in chart.changes([NightValue(value, 1.0) for value in row])]
+    found = [change for row in draw.normal(size=(cells, nights)) for change in changes_of(chart, [NightValue(value, 1.0) for value in row])]
     jumps = sum(change.found_by == JUMP for change in found)
     # Half of what is allowed, in every night but the first; each change leaves a night after it that cannot be judged the same way.
     expected = allowed / 2 * (nights - 1)
@@ -161,7 +166,7 @@ def test_a_cell_whose_nights_scatter_more_than_its_sample_is_judged_by_its_night
 def test_a_largest_value_that_rises_far_is_found_after_some_nights(recorded: list[np.ndarray]) -> None:
     nights = [readings(night) for night in resampled(recorded, 1000, 12, 6)]
     cell = ("system_2", "mujoco/mjcf", WORST)
-    raised = nights[-1] | {cell: NightValue(nights[-1][cell].value + math.log(1e6), nights[-1][cell].noise, False, True)}
+    raised = nights[-1] | {cell: NightValue(nights[-1][cell].value + math.log(1e6), nights[-1][cell].noise, WORST)}
     assert [(one.system, one.number) for one in changes_of_the_last([*nights[:-1], raised])] == [("system_2", WORST)]
 
 
@@ -223,7 +228,7 @@ def cost(value: float) -> NightValue:
 
 def test_nights_of_a_run_that_ends_too_soon_are_noise() -> None:
     values = [0.0] * 10 + [2.0, 2.0, 0.0, 2.0, -2.0, 2.0, 0.0]
-    assert list(Chart(CELLS).changes([cost(value) for value in values])) == []
+    assert changes_of(Chart(CELLS), [cost(value) for value in values]) == []
 
 
 @pytest.mark.costly
@@ -232,9 +237,54 @@ def test_largest_values_give_as_many_false_alarms_as_are_allowed(nights: int) ->
     draw, cells, allowed = np.random.default_rng(nights), 30_000, 12.0
     chart = Chart(cells, allowed)
     rows = draw.gumbel(size=(cells, nights))
-    found = [one for row in rows for one in chart.changes([NightValue(value, 0.0, False, True) for value in row])]
+    found = [one for row in rows for one in changes_of(chart, [NightValue(value, 0.0, WORST) for value in row])]
     expected = allowed / 2 * (nights - 8)
     assert sum(one.found_by == JUMP for one in found) < 2 * expected + 3 * math.sqrt(expected)
+
+
+def resembling(cells: int, nights: int, seed: int, resemblance: float) -> np.ndarray:
+    """Values of nights of which each resembles the one before."""
+    draw = np.random.default_rng(seed)
+    values = [draw.normal(scale=0.3, size=cells)]
+    for _ in range(nights - 1):
+        values.append(resemblance * values[-1] + math.sqrt(1 - resemblance**2) * draw.normal(scale=0.3, size=cells))
+    return np.array(values)
+
+
+def of_two_humps(cells: int, nights: int, seed: int, share: float) -> np.ndarray:
+    """Values of which a share is far above the others."""
+    draw = np.random.default_rng(seed)
+    return 4.0 * (draw.uniform(size=(nights, cells)) < share) + draw.normal(scale=0.3, size=(nights, cells))
+
+
+Law = Callable[[int, int, int, float], np.ndarray]
+LAWS: list[tuple[str, Law, float]] = [(COST, resembling, 0.5), (COST, resembling, 0.9), (COST, resembling, 0.95)]
+LAWS += [(WORST, of_two_humps, 0.02), (WORST, of_two_humps, 0.1), (WORST, resembling, 0.9)]
+
+
+def night(number: str, values: Mapping[str, float]) -> dict[Cell, NightValue]:
+    noise, run = (0.1, 5) if number == COST else (0.25, 1)
+    return {(system, "engine", number): NightValue(value, noise, number, run) for system, value in values.items()}
+
+
+@pytest.mark.parametrize(("number", "law", "of_law"), LAWS)
+def test_whatever_the_law_of_costs_and_worst_errors_few_nights_report_one(number: str, law: Law, of_law: float) -> None:
+    reporting = 0
+    for seed in range(4):
+        rows = law(600, 60, seed, of_law)
+        nights = [night(number, {f"system_{place}": value for place, value in enumerate(row)}) for row in rows]
+        found = changes(nights)
+        reporting += len({one.place for one in found if one.place > 12})
+    assert reporting / 4 <= 2 * (1 + NIGHTS_PASSED_OVER)
+
+
+@pytest.mark.parametrize(("number", "law", "of_law"), [LAWS[0], LAWS[-1]])
+def test_a_change_beyond_what_all_cells_do_is_found_among_them(number: str, law: Law, of_law: float) -> None:
+    rows = law(60, 30, 0, of_law)
+    rows[25:, 7] += 12.0
+    nights = [night(number, {f"system_{place}": value for place, value in enumerate(row)}) for row in rows]
+    found = [one for one in changes(nights) if one.place >= 25]
+    assert [(one.system, one.place) for one in found] == [("system_7", 29 if number == COST else 25)]
 
 
 def test_a_number_that_is_not_finite_is_a_number() -> None:
@@ -246,7 +296,7 @@ def test_a_number_that_is_not_finite_is_a_number() -> None:
 
 def test_a_change_begins_a_series_of_its_own() -> None:
     values = [0.0] * 5 + [1.0] * 5 + [0.0] * 5
-    found = list(Chart(10).changes([NightValue(value, 0.05) for value in values]))
+    found = changes_of(Chart(10), [NightValue(value, 0.05) for value in values])
     assert [(one.place, one.nights, one.found_by) for one in found] == [(5, 5, JUMP), (10, 5, JUMP)]
 
 
