@@ -36,7 +36,7 @@ class CheckOptions:
 
 @click.command("check")
 @takes(CheckOptions)
-@computing(time_limit=60.0, scheduler=True, floating_base=True)
+@computing(time_limit=60.0, scheduler=True, floating_base=True, detail=True)
 def command(bracket: Bracket, asked: CheckOptions) -> None:
     """Cross-check NAMEs, or all there are, and print a table.
 

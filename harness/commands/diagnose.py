@@ -39,7 +39,7 @@ class DiagnoseOptions:
 
 @click.command("diagnose")
 @takes(DiagnoseOptions)
-@computing(time_limit=60.0, floating_base=True)
+@computing(time_limit=60.0, floating_base=True, detail=True)
 def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     """Explain why a check of NAME is red.
 
@@ -93,7 +93,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     causes = causes_of(bracket, study, asked.quantity, **({} if asked.evaluations is None else {"evaluations": asked.evaluations}))
     held = find_differences(settings, asked.name, bracket.pool) if causes else []
     bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
-    print_table(found.records, bracket.run)
+    print_table(found.records, bracket.run, bracket.detail)
     print_superfluous(found.superfluous)
     for record in found.records:
         if record.verdict == Verdict.ERROR:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from datetime import datetime
 from typing import Annotated, Any, ClassVar, Self
 
+from harness.results.detail import Detail
 from harness.results.table import Cell, Column, Table, TableOf, printable
 from harness.verdict import AGREEMENT, Verdict
 
@@ -245,11 +246,12 @@ class Records(UserList[Record]):
         table = _TABLE(self)
         return table if several else table.without("quantity")
 
-    def brief(self) -> Table:
-        """The columns that fit a terminal."""
+    def brief(self, detail: Detail = Detail.BRIEF) -> Table:
+        """The columns that fit a terminal; the fastest call is one where all is told."""
         compared = [record for record in self if record.backward_error is not None]
         unknown = () if compared and all(record.componentwise_error is not None for record in compared) else ("componentwise there",)
-        return self.table().without("expected", "median backward error", "99 % backward error", "states by verdict", *unknown)
+        fastest = () if detail == Detail.VERBOSE else ("fastest",)
+        return self.table().without("expected", "median backward error", "99 % backward error", "states by verdict", *unknown, *fastest)
 
     def __str__(self) -> str:
         return str(self.brief())

@@ -22,8 +22,6 @@ _STYLES = {"surprise": "bold red", "misreads": "red", "expected": "green"}
 _MARKUP = re.compile(r"[\\`*\[\]|]|~(?=~)|(?<=~)~|(?<![^\W_])_|_(?![^\W_])")
 _Key = TypeVar("_Key")
 _Held = TypeVar("_Held")
-# Characters of a text column that a narrow terminal leaves; a number is never broken.
-_LEAST_WIDTH = 12
 
 
 def error_text(value: float | None) -> str:
@@ -189,7 +187,7 @@ class Table:
     def terminal(self) -> RichTable:
         """A table to print with rich, uncropped; no markup or control character of a cell reaches the terminal.
 
-        Where it is too wide, texts are folded, and numbers are not.
+        Where it is too wide, texts are wrapped between words; no name and no number is broken.
         """
         from rich.table import Table as RichTable
         from rich.text import Text
@@ -197,9 +195,10 @@ class Table:
         table = RichTable(box=None, header_style="bold", pad_edge=False)
         rows = [["\n".join(map(printable, _lines(head, cell))) for head, cell in zip(self.heads, row, strict=True)] for row in self.rows]
         for place, head in enumerate(self.heads):
-            widest = max((len(line) for row in rows for line in row[place].split("\n")), default=0)
+            texts = [row[place] for row in rows]
+            words = " ".join(texts).split() if head.kind in ("text", "plain") else "\n".join(texts).split("\n")
+            least = max(map(len, [*words, *head.title.split()]), default=0)
             justify: Literal["left", "right"] = "right" if head.is_number else "left"
-            least = min(widest, _LEAST_WIDTH) if head.kind in ("text", "plain") else widest
             table.add_column(Text(printable(head.title)), justify=justify, overflow="fold", min_width=least)
         for row, texts in zip(self.rows, rows, strict=True):
             tones = [cell.tone.split() if isinstance(cell, Cell) else [] for cell in row]

@@ -102,7 +102,7 @@ def test_where_states_come_from_is_said(reported: Path) -> None:
         origins = record["origins"]
         assert sum(origins.values()) == record["states"]
         assert origins["sampled"] == 500 and origins["stored"] == (record["system"] == "arm_2r")
-    done = harness("check", "arm_2r", "--library", str(reported.parent), "--subject", "lagrange", cwd=reported)
+    done = harness("check", "arm_2r", "--library", str(reported.parent), "--subject", "lagrange", "--verbose", cwd=reported)
     [line] = [line for line in done.stdout.splitlines() if line.startswith("states:")]
     assert (
         line.startswith("states: 500 sampled, 500 searched for by hypothesis") and "; on top 1 stored with the system, 0 simplest" in line
@@ -119,7 +119,7 @@ def test_costs_carry_their_spread_and_the_load(reported: Path) -> None:
         assert 0 < record["fastest_seconds_per_state"] <= record["seconds_per_state"]
     assert re.fullmatch(r"\d+\.\d\d at the start", document["run"]["machine"]["load"])
     assert int(document["run"]["machine"]["worker processes"]) > 0
-    done = harness("check", "arm_2r", "--library", str(reported.parent), "--subject", "lagrange", cwd=reported)
+    done = harness("check", "arm_2r", "--library", str(reported.parent), "--subject", "lagrange", "--verbose", cwd=reported)
     assert re.search(r"time per state +fastest$", done.stdout, re.MULTILINE)
     assert re.search(r"^times: .* worker processes \d+, cpus \d+, load \d+\.\d\d at the start", done.stdout, re.MULTILINE)
 

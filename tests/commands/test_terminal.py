@@ -11,7 +11,9 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
+from click.testing import CliRunner
 from rich.console import Console
 from support import harness, make_library
 from support_results import RECORD, RUN
@@ -20,6 +22,7 @@ from harness.commands import faults
 from harness.commands.bench import _print_benchmark
 from harness.commands.faults import _print_faults, _print_left_out
 from harness.commands.frame import options, terminal
+from harness.commands.frame.bracket import Bracket, computing
 from harness.crosscheck.held import Difference
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.summary import Fault, KindOfFault, SmallestChange
@@ -32,9 +35,10 @@ from harness.report.hard_cases import HardSummary
 from harness.results import benchmark as bench
 from harness.results.atlas import Atlas, HardPoint, HardRow, Parting, StableStep
 from harness.results.cross_check import Cause, SuperfluousPart
+from harness.results.detail import Detail
 from harness.results.pareto import with_cheapest
 from harness.results.records import Record
-from harness.results.table import Column, Table
+from harness.results.table import Cell, Column, Table
 
 # Markup of rich, colours, a title, a carriage return, a line of its own, and a reversal of what follows.
 EVIL = "[red]x[/blue]\x1b[31m\x1b]0;t\x07\r\n9 of 9 as expected\x9b\u202e"
@@ -103,9 +107,7 @@ PRINTED: dict[str, Callable[[], None]] = {
 
 
 @pytest.mark.parametrize("what", PRINTED)
-def test_no_name_or_message_commands_the_terminal(what: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    # So wide that no line is folded.
-    monkeypatch.setattr(terminal, "_PIPE_WIDTH", 2000)
+def test_no_name_or_message_commands_the_terminal(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     PRINTED[what]()
     found = capsys.readouterr()
     shown = found.out + found.err
@@ -138,11 +140,38 @@ def test_a_long_name_and_a_narrow_terminal_leave_every_number_whole(name: str, w
     lines = stream.getvalue().splitlines()
     for place in range(9):
         assert sum(f"{1 / (place + 3):#.3g}" in line for line in lines) == 1
-    # What was folded comes together again.
-    first = "".join(line[:12].split("  ")[0].strip() for line in lines[3:]) if width < 160 else ""
-    assert name.startswith(first[:12])
-    text = "".join(lines).replace(" ", "")
-    assert all(letter in text for letter in name)
+    # No name is broken, and no heading either.
+    assert sum(name in line for line in lines) == 1 and sum("unstable" in line for line in lines) == 1
+    assert "system" in lines[2]
+
+
+@pytest.mark.parametrize("name", ["chain_12", LONG])
+def test_in_a_pipe_a_row_is_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    message = "two sentences of a message, " * 20
+    terminal.print_rows(Table(["system", "message"], [[Cell(name, ["a note of it"]), message.strip()]]))
+    _, row = capsys.readouterr().out.splitlines()
+    assert row.split("  ")[0] == f"{name}, a note of it" and row.endswith(message.strip())
+
+
+def test_how_often_the_fastest_call_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal.print_table([RECORD], RUN)
+    brief = capsys.readouterr().out
+    terminal.print_table([RECORD], RUN, Detail.VERBOSE)
+    whole = capsys.readouterr().out
+    for background in ("fastest", "times: "):
+        assert background not in brief and background in whole
+
+
+@pytest.mark.parametrize(
+    ("options", "detail"), [([], "BRIEF"), (["--all"], "ALL"), (["--verbose"], "VERBOSE"), (["--all", "--verbose"], "VERBOSE")]
+)
+def test_one_pair_of_options_says_how_much_a_command_tells(options: list[str], detail: str) -> None:
+    @click.command()
+    @computing(detail=True)
+    def command(bracket: Bracket) -> None:
+        click.echo(bracket.detail.name)
+
+    assert CliRunner().invoke(command, options).output.strip() == detail
 
 
 def test_markup_in_the_label_of_a_progress_bar_is_text(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def test_a_table_of_records_is_the_same_in_a_terminal_and_in_a_notebook() -> Non
     records = Records([RECORD, AGREEING])
     lines = str(records).splitlines()
     assert lines[0].split()[:4] == ["system", "subject", "states", "verdict"]
-    assert lines[1].split() == ["arm_2r", "lagrange", "1,000", "agrees", "1.50", "1.00e-17", "2.00", "µs", "-"]
+    assert lines[1].split() == ["arm_2r", "lagrange", "1,000", "agrees", "1.50", "1.00e-17", "2.00", "µs"]
     assert "disagrees (expected agrees)" in lines[2] and " inf " in lines[2]
     page = records._repr_html_()
     assert all(word in page for word in ("arm_2r", "lagrange", "disagrees (expected agrees)", "1.00e-17", "2.00 µs"))

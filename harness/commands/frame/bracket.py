@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from harness.commands.frame import options
 from harness.commands.frame.terminal import progress, say
 from harness.errors import InvalidInput, InvalidRequest
+from harness.results.detail import Detail
 
 if TYPE_CHECKING:
     from harness.library import Library
@@ -36,8 +37,8 @@ class Bracket:
     """The first argument of a command.
 
     Attributes:
-        library_path, floating_base, seed, json_path, workers, scheduler, time_limit, directory: the options, as far as a command has
-            them.
+        library_path, floating_base, seed, json_path, workers, scheduler, time_limit, directory, detail: the options, as far as a
+            command has them.
         run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
     """
 
@@ -49,6 +50,7 @@ class Bracket:
     scheduler: Scheduler | None = None
     time_limit: float | None = None
     directory: Path = Path("reports")
+    detail: Detail = Detail.BRIEF
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
     run: Run = field(init=False)
@@ -205,11 +207,12 @@ class Bracket:
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command its ``Bracket`` as first argument, and the options that fill it.
 
-    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler``, ``directory`` and
-    ``floating_base``, or takes away by False. ``time_limit`` is the default of --time-limit [s]; None leaves the option out.
+    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler``, ``directory``, ``floating_base`` and
+    ``detail``, which is --all and --verbose, or takes away by False. ``time_limit`` is the default of --time-limit [s]; None leaves
+    the option out.
     """
     offered = {"library": True, "json": True, "seed": True, "workers": True, "scheduler": False, "directory": False}
-    offered |= {"floating_base": False} | chosen
+    offered |= {"floating_base": False, "detail": False} | chosen
     decorators = [options.BY_NAME[name] for name, is_offered in offered.items() if is_offered]
     if time_limit is not None:
         decorators.append(options.time_limit_option(time_limit))

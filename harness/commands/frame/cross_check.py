@@ -124,7 +124,7 @@ def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACC
     """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit."""
     found = study.result()
     asked = [record for record in found.records if record.quantity in quantities]
-    print_table(asked, bracket.run)
+    print_table(asked, bracket.run, bracket.detail)
     others = [record for record in found.records if record.quantity not in quantities]
     print_further_quantities(others)
     say(*study.settings.library.remarks())

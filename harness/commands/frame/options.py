@@ -11,6 +11,7 @@ from typing import Annotated, Any, NoReturn, get_args, get_origin, get_type_hint
 import click
 
 from harness.commands.frame.terminal import say
+from harness.results.detail import Detail
 from harness.results.records import ACCELERATIONS
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
@@ -86,7 +87,21 @@ def scheduler_option(command: Callable[..., None]) -> Callable[..., None]:
     return wrapper
 
 
+def detail_option(command: Callable[..., None]) -> Callable[..., None]:
+    """``--all`` and ``--verbose``, which a command gets as one argument ``detail``."""
+
+    @click.option("--all", "every_row", is_flag=True, help="Print every row of the tables, however little it matters.")
+    @click.option("--verbose", is_flag=True, help="Print every row, and all that is known of each.")
+    @functools.wraps(command)
+    def wrapper(*arguments: Any, every_row: bool, verbose: bool, **options: Any) -> None:
+        detail = Detail.VERBOSE if verbose else Detail.ALL if every_row else Detail.BRIEF
+        command(*arguments, detail=detail, **options)
+
+    return wrapper
+
+
 BY_NAME: dict[str, Callable[..., Any]] = {
+    "detail": detail_option,
     "library": click.option(
         "--library",
         "library_path",

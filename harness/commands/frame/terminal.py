@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from harness.results.detail import Detail
 from harness.results.records import Record, Records, Run
 from harness.results.table import Table, counted, grouped, printable
 from harness.verdict import AGREEMENT, Verdict
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from harness.report.hard_cases import HardSummary
     from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
 
-_PIPE_WIDTH = 160
 SECONDS_BETWEEN_LINES, LOOK_SECONDS = 10.0, 0.5
 # Below it, rich drops columns.
 _LEAST_WIDTH = 40
@@ -96,25 +96,31 @@ def _progress_lines(total: int, what: str, clock: Callable[[], float]) -> Iterat
 
 
 def console(stderr: bool = False) -> Console:
-    """Standard output or error, wide enough in a pipe that tables do not wrap."""
+    """Standard output or error, which is a terminal."""
     from rich.console import Console
 
-    stream = sys.stderr if stderr else sys.stdout
-    made = Console(stderr=stderr, width=None if stream.isatty() else _PIPE_WIDTH)
+    made = Console(stderr=stderr)
     made.width = max(made.width, _LEAST_WIDTH)
     return made
 
 
 def print_rows(table: Table) -> None:
-    """A table on standard output; a terminal that is too narrow for its numbers wraps the lines, and loses none."""
-    console().print(table.terminal(), crop=False)
+    """A table on standard output, without its caption.
+
+    In a pipe each row is one line, in which ``grep`` finds every name. A terminal that is too narrow wraps words; one that is too
+    narrow for a name or a number wraps the lines, and loses none.
+    """
+    if sys.stdout.isatty():
+        console().print(table.terminal(), crop=False)
+    else:
+        click.echo(str(table))
 
 
-def print_table(records: Sequence[Record], run: Run) -> None:
-    """One row per record on standard output, where their states come from, and under which load they were timed."""
+def print_table(records: Sequence[Record], run: Run, detail: Detail = Detail.BRIEF) -> None:
+    """One row per record on standard output; ``Detail.VERBOSE`` adds where their states come from, and under which load they were timed."""
     shown = Records(records)
-    print_rows(shown.brief())
-    if any(record.seconds_per_state is not None for record in shown):
+    print_rows(shown.brief(detail))
+    if detail == Detail.VERBOSE and any(record.seconds_per_state is not None for record in shown):
         say(*filter(None, [shown.origins, f"times: median and fastest call, {run.load}"]))
 
 
