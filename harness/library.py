@@ -26,12 +26,21 @@ import sys
 import traceback
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from harness.errors import InvalidInput, InvalidRequest
+
+
+class Stance(StrEnum):
+    """How an engine is asked about a user's file: as its user calls it, or supplied with what it leaves out of the file."""
+
+    PLAIN = "plain"
+    AIDED = "aided"
+
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 # Endings by which a name is that of a file, be it there or not.
@@ -51,6 +60,7 @@ class Library:
     Attributes:
         kinds: of mechanism that it can hold, by which methods and integrators say what they are for.
         reads_files: whether engines are handed files as their users do, and not models of mechanisms.
+        stance: of the engines; those of mechanisms get all that a model says.
     """
 
     name: str
@@ -61,6 +71,7 @@ class Library:
     hard_states: Path
     kinds: tuple[str, ...] = (MECHANISMS, CONSTRAINED)
     reads_files: bool = False
+    stance: Stance = Stance.AIDED
 
     @classmethod
     def built_in(cls) -> Library:

@@ -16,13 +16,14 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.robot_library import ask_engine, engine_of
-from harness.comparison.truth import Meant, fold, largest_change, question_of, read_as, reference_of, worst
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, Held
 from harness.explain.changes.readings import element_at, find_readings
+from harness.explain.meant import Meant, fold, largest_change, question_of, read_as, reference_of, worst
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.files.rules import ConstraintLaw
 from harness.files.tree import WORLD
+from harness.library import Stance
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.constraint_forces import Softness
 from harness.programs.mechanisms.mechanism import RESIDUAL
@@ -100,7 +101,7 @@ def _why_not(equality: Equality, read: Robot) -> str:
 def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int]) -> EngineAnswers:
     """Accelerations of the plain engine with some of the equalities."""
     held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
-    return ask_engine(caller.name, question_of(meant, aided=False, held=held))
+    return ask_engine(caller.name, question_of(meant, Stance.PLAIN, held))
 
 
 def _effect(read: Meant, answers: EngineAnswers) -> float | None:

@@ -14,15 +14,16 @@ from harness.arrays import Array
 from harness.comparison.gap import LENGTH, OWN_RULES, Motion, advanced, gap_of
 from harness.comparison.matching import SameStates, match, renamed_to
 from harness.comparison.robot_library import engines_of_files, robot_at
-from harness.comparison.truth import fold, request_of
 from harness.engines import NotOffered, installed_version, runs_elsewhere
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.changes.readings import find_readings
+from harness.explain.meant import fold, request_of
 from harness.files.document.xml import read_any
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import StepRule
+from harness.library import Stance
 from harness.motion.trajectories import Start
 from harness.programs.states import States
 from harness.registry import select
@@ -220,7 +221,7 @@ def _hold_coordinates(first: Robot, second: Robot, q: Array, v: Array) -> None:
 
 def _move(case: _Case, q: Array, v: Array, names: Sequence[str]) -> tuple[Array, Array]:
     """Where the engine ends, by the joints ``names``."""
-    request = request_of(case.robot, aided=False)
+    request = request_of(case.robot, Stance.PLAIN)
     joints = request.joints
     own = {joint.name: joint for joint in asked_joints(case.robot.tree, names)}
     positions = [place for joint in joints for place in own[joint.name].positions]

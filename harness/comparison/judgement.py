@@ -16,12 +16,13 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.robot_library import engine_of
-from harness.comparison.truth import Meant, effects, fold, read_as, readings_that_do_not_hold, reference_of, worst
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import find_readings
 from harness.explain.fit import best_change
+from harness.explain.meant import Meant, effects, fold, read_as, readings_that_do_not_hold, reference_of, worst
 from harness.explain.textbook_side import TextbookSide, search_parameters
+from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
 from harness.trees.robot import Robot
@@ -35,10 +36,10 @@ ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution
 _NOWHERE = "at no state is an acceleration certain, for M is singular or not positive definite there"
 
 
-def judge(meant: Meant, answers: EngineAnswers, engine: str, aided: bool) -> SubjectRecord:
+def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> SubjectRecord:
     """The record of an engine that returned something."""
     caller = engine_of(engine)
-    about: dict[str, Any] = {**subject_of(meant, caller, aided), "notes": answers.notes}
+    about: dict[str, Any] = {**subject_of(meant, caller, stance), "notes": answers.notes}
     if answers.refusal:
         rest = why_refused(meant.robot, answers.element)
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
@@ -47,7 +48,7 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, aided: bool) -> Sub
         message = f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=message)
     readings = find_readings(caller.name, meant.robot.format, caller.reader)
-    folded = fold(meant.robot, (one for one in readings if not (aided and one.supplied)))
+    folded = fold(meant.robot, (one for one in readings if not (stance == Stance.AIDED and one.supplied)))
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)
     record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects(meant, folded))
@@ -92,14 +93,14 @@ def _lost(after: Comparison, cause: str) -> str:
     return f"it loses digits at {count}, up to {error_text(float(known.max()))} data roundoffs: {cause}"
 
 
-def subject_of(meant: Meant, caller: Engine, aided: bool) -> dict[str, Any]:
+def subject_of(meant: Meant, caller: Engine, stance: Stance) -> dict[str, Any]:
     """What a record says of its subject."""
     model_format = meant.robot.format
     return {
         "path": str(meant.robot.path),
         "engine": caller.name,
         "format": model_format,
-        "aided": aided,
+        "aided": stance == Stance.AIDED,
         "call": caller.call[model_format],
     }
 

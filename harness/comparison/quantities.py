@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.truth import Meant, effects_of_numbers, reference_of
+from harness.explain.meant import Meant, effects_of_numbers, reference_of
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
 from harness.results.comparison import FileDifference
 from harness.trees.bodies.spatial import parameter_name

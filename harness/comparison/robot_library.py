@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
-from harness.comparison.truth import joints_without_inertia, request_of
 from harness.engines import (
     Engine,
     Subject,
@@ -28,10 +27,11 @@ from harness.engines import (
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest
+from harness.explain.meant import joints_without_inertia, request_of
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
-from harness.library import ROBOTS, Library, is_file
+from harness.library import ROBOTS, Library, Stance, is_file
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
 from harness.trees.mechanism import mechanism_of
@@ -135,6 +135,7 @@ class RobotLibrary(Library):
     reads_files: bool = True
     formats: Mapping[str, str] = field(default_factory=dict, hash=False)
     floating_base: bool = False
+    stance: Stance = Stance.AIDED
 
     @classmethod
     def without_files(cls) -> Self:
@@ -143,7 +144,7 @@ class RobotLibrary(Library):
         return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
 
     @classmethod
-    def of(cls, paths: Iterable[str], floating_base: bool = False) -> RobotLibrary:
+    def of(cls, paths: Iterable[str], floating_base: bool = False, stance: Stance = Stance.AIDED) -> RobotLibrary:
         """The library of the files at ``paths``.
 
         Raises:
@@ -167,6 +168,7 @@ class RobotLibrary(Library):
             hard_states=folder / "hard_states",
             formats=formats,
             floating_base=floating_base,
+            stance=stance,
         )
 
     def system_names(self) -> list[str]:
@@ -226,7 +228,7 @@ class RobotLibrary(Library):
             what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
             raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
         digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
-        return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, aided=True))
+        return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, self.stance))
 
 
 def _likenesses(formats: Mapping[str, str]) -> Iterator[str]:
@@ -240,7 +242,7 @@ def _likenesses(formats: Mapping[str, str]) -> Iterator[str]:
             yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
 
 
-def resolved(library: Library, names: Sequence[str], floating_base: bool = False) -> Library:
+def resolved(library: Library, names: Sequence[str], floating_base: bool = False, stance: Stance = Stance.AIDED) -> Library:
     """The library that ``names`` are of: that of robots' files where they are files, else ``library``.
 
     Raises:
@@ -256,4 +258,4 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
         raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")
     if library != Library.built_in():
         raise InvalidRequest(f"{files[0]} is a robot's file, which no library has to do with; leave --library {library.name} out")
-    return RobotLibrary.of(files, floating_base)
+    return RobotLibrary.of(files, floating_base, stance)

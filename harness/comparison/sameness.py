@@ -16,8 +16,8 @@ import numpy as np
 
 from harness.comparison.matching import SameStates, match, renamed_to
 from harness.comparison.quantities import difference_of, differences_of_nodes
-from harness.comparison.truth import Meant, change, columns_of, effects_of_numbers, read_as, reference_of, worst
 from harness.explain.changes.readings import freed, with_joints, with_tree
+from harness.explain.meant import Meant, change, columns_of, effects_of_numbers, read_as, reference_of, worst
 from harness.files.tree import Body, Given, Inertia, Joint, Tree
 from harness.results.comparison import FileDifference, PairRecord
 from harness.results.table import number_text

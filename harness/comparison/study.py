@@ -15,10 +15,11 @@ from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
 from harness.comparison.robot_library import ask_engine, engine_of, robot_at, robot_subjects
 from harness.comparison.sameness import hold_against
-from harness.comparison.truth import Meant, meant, question_of
 from harness.crosscheck.settings import Settings
 from harness.engines.request import EngineAnswers
 from harness.errors import InvalidInput, InvalidModel
+from harness.explain.meant import Meant, meant, question_of
+from harness.library import Stance
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, PairRecord, SubjectRecord
 from harness.results.cross_check import Cause
 from harness.results.records import Record
@@ -35,7 +36,7 @@ class ComparisonSettings:
     Attributes:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
         renamed: {joint of the first file: its name in another}. pairwise: whether the files are held against each other.
-        stances: of the engines: False for plain, True for aided; none where no engine is asked.
+        stances: of the engines; none where no engine is asked.
         subjects: names of those that are asked; for none every one that is installed anywhere.
     """
 
@@ -45,7 +46,7 @@ class ComparisonSettings:
     floating_base: bool = False
     renamed: Mapping[str, str] = field(default_factory=dict)
     pairwise: bool = True
-    stances: Sequence[bool] = (False, True)
+    stances: Sequence[Stance] = tuple(Stance)
     subjects: Sequence[str] = ()
 
 
@@ -94,23 +95,23 @@ class RobotComparison(Study):
             return
         found = self._meant[path] = outcome.value
         for engine in (one.engine for one in self._subjects if found.robot.format == one.format and found.joints):
-            for aided in (one for one in settings.stances if not one or found.certified is not None):
-                self._begin(self._asked(found, engine, aided))
+            for stance in (one for one in settings.stances if one == Stance.PLAIN or found.certified is not None):
+                self._begin(self._asked(found, engine, stance))
         yield self._kept(path.name, files=[_file_record(found)])
 
-    def _asked(self, found: Meant, engine: str, aided: bool) -> Inquiry[None]:
+    def _asked(self, found: Meant, engine: str, stance: Stance) -> Inquiry[None]:
         """One engine in one stance on a file, judged beside the file's truth."""
-        path, about = found.robot.path, subject_of(found, engine_of(engine), aided)
-        outcome = yield from ask(call, ask_engine, engine, question_of(found, aided))
+        path, about = found.robot.path, subject_of(found, engine_of(engine), stance)
+        outcome = yield from ask(call, ask_engine, engine, question_of(found, stance))
         answers: EngineAnswers = outcome.value
         if failure := self.failure(outcome):
             record = SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure)
         else:
-            outcome = yield from ask(call, judge, found, answers, engine, aided, affinity=path)
+            outcome = yield from ask(call, judge, found, answers, engine, stance, affinity=path)
             failed = self.failure(outcome)
             record = SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failed) if failed else outcome.value
         yield self._kept(f"{path.name} {record.subject}", subjects=[record])
-        if not failure and found.robot.equalities and found.certified is not None and not aided and not answers.refusal:
+        if not failure and found.robot.equalities and found.certified is not None and stance == Stance.PLAIN and not answers.refusal:
             outcome = yield from ask(call, judge_equalities, found, engine, affinity=path)
             held = outcome.value
             if failure := self.failure(outcome):
@@ -174,7 +175,7 @@ class RobotDiagnoses(RobotComparison):
         subjects = tuple(dict.fromkeys(record.subject for record in self._wrong))
         paths = tuple(dict.fromkeys(Path(record.system) for record in self._wrong))
         compared = ComparisonSettings(
-            paths, seed=settings.seed, floating_base=floating_base, pairwise=False, stances=(True,), subjects=subjects
+            paths, seed=settings.seed, floating_base=floating_base, pairwise=False, stances=(Stance.AIDED,), subjects=subjects
         )
         super().__init__(compared, "diagnosis")
 

@@ -12,7 +12,7 @@ from harness.engines.interface import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
-from harness.library import MODEL_SUFFIXES, Library
+from harness.library import MODEL_SUFFIXES, Library, Stance
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
@@ -60,6 +60,11 @@ class Assignment:
     def asked(self) -> Quantity:
         """The quantity that is asked for."""
         return find_quantities()[self.quantity]
+
+    @property
+    def stance(self) -> Stance:
+        """How the engine is asked."""
+        return self.library.stance
 
     @property
     def truth(self) -> Truth:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from harness.comparison.judgement import judge
 from harness.comparison.robot_library import engine_of, robot_at
-from harness.comparison.truth import Meant, meant, question_of
+from harness.explain.meant import Meant, meant, question_of
+from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 
 FILES = Path(__file__).parent / "files"
@@ -19,8 +20,8 @@ def meant_by(path: Path, floating_base: bool = False) -> Meant:
 
 def record_of(path: Path, engine: str, aided: bool = False, floating_base: bool = False) -> SubjectRecord:
     """The record of a subject, asked in this process."""
-    found = meant_by(path, floating_base)
-    return judge(found, engine_of(engine).ask(question_of(found, aided)), engine, aided)
+    found, stance = meant_by(path, floating_base), Stance.AIDED if aided else Stance.PLAIN
+    return judge(found, engine_of(engine).ask(question_of(found, stance)), engine, stance)
 
 
 def edited(source: Path, folder: Path, *changes: tuple[str, str]) -> Path:

@@ -9,10 +9,11 @@ import pytest
 from comparison.robots import FILES, meant_by
 
 from harness.comparison import judgement
-from harness.comparison.truth import fold, read_as
 from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import Law, Reading, readings_of, with_joints
+from harness.explain.meant import fold, read_as
 from harness.files.tree import Joint
+from harness.library import Stance
 from harness.report.comparison import subject_lines
 from harness.results.comparison import SubjectRecord
 from harness.verdict import AGREEMENT, Verdict
@@ -37,7 +38,7 @@ def judged(hold: Sequence[Reading], declared: Sequence[Reading], monkeypatch: py
     truth = read_as(found, fold(found.robot, hold).robot).truth
     answers = EngineAnswers(dict(zip(found.robot.joints, truth.high.T[:, :, None], strict=True)))
     monkeypatch.setattr(judgement, "find_readings", lambda *_: list(declared))
-    return judgement.judge(found, answers, "pinocchio", aided=False)
+    return judgement.judge(found, answers, "pinocchio", Stance.PLAIN)
 
 
 def test_readings_that_cancel_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

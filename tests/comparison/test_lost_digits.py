@@ -7,8 +7,9 @@ from pathlib import Path
 from comparison.robots import meant_by, record_of
 
 from harness.comparison.judgement import judge
-from harness.comparison.truth import read_as
 from harness.engines.request import EngineAnswers
+from harness.explain.meant import read_as
+from harness.library import Stance
 from harness.report.comparison import subject_lines, survey_sections
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.trees.robot import read_robot
@@ -54,5 +55,5 @@ def test_an_error_that_a_number_explains_is_no_lost_digits(tmp_path: Path) -> No
     wrong = read_as(found, read_robot(other)).truth.high
     assert set(compare(found.truth, wrong, factorises=True).verdicts) <= {Verdict.AGREES, Verdict.UNSTABLE}
     answers = EngineAnswers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
-    record = judge(found, answers, "pinocchio", aided=True)
+    record = judge(found, answers, "pinocchio", Stance.AIDED)
     assert (record.explained, record.outcome) == (False, "unexplained") and "behaves as with 3.00000003" in record.rest[0]

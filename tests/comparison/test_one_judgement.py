@@ -12,10 +12,11 @@ from support import InThisProcess, completed, cross_checked
 from harness.comparison.judgement import judge
 from harness.comparison.robot_library import RobotLibrary, ask_engine
 from harness.comparison.study import ComparisonSettings, RobotComparison
-from harness.comparison.truth import Meant, question_of, reference_of
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject
+from harness.explain.meant import Meant, question_of, reference_of
+from harness.library import Stance
 from harness.programs.states import States
 from harness.results.comparison import FilesComparison
 from harness.results.records import Record
@@ -53,7 +54,7 @@ def asked_by_both(file: Path, model_format: str, states: int) -> tuple[dict[str,
     """The records of a check by subject, and a comparison of the aided engines; both are as expected."""
     library, subjects = RobotLibrary.of([str(file)]), [f"{engine}/{model_format}" for engine in ("mujoco", "pinocchio")]
     records, _ = cross_checked(Settings(library=library, subjects=subjects, states=states, examples=None))
-    found = completed(RobotComparison(ComparisonSettings([file], stances=(True,), subjects=subjects)), InThisProcess())
+    found = completed(RobotComparison(ComparisonSettings([file], stances=(Stance.AIDED,), subjects=subjects)), InThisProcess())
     assert all(record.as_expected for record in records), [record.explanation for record in records]
     assert found.as_expected, [(one.subject, one.outcome) for one in found.subjects]
     return {record.subject: record for record in records}, found
@@ -74,7 +75,7 @@ def test_a_file_that_compare_explains_is_as_expected_for_check(file: Path) -> No
 
     robot, state = read_robot(file), States.at(*(worst.worst_state[name] for name in ("q", "v", "tau")))
     meant = Meant(robot, state, reference_of(robot).evaluate(state))
-    aided = judge(meant, ask_engine("mujoco", question_of(meant, True)), "mujoco", aided=True)
+    aided = judge(meant, ask_engine("mujoco", question_of(meant, Stance.AIDED)), "mujoco", Stance.AIDED)
     assert (aided.verdict, aided.outcome) == ("agrees", "agrees"), "the same state has the same verdict"
 
 

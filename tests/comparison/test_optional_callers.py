@@ -16,9 +16,10 @@ from robot_files import EVERYTHING
 
 from harness.comparison import judgement
 from harness.comparison.robot_library import RobotLibrary, ask_engine, engines_of_files
-from harness.comparison.truth import question_of
 from harness.engines import describe_engines
 from harness.engines.adapters.adam import with_origins
+from harness.explain.meant import question_of
+from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.workers import Workers
 
@@ -45,13 +46,15 @@ def _install(engine: str) -> None:
     subprocess.run([sys.executable, "-m", "harness", "engines", "add", engine], check=True)
 
 
-def record_of(engine: str, path: Path, asked: Path | None = None, aided: bool = False, floating_base: bool = False) -> SubjectRecord:
+def record_of(
+    engine: str, path: Path, asked: Path | None = None, stance: Stance = Stance.PLAIN, floating_base: bool = False
+) -> SubjectRecord:
     """The record on a file of what an engine answers on it, or at the same states on the file ``asked`` instead."""
     _install(engine)
     found = meant_by(path, floating_base)
-    question = question_of(found, aided)
+    question = question_of(found, stance)
     question = replace(question, request=replace(question.request, path=asked or path))
-    return judgement.judge(found, ask_engine(engine, question), engine, aided)
+    return judgement.judge(found, ask_engine(engine, question), engine, stance)
 
 
 def arm(folder: Path, changes: tuple[tuple[str, str], ...] = ()) -> Path:
@@ -61,32 +64,32 @@ def arm(folder: Path, changes: tuple[tuple[str, str], ...] = ()) -> Path:
     return path
 
 
-@pytest.mark.parametrize("aided", [False, True])
+@pytest.mark.parametrize("stance", list(Stance))
 @pytest.mark.parametrize("name", ["arm", "mimic", "massless_foot", "impossible", "planar"])
 @pytest.mark.parametrize("engine", URDF)
-def test_every_answer_on_a_urdf_agrees_or_is_explained_or_refused(engine: str, name: str, aided: bool) -> None:
-    record = record_of(engine, FILES / f"{name}.urdf", aided=aided)
+def test_every_answer_on_a_urdf_agrees_or_is_explained_or_refused(engine: str, name: str, stance: Stance) -> None:
+    record = record_of(engine, FILES / f"{name}.urdf", stance=stance)
     assert record.explained and record.outcome in ("agrees", "explained", "refused"), record
 
 
-@pytest.mark.parametrize("aided", [False, True])
+@pytest.mark.parametrize("stance", list(Stance))
 @pytest.mark.parametrize("name", ["arm.xml", ""])
 @pytest.mark.parametrize("engine", MJCF)
-def test_every_answer_on_an_mjcf_agrees_or_is_explained_or_refused(engine: str, name: str, aided: bool, tmp_path: Path) -> None:
+def test_every_answer_on_an_mjcf_agrees_or_is_explained_or_refused(engine: str, name: str, stance: Stance, tmp_path: Path) -> None:
     path = FILES / name if name else tmp_path / "everything.xml"
     if not name:
         path.write_text(EVERYTHING)
-    record = record_of(engine, path, aided=aided)
+    record = record_of(engine, path, stance=stance)
     assert record.explained and record.outcome in ("agrees", "explained", "refused"), record
 
 
-@pytest.mark.parametrize("aided", [False, True])
+@pytest.mark.parametrize("stance", list(Stance))
 @pytest.mark.parametrize("engine", URDF)
-def test_a_wrong_number_is_unexplained_and_named(engine: str, aided: bool, tmp_path: Path) -> None:
+def test_a_wrong_number_is_unexplained_and_named(engine: str, stance: Stance, tmp_path: Path) -> None:
     """The engine is asked about a copy in which one mass is another."""
     (tmp_path / "other").mkdir()
     path, other = arm(tmp_path), arm(tmp_path / "other", (('<mass value="1"/>', '<mass value="1.000001"/>'),))
-    record = record_of(engine, path, other, aided)
+    record = record_of(engine, path, other, stance)
     assert record.outcome == "unexplained" and "the engine behaves as with" in record.rest[0]
 
 
@@ -103,5 +106,5 @@ def test_without_its_readings_a_plain_answer_is_unexplained(engine: str, monkeyp
 def test_a_floating_base_is_put_under_the_root(engine: str, tmp_path: Path) -> None:
     base = '<link name="ground"><inertial><mass value="4"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
     path = arm(tmp_path, (('<link name="ground"/>', base),))
-    record = record_of(engine, path, aided=True, floating_base=True)
+    record = record_of(engine, path, stance=Stance.AIDED, floating_base=True)
     assert record.outcome == ("refused" if engine == "pybullet" else "agrees"), record

@@ -20,6 +20,7 @@ from harness.engines.request import AskedJoint, EngineAnswers, EngineQuestion, H
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
 from harness.explain.changes.readings import Reading
 from harness.files.tree import Joint, Tree
+from harness.library import Stance
 from harness.programs.states import States
 from harness.results.comparison import FELT, Effect
 from harness.storage import Kept
@@ -121,20 +122,20 @@ def joints_without_inertia(tree: Tree) -> list[Joint]:
 # Questions to engines
 
 
-def request_of(robot: Robot, aided: bool) -> Request:
+def request_of(robot: Robot, stance: Stance) -> Request:
     """What a plain or aided engine is to load."""
     # One that eliminates joints that mimic is asked about those too.
     follows = any(joint.follows for joint in robot.tree.joints)
     joints = asked_joints(robot.tree, None if follows else robot.joints)
-    aid = aid_of(robot.tree, joints) if aided else None
+    aid = aid_of(robot.tree, joints) if stance == Stance.AIDED else None
     if aid is not None and robot.format == "urdf":
         aid = replace(aid, inertias=inertias_of(robot.tree))
     return Request(path=robot.path, format=robot.format, joints=joints, moving=robot.joints, floating_base=robot.floating_base, aid=aid)
 
 
-def question_of(found: Meant, aided: bool, held: Held | None = None) -> EngineQuestion:
+def question_of(found: Meant, stance: Stance, held: Held | None = None) -> EngineQuestion:
     """What a plain or aided engine is asked about a file, with the equalities that it is to hold."""
-    asked = replace(request_of(found.robot, aided), held=held)
+    asked = replace(request_of(found.robot, stance), held=held)
     states = _spread(found.robot, found.states, asked.joints)
     return EngineQuestion(asked, states.q, states.v, states.tau)
 
