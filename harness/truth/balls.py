@@ -133,9 +133,13 @@ class BallSolver:
 
 
 def parts_of(ball: Any) -> tuple[float, float, float]:
-    """(high, low, radius): high + low is the ball's midpoint to twice the digits of float64."""
-    midpoint = float(ball)
-    return midpoint, float(ball - midpoint), float(ball.rad())
+    """(high, low, radius): high + low is the ball's midpoint to twice the digits of float64, and within ``radius`` of all of the ball."""
+    high = float(ball)
+    rest = ball - high
+    low = float(rest)
+    radius = float(abs(rest - low).upper())
+    # float() rounds to nearest, and what is exact stays so.
+    return high, low, math.nextafter(radius, math.inf) if radius else 0.0
 
 
 def factorise(exact: Sequence[Sequence[Any]], nv: int) -> tuple[Array, Array]:

@@ -99,7 +99,8 @@ class Reference(Certified):
                 yield "the state does not close the constraints: the branch of the assembly is lost on the way there"
             else:
                 share = float(self.radius[index] / self.sensitivity[index]) if self.sensitivity[index] else math.inf
-                yield f"the radius is {share:.1e} of the sensitivity at {int(self.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed"
+                reason = "" if self.bits[index] == PRECISIONS[-1] else "; accelerations cancel further than high + low holds them"
+                yield f"the radius is {share:.1e} of the sensitivity at {int(self.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed{reason}"
 
     def for_unit_roundoff(self, unit_roundoff: float) -> Reference:
         """The same truth for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
@@ -245,6 +246,7 @@ class ChartKernel:
             norms = self._norms(now, high, radii, terms, scale.T, factor.transpose(2, 0, 1))
             sensitivity, is_known = self._sensitivity(inputs[pending], scales[pending], high, scale, factor)
             part = self._reference(high, low, norms, sensitivity, np.zeros_like(is_known), np.full(len(pending), precision))
+            before = np.full(len(pending), np.inf) if found is None else found.radius[pending]
             if found is None:
                 found = part
             else:
@@ -254,7 +256,9 @@ class ChartKernel:
                 _, found.sensitivity[index] = columns_in_balls(self.program, inputs[index].tolist(), scales[index].tolist(), PRECISIONS)
                 in_balls[index] = True
             sought = found.radius[pending] <= SOUGHT_RADIUS * found.sensitivity[pending]
-            pending = pending[~sought & np.isfinite(now.q).all(axis=1)]
+            # What precision no longer lowers is lost by high + low.
+            lowered = ~(part.radius > before / 2)
+            pending = pending[~sought & lowered & np.isfinite(now.q).all(axis=1)]
             if not len(pending):
                 break
         assert found is not None
