@@ -100,7 +100,8 @@ class Reference(Certified):
             else:
                 share = float(self.radius[index] / self.sensitivity[index]) if self.sensitivity[index] else math.inf
                 reason = "" if self.bits[index] == PRECISIONS[-1] else "; accelerations cancel further than high + low holds them"
-                yield f"the radius is {share:.1e} of the sensitivity at {int(self.bits[index])} bits; {CERTIFIED_RADIUS:.1e} is needed{reason}"
+                found = f"the radius is {share:.1e} of the sensitivity at {int(self.bits[index])} bits"
+                yield f"{found}; {CERTIFIED_RADIUS:.1e} is needed{reason}"
 
     def for_unit_roundoff(self, unit_roundoff: float) -> Reference:
         """The same truth for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
