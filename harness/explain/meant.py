@@ -252,6 +252,7 @@ def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Readi
         lines=tuple(place.line for place in reading.places(robot)),
         alone=alone,
         source=reading.source,
+        remedy=reading.remedy,
         beside=beside,
     )
 

@@ -57,6 +57,7 @@ class Effect:
         lines: of the elements concerned. alone: largest change of qdd over the states when the engine reads nothing else otherwise,
             relative in the energy norm; infinite where that takes a joint away, None where the tree that it gives has no certified truth.
         beside: the same beside all other readings, where it moves nothing alone; None where it does, or where there is no other.
+        remedy: what the engine's user can do about it, an imperative.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Effect:
     alone: float | None
     source: str
     beside: float | None = None
+    remedy: str = ""
 
     @property
     def moves(self) -> str:

@@ -21,7 +21,7 @@ from harness.verdict import AGREEMENT, Verdict
 
 def planted(name: str, change: Callable[[Joint], Joint]) -> Reading:
     declared = Law(name, "joints", lambda robot: with_joints(robot.tree, change))
-    [reading] = readings_of("pinocchio", {("urdf",): {declared: (f"Pinocchio {name}", "planted by a test")}})
+    [reading] = readings_of("pinocchio", {("urdf",): {declared: (f"Pinocchio {name}", "leave it out", "planted by a test")}})
     return reading
 
 

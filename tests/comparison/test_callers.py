@@ -71,7 +71,7 @@ ENGINE = Toy()
 """
 READINGS = """
 from harness.explain.changes.readings import _left_out, readings_of
-READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: ("The toy applies no damping", "its own text, a few lines in a test")}})
+READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: ("The toy applies no damping", "add it", "its own text, in a test")}})
 """
 BAR = BUILT_IN.model_path("bar_pendulum", "urdf")
 

@@ -98,6 +98,18 @@ def test_every_reading_says_where_it_is_known_from(engine: str) -> None:
             assert reading.engine == engine and len(reading.source) > 20 and reading.sentence[0].isupper()
 
 
+# What a user is told to do begins with one of these.
+IMPERATIVES = {"add", "build", "call", "give", "keep", "leave", "load", "pass", "put", "reduce", "set", "turn", "write"}
+
+
+@pytest.mark.parametrize("engine", sorted(engines_of_files()))
+def test_every_reading_says_what_its_user_can_do(engine: str) -> None:
+    readings = [reading for model_format in engines_of_files()[engine].formats for reading in find_readings(engine, model_format)]
+    assert readings
+    for reading in readings:
+        assert reading.remedy.split()[0] in IMPERATIVES and len(reading.remedy) <= 90 and reading.remedy[-1] not in ".;", reading
+
+
 def test_a_reading_that_does_not_apply_leaves_the_very_robot() -> None:
     robot = meant_by(FILES / "impossible.urdf").robot
     found = [(reading, reading.read(robot)) for engine in engines_of_files() for reading in find_readings(engine, "urdf")]

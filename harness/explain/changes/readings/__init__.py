@@ -56,13 +56,14 @@ class Reading(Law):
 
     Attributes:
         engine, formats: whose reader, of which formats.
-        sentence: for the reader of a report, the engine first.
+        sentence: for the reader of a report, the engine first. remedy: what the engine's user can do about it, an imperative.
         source: the documentation or source that says so.
     """
 
     engine: str
     formats: tuple[str, ...]
     sentence: str
+    remedy: str
     source: str
 
     def read(self, robot: Robot) -> Robot:
@@ -90,12 +91,12 @@ def law(
     return declared
 
 
-def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str]]]) -> tuple[Reading, ...]:
-    """The laws that an engine's reader of some formats has, each with the sentence and the source that say so."""
+def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str, str]]]) -> tuple[Reading, ...]:
+    """The laws that an engine's reader of some formats has, each with its sentence, remedy and source."""
     return tuple(
-        Reading(**vars(one), engine=engine, formats=formats, sentence=sentence, source=source)
+        Reading(**vars(one), engine=engine, formats=formats, sentence=sentence, remedy=remedy, source=source)
         for formats, of_formats in laws.items()
-        for one, (sentence, source) in of_formats.items()
+        for one, (sentence, remedy, source) in of_formats.items()
     )
 
 

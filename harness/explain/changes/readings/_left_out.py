@@ -10,6 +10,14 @@ from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Given, Inertia, Solid, Tree, vector
 from harness.trees.robot import Robot
 
+# Remedies of several engines.
+ADD_DAMPING, ADD_SPRINGS, ADD_POINT_SPRINGS = "add -d v to tau", "add -k (q - q0) to tau", "add J' f of each spring to tau"
+ADD_TENDONS = "add coef times the force of the tendon to tau of each of its joints"
+ADD_ROTORS = "add the rotor inertias to the diagonal of M, and solve with that"
+LEAD = "reduce M and its bias to the joints that lead, G' M G and G' h, and solve with these"
+WRITE_INERTIA, POSSIBLE = "write an <inertial> into each of them", "write inertias that a body can have"
+WRITE_OUT_FRAMES = "write out what they hold, each element with its own pose"
+
 _ONE, _NOTHING = Fraction(1), Fraction(0)
 
 

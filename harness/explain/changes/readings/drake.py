@@ -85,24 +85,40 @@ READINGS = readings_of(
         _MJCF: {
             _in_a_row: (
                 "Drake's parser puts all but the last of several joints of a body into the frame of its parent, without the body's pose",
+                "give each of these joints a body of its own",
                 "Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
             ),
-            _left_out.frames: ("Drake's parser passes over <frame> and <replicate> with all that they hold", _PARSER),
+            _left_out.frames: (
+                "Drake's parser passes over <frame> and <replicate> with all that they hold",
+                _left_out.WRITE_OUT_FRAMES,
+                _PARSER,
+            ),
             _without_settings: (
                 "Drake's parser passes over settotalmass, and boundmass, boundinertia and balanceinertia, with a warning",
+                "write the masses and inertias that result into each <inertial>",
                 _PARSER,
             ),
             _undriven: (
                 "Drake's parser gives the armature of a joint to motors and position actuators, and drops it where none drives the joint",
+                "add a <motor> for the joint",
                 "https://github.com/RobotLocomotion/drake/pull/21967",
             ),
-            _written_gravity: ("Drake's parser passes over the flag that switches gravity off, with a warning", _PARSER),
-            _left_out.point_springs: ("Drake's parser passes over tendons, with a warning", _PARSER),
-            _left_out.linear_tendons: ("Drake's parser passes over tendons on joints, with a warning", _PARSER),
+            _written_gravity: (
+                "Drake's parser passes over the flag that switches gravity off, with a warning",
+                "call plant.mutable_gravity_field().set_gravity_vector([0, 0, 0])",
+                _PARSER,
+            ),
+            _left_out.point_springs: (
+                "Drake's parser passes over tendons, with a warning",
+                "add a LinearSpringDamper to the plant for each",
+                _PARSER,
+            ),
+            _left_out.linear_tendons: ("Drake's parser passes over tendons on joints, with a warning", _left_out.ADD_TENDONS, _PARSER),
         },
         _BOTH: {
             _left_out.springs: (
                 "Drake's parser passes over the springs of joints, with a warning for those of an MJCF",
+                "add a RevoluteSpring or PrismaticSpring to the plant for each",
                 f"{_MANUAL}: <springStiffness> is unknown, and stiffness of an MJCF's joint is not supported",
             ),
             _possible: (
@@ -110,6 +126,7 @@ READINGS = readings_of(
                     "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "
                     "or 1 kg where it has none; it warns of it"
                 ),
+                _left_out.POSSIBLE,
                 "Drake, multibody/parsing/detail_common.h, ParseSpatialInertia, and its fallback",
             ),
         },

@@ -138,43 +138,64 @@ MUJOCO = readings_of(
         _MJCF: {
             _massless_bodies_centred: (
                 "MuJoCo takes the position of a body in its parent for the centre of the mass that boundmass gives it",
+                _left_out.WRITE_INERTIA,
                 f"{_OBJECTS}, mjCBody::Compile: where ipos is undefined, the body's pos and quat are copied into it",
             ),
         },
         _URDF: {
             _weighed: (
                 "MuJoCo gives a link without <inertial> the mass of its collision geometry, at 1000 kg/m^3",
+                _left_out.WRITE_INERTIA,
                 'MuJoCo documentation, XML reference, compiler, inertiafromgeom="auto", and geom, density',
             ),
             _bounded_as_settings_say: (
                 "MuJoCo bounds masses and inertias by the compiler settings of the file's element <mujoco>, before it fuses links",
+                "leave boundmass, boundinertia and balanceinertia out of <mujoco>",
                 f"{_EXTENSIONS}, compiler: boundmass, boundinertia, balanceinertia",
             ),
             _without_massless_inertias: (
                 "MuJoCo drops the inertia of a link of mass 0 when it fuses the link with its parent",
+                'give the link a mass, or set fusestatic="false" in <mujoco><compiler>',
                 f"{_OBJECTS}, mjCBody::ToFrame: a fused body's inertia is added where its mass is mjMINVAL or more",
             ),
             _scaled_as_settings_say: (
                 "MuJoCo scales all masses by the compiler settings of the file's element <mujoco>",
+                "leave settotalmass out of <mujoco>",
                 f"{_EXTENSIONS}, compiler: settotalmass",
             ),
             _gravity_of_settings: (
                 "MuJoCo takes gravity from the option settings of the file's element <mujoco>",
+                "leave gravity out of <mujoco>, or set it in every engine",
                 f"{_EXTENSIONS}, option: gravity",
             ),
             _damped_in_each_velocity: (
                 "MuJoCo applies the damping of a floating or planar joint to each of its velocities",
+                "leave damping out of floating and planar joints",
                 f"{_URDF_READER}, mjXURDF::Joint; wiki.ros.org/urdf/XML/joint: damping is for revolute and prismatic joints",
             ),
-            _left_out.springs: ("MuJoCo's reader of URDF passes over Gazebo's springs of joints", _ONE_EXTENSION),
-            _left_out.point_springs: ("MuJoCo's reader of URDF passes over Drake's springs between points", _ONE_EXTENSION),
-            _left_out.rotors: ("MuJoCo's reader of URDF passes over Drake's rotor inertias", _ONE_EXTENSION),
+            _left_out.springs: (
+                "MuJoCo's reader of URDF passes over Gazebo's springs of joints",
+                "set stiffness and springref of the joint in an MjSpec",
+                _ONE_EXTENSION,
+            ),
+            _left_out.point_springs: (
+                "MuJoCo's reader of URDF passes over Drake's springs between points",
+                "add each as a tendon in an MjSpec",
+                _ONE_EXTENSION,
+            ),
+            _left_out.rotors: (
+                "MuJoCo's reader of URDF passes over Drake's rotor inertias",
+                "set armature of the joint in an MjSpec",
+                _ONE_EXTENSION,
+            ),
             _left_out.ball_joints: (
                 "MuJoCo's reader of URDF passes over Drake's ball joint, and fixes the root link to the world",
+                "add a ball joint to the root link in an MjSpec",
                 _ONE_EXTENSION,
             ),
             _left_out.mimics: (
                 "MuJoCo makes a joint that mimics another a joint of its own under a soft equality constraint, which is off here",
+                "keep that constraint on, and make its solref stiffer where it gives",
                 f"{_EXTENSIONS}, equality/joint",
             ),
         },
@@ -186,6 +207,7 @@ MJX = readings_of(
         _MJCF: {
             _without_passive_forces: (
                 "MJX leaves out springs and dampers alike where the file switches off the one or the other",
+                "set stiffness or damping to 0 instead of the flag",
                 "mujoco/mjx/_src/passive.py, passive; https://github.com/google-deepmind/mujoco/pull/3440",
             ),
         },

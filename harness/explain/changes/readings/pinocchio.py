@@ -143,42 +143,51 @@ READINGS = readings_of(
         _BOTH: {
             _gravity: (
                 "Pinocchio takes 9.81 m/s^2 along -z for gravity, whatever the file says",
+                "set model.gravity.linear to the gravity of the file",
                 "Pinocchio 4.1, multibody/model.hpp, gravity981; its MJCF reader reads no <option gravity>",
             ),
             _left_out.dampers: (
                 "Pinocchio's ABA applies no joint damping",
+                _left_out.ADD_DAMPING,
                 "stack-of-tasks/pinocchio issues 1291 and 1147: damping and friction are the user's, in tau; Model.damping is data only",
             ),
             _left_out.springs: (
                 "Pinocchio applies no springs",
+                _left_out.ADD_SPRINGS,
                 f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which does not read stiffness, {_NO_FORCE}",
             ),
             _left_out.point_springs: (
                 "Pinocchio has no springs between points, and no tendons",
+                _left_out.ADD_POINT_SPRINGS,
                 f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no <tendon>, {_NO_FORCE}",
             ),
         },
         _URDF: {
             _in_the_plane_of_the_frame: (
                 "Pinocchio moves a planar joint in the xy plane of the joint's frame, whatever axis the file gives it",
+                "turn the joint's origin so that its z is the axis",
                 "Pinocchio 4.1, multibody/joint/joint-planar.hpp, without axis; parsers/urdf/model.cpp: planar, with normal axis along Z",
             ),
             _left_out.rotors: (
                 "Pinocchio's reader of URDF reads no rotor inertias",
+                "set model.armature to the rotor inertias",
                 "Pinocchio 4.1, parsers/urdf/model.cpp, which reads no <transmission>",
             ),
             _left_out.ball_joints: (
                 "Pinocchio's reader of URDF passes over Drake's ball joint, and fixes the root link to the world",
+                "build the model with pin.JointModelSpherical() as its root joint",
                 "Pinocchio 4.1, parsers/urdf/model.cpp, which reads the joints of URDF alone",
             ),
             _left_out.mimics: (
                 "Pinocchio's URDF reader takes a joint that mimics another for one that moves by itself",
+                "build the model with mimic=True, and solve with pin.crba and pin.nonLinearEffects",
                 "Pinocchio 4.1, parsers/urdf.hpp, buildModel: mimic is false unless the caller asks; aba refuses models with mimic joints",
             ),
         },
         _MJCF: {
             _left_out.linear_tendons: (
                 "Pinocchio has no tendons on joints",
+                _left_out.ADD_TENDONS,
                 f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no <tendon>, {_NO_FORCE}",
             ),
             _raised: (
@@ -186,43 +195,57 @@ READINGS = readings_of(
                     "Pinocchio's MJCF reader takes boundmass and boundinertia of <compiler> for the numbers of an <inertial> alone, "
                     "and passes over balanceinertia"
                 ),
+                "write the bounded masses and inertias into each <inertial>",
                 f"{_GRAPH}, convertInertiaFromMjcf and parseCompiler",
             ),
             _without_anchors_of_classes: (
                 "Pinocchio's MJCF reader passes over a joint's pos from a default class, and puts the joint into the body's origin",
+                "write pos on the joint itself",
                 f"{_GRAPH}, MjcfJoint::fill: only the joint's own attribute pos is read",
             ),
             _with_class_around: (
                 "Pinocchio's MJCF reader gives a joint with a class of its own what the childclass around it says besides",
+                "write axis and ref on the joint itself",
                 f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
             ),
             _with_rotor_around: (
                 "Pinocchio's MJCF reader gives a joint with a class of its own the armature of the childclass around it, if it has none",
+                "write armature on the joint itself",
                 f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
             ),
             _turned_about_moving_axes: (
                 "Pinocchio's MJCF reader takes the capital letters of eulerseq, which turn about axes that stay, for small ones",
+                "write these turns as quat",
                 f"{_GRAPH}, MjcfCompiler::convertEuler, which multiplies the three turns in their order",
             ),
             _without_masses_of_classes: (
                 "Pinocchio's MJCF reader passes over a geom's mass from a default class, and takes its density",
+                "write mass on the geom itself",
                 f"{_GEOMS}: only the geom's own attribute mass is read",
             ),
             _of_the_first_tree: (
                 "Pinocchio's MJCF reader reads the first body in <worldbody> with what it carries, and passes over the others",
+                "put all trees under one body without joint and pose",
                 f"{_GRAPH}, parseGraph: get_child(worldbody).get_child(body), of which there is one",
             ),
             _left_out.frames: (
                 "Pinocchio's MJCF reader passes over <frame> and <replicate> with all that they hold",
+                _left_out.WRITE_OUT_FRAMES,
                 f"{_GRAPH}, parseJointAndBody, which knows neither element",
             ),
             _with_unit_meshes: (
                 "Pinocchio's MJCF reader computes no inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 in its position",
+                _left_out.WRITE_INERTIA,
                 f"{_GEOMS}, MjcfGeom::computeInertia leaves a mesh Inertia::Identity()",
             ),
-            _unscaled: ("Pinocchio's MJCF reader passes over <compiler settotalmass>", f"{_GRAPH}, parseCompiler, which does not read it"),
+            _unscaled: (
+                "Pinocchio's MJCF reader passes over <compiler settotalmass>",
+                "write the scaled masses and inertias into each <inertial>",
+                f"{_GRAPH}, parseCompiler, which does not read it",
+            ),
             _without_pictures: (
                 'Pinocchio\'s MJCF reader gives a geom with contype="0" and conaffinity="0" no mass, as to a picture',
+                _left_out.WRITE_INERTIA,
                 f"{_GEOMS}: such a geom is VISUAL, and its inertia is not computed",
             ),
         },

@@ -173,25 +173,33 @@ READINGS = readings_of(
         _URDF: {
             _left_out.unit_inertias: (
                 "PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, and warns of it",
+                _left_out.WRITE_INERTIA,
                 "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
             ),
             _boxes: (
                 "PyBullet passes over moments of inertia, and takes those of the box around the collision shapes of a link, 1 mm wider",
+                "load the file with flags=p.URDF_USE_INERTIA_FROM_FILE",
                 "PyBullet Quickstart Guide, loadURDF, URDF_USE_INERTIA_FROM_FILE; bullet3, btCompoundShape::calculateLocalInertia",
             ),
             _possible: (
                 "PyBullet sets moments of inertia to zero where one is negative or more than the sum of the others, and warns of it",
+                _left_out.POSSIBLE,
                 _INERTIAS,
             ),
             _diagonal: (
                 "PyBullet turns an inertia matrix to its principal axes to 1e-6 of it, and passes over the products that are left",
+                "write these inertias about their principal axes, and the turn into rpy of the origin",
                 f"{_INERTIAS}; btMatrix3x3::diagonalize",
             ),
-            _left_out.dampers: ("PyBullet stores the damping of joints, and its inverse dynamics apply none", _READER),
-            _left_out.springs: ("PyBullet reads no springs of joints", _READER),
-            _left_out.rotors: ("PyBullet reads no rotor inertias", _READER),
-            _left_out.mimics: ("PyBullet takes a joint that mimics another for one that moves by itself", _READER),
-            _left_out.point_springs: ("PyBullet reads no springs between points", _READER),
+            _left_out.dampers: (
+                "PyBullet stores the damping of joints, and its inverse dynamics apply none",
+                _left_out.ADD_DAMPING,
+                _READER,
+            ),
+            _left_out.springs: ("PyBullet reads no springs of joints", _left_out.ADD_SPRINGS, _READER),
+            _left_out.rotors: ("PyBullet reads no rotor inertias", _left_out.ADD_ROTORS, _READER),
+            _left_out.mimics: ("PyBullet takes a joint that mimics another for one that moves by itself", _left_out.LEAD, _READER),
+            _left_out.point_springs: ("PyBullet reads no springs between points", _left_out.ADD_POINT_SPRINGS, _READER),
         },
     },
 )

@@ -44,13 +44,14 @@ ADAM = readings_of(
     "adam",
     {
         _URDF: {
-            _left_out.dampers: ("The computations of adam apply no joint damping", _ADAM),
-            _left_out.springs: ("The parser of adam reads no springs", _ADAM),
-            _left_out.rotors: ("The parser of adam reads no rotor inertias", _ADAM),
-            _left_out.mimics: ("The parser of adam takes a joint that mimics another for one that moves by itself", _ADAM),
-            _left_out.point_springs: ("The parser of adam reads no springs between points", _ADAM),
+            _left_out.dampers: ("The computations of adam apply no joint damping", _left_out.ADD_DAMPING, _ADAM),
+            _left_out.springs: ("The parser of adam reads no springs", _left_out.ADD_SPRINGS, _ADAM),
+            _left_out.rotors: ("The parser of adam reads no rotor inertias", _left_out.ADD_ROTORS, _ADAM),
+            _left_out.mimics: ("The parser of adam takes a joint that mimics another for one that moves by itself", _left_out.LEAD, _ADAM),
+            _left_out.point_springs: ("The parser of adam reads no springs between points", _left_out.ADD_POINT_SPRINGS, _ADAM),
             _gravity: (
                 "The computations of adam take 9.80665 m/s^2 along -z for gravity, rounded to float32",
+                "pass the gravity of the file to KinDynComputations, as gravity=[x, y, z, 0, 0, 0]",
                 "adam, src/adam/numpy/computations.py, KinDynComputations: gravity",
             ),
         },
@@ -62,17 +63,20 @@ DART = readings_of(
         _URDF: {
             _left_out.unit_inertias: (
                 "DART gives a link without <inertial> 1 kg and moments of 1 kg m^2",
+                _left_out.WRITE_INERTIA,
                 "DART, dart/utils/urdf/DartLoader.hpp, Options::mDefaultInertia",
             ),
-            _left_out.springs: ("DART's loader reads no springs", _DART),
-            _left_out.rotors: ("DART knows no rotor inertias of joints", _DART),
+            _left_out.springs: ("DART's loader reads no springs", _left_out.ADD_SPRINGS, _DART),
+            _left_out.rotors: ("DART knows no rotor inertias of joints", _left_out.ADD_ROTORS, _DART),
             _left_out.mimics: (
                 "DART has a joint that mimics another follow it by a constraint of its world, which computeForwardDynamics does not ask",
+                "add the skeleton to a World, and step that",
                 "DART, dart/utils/urdf/DartLoader.cpp, and dart/constraint/MimicMotorConstraint.cpp",
             ),
-            _left_out.point_springs: ("DART's loader reads no springs between points", _DART),
+            _left_out.point_springs: ("DART's loader reads no springs between points", _left_out.ADD_POINT_SPRINGS, _DART),
             _damped_implicitly: (
                 "DART has the dampers of joints act at the end of its time step, which is 1 ms by default",
+                "call setTimeStep(0) on the skeleton",
                 "https://github.com/dartsim/dart/issues/1450; dart/dynamics/detail/GenericJoint.hpp, updateInvProjArtInertiaImplicit",
             ),
         },
@@ -84,26 +88,32 @@ IDYNTREE = readings_of(
         _URDF: {
             _without_frames: (
                 "The parser of iDynTree takes a link of mass 0 at the end of fixed joints for a frame, and drops its inertia",
+                "give the link a mass above 0",
                 "iDynTree, src/model/src/ModelTransformers.cpp, removeFakeLinks",
             ),
             _left_out.dampers: (
                 "The parser of iDynTree stores the damping of joints, and no computation applies it",
+                _left_out.ADD_DAMPING,
                 "iDynTree, src/model: IJoint::getDamping is read by no algorithm of ForwardKinematics.cpp or Dynamics.cpp",
             ),
             _left_out.springs: (
                 "The parser of iDynTree reads no springs",
+                _left_out.ADD_SPRINGS,
                 _IDYNTREE,
             ),
             _left_out.rotors: (
                 "The parser of iDynTree reads no rotor inertias",
+                _left_out.ADD_ROTORS,
                 _IDYNTREE,
             ),
             _left_out.mimics: (
                 "The parser of iDynTree takes a joint that mimics another for one that moves by itself, without a message",
+                _left_out.LEAD,
                 "iDynTree, src/model_io/codecs/src/URDFParsingUtils and JointElement.cpp, which know no <mimic>",
             ),
             _left_out.point_springs: (
                 "The parser of iDynTree reads no springs between points",
+                _left_out.ADD_POINT_SPRINGS,
                 _IDYNTREE,
             ),
         },
