@@ -131,6 +131,7 @@ def compare(
     *others: str | Path,
     floating_base: bool = False,
     renamed: Mapping[str, str] | None = None,
+    without: Sequence[str] = (),
     states: int = STATES,
     seed: int = 0,
     workers: int | None = None,
@@ -142,7 +143,8 @@ def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | File
     """Compare a robot's files and engines on them, or hold anybody's accelerations of a mechanism against the truth.
 
     With paths alone, as ``compare("robot.urdf", "robot.xml")``, it is what ``harness compare`` does: files, subjects with the readings
-    that explain them, and pairs of files. ``renamed`` is {joint of the first file: its name in another}.
+    that explain them, and pairs of files. ``renamed`` is {joint of the first file: its name in another}; joints of ``without`` stand still
+    where files are held against each other.
 
     With ``compare(name, q, v, accelerations)`` these are answers for the mechanism ``name``, as of ``LoadedSystem.compare``.
 

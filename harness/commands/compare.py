@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -25,6 +26,15 @@ class CompareOptions:
         tuple[str, ...],
         click.option(
             "--map", "renamed", multiple=True, metavar="JOINT=OTHER", help="Joint of the first file, and its name in another; repeatable."
+        ),
+    ]
+    without: Annotated[
+        tuple[str, ...],
+        click.option(
+            "--without",
+            multiple=True,
+            metavar="JOINT",
+            help="Let this joint stand still in all files while they are held against each other; repeatable.",
         ),
     ]
     states: Annotated[int, states_option(64, "file")]
@@ -60,6 +70,7 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     FILE is a URDF or an MJCF, as its root element says. Prints what the file is, what no body
     can have, what each engine makes of it and why, and whether several files are one robot.
     Plain is an engine as its user calls it; aided, one with what it leaves out of the file supplied.
+    Joints that one file alone moves stand still in both while the rest of the files is compared.
     The exit status is 0 where every answer is explained and all files are one robot.
 
     With --steps two engines, or two integrators, move the robot from one start. Prints how much of the
@@ -70,11 +81,16 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     Examples:
       harness compare robot.urdf
       harness compare robot.urdf robot.xml --map shoulder=joint1
+      harness compare robot.urdf with_gripper.urdf --without finger
       harness compare robot.urdf --subject mujoco@3.13.0/urdf
       harness compare robot.urdf --floating-base --html robot.html
       harness compare r.xml --steps 100 --by mujoco/Euler --by mujoco/RK4@0.001
     """
-    renamed = dict(map(_names, asked.renamed))
+    renamed = _renamed(asked.renamed)
+    if (renamed or asked.without) and len(set(asked.files)) == 1:
+        raise click.UsageError("--map and --without are for files that are held against each other; name a second file")
+    if asked.without and asked.steps is not None:
+        raise click.UsageError("--without is for files held against each other; with --steps engines move whole files")
     if asked.steps is not None:
         _compare_motions(bracket, asked, asked.steps, renamed)
         return
@@ -84,7 +100,13 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     from harness.report.comparison import sections
 
     settings = ComparisonSettings(
-        tuple(dict.fromkeys(asked.files)), asked.states, bracket.seed, bracket.floating_base, renamed, subjects=asked.subjects
+        tuple(dict.fromkeys(asked.files)),
+        asked.states,
+        bracket.seed,
+        bracket.floating_base,
+        renamed,
+        asked.without,
+        subjects=asked.subjects,
     )
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
@@ -114,9 +136,15 @@ def _compare_motions(bracket: Bracket, asked: CompareOptions, steps: int, rename
     bracket.finish(study.problems, study.crashed, bool(found.gaps))
 
 
-def _names(text: str) -> tuple[str, str]:
-    """Raises click.BadParameter where ``text`` is not JOINT=OTHER."""
-    one, _, other = text.partition("=")
-    if not one or not other:
-        raise click.BadParameter(f"{text!r}: expected JOINT=OTHER, a joint of the first file and its name in another", param_hint="--map")
-    return one, other
+def _renamed(texts: Sequence[str]) -> dict[str, str]:
+    """Raises click.BadParameter where one of ``texts`` is not JOINT=OTHER, or where a joint has two partners."""
+    found: dict[str, str] = {}
+    for text in texts:
+        one, _, other = text.partition("=")
+        if not one or not other:
+            expected = "expected JOINT=OTHER, a joint of the first file and its name in another"
+            raise click.BadParameter(f"{text!r}: {expected}", param_hint="--map")
+        if found.get(one, other) != other or other in (its for name, its in found.items() if name != one):
+            raise click.BadParameter(f"{text!r} gives a joint a second partner; expected one for each", param_hint="--map")
+        found[one] = other
+    return found

@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.gap import LENGTH, OWN_RULES, Motion, advanced, gap_of
-from harness.comparison.matching import SameStates, match, renamed_to
+from harness.comparison.matching import SameStates, match, refuse_unknown, renamed_to
 from harness.comparison.robot_library import engines_of_files, robot_at
 from harness.engines import NotOffered, installed_version, runs_elsewhere
 from harness.engines.request import Refused
@@ -146,6 +146,7 @@ class GapStudy(Study):
 def _prepare(settings: GapSettings) -> tuple[tuple[_Case, _Case], tuple[str, ...], tuple[Array, Array]]:
     """Both cases, the joints of the first, and where both start."""
     robots = [robot_at(path, settings.floating_base) for path in settings.paths]
+    refuse_unknown(robots, dict(settings.renamed), ())
     matching = match(robots[0], robots[1], dict(settings.renamed))
     if matching.problem:
         raise InvalidRequest(f"the files are not one robot: {matching.problem}")

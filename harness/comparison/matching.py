@@ -1,15 +1,19 @@
 """The joints of one robot's file in another: which is which, and the states of one in the coordinates of the other.
 
-Joints are matched by name, then as the user says, then by place and kind. Frames of two files are placed and turned otherwise. A hinge
-or slide has the same position in both. The rotation of a ball joint is measured in the frame of its body, a planar joint's position
-along axes of its frame, and a free joint's pose in a frame that a URDF may place anywhere. With every joint at zero, frames of one robot
-differ by a turn that stays: of a ball joint, q' = c q c^-1 and v' = C v.
+Joints are matched as the user says, then by name, then by place and kind. Those without a partner stand still while the rest is
+compared: a joint that is left out of the tree fixes its body to what carried it.
+
+Frames of two files are placed and turned otherwise. A hinge or slide has the same position in both. The rotation of a ball joint is
+measured in the frame of its body, a planar joint's position along axes of its frame, and a free joint's pose in a frame that a URDF may
+place anywhere. With every joint at zero, frames of one robot differ by a turn that stays: of a ball joint, q' = c q c^-1 and v' = C v.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -18,9 +22,12 @@ from harness.arrays import Array
 from harness.engines.coordinates import multiplied, of_linear, quaternion_of, rotations
 from harness.engines.request import AskedJoint
 from harness.engines.tree_request import asked_joints
-from harness.explain.changes.readings import with_joints, with_tree
+from harness.errors import InvalidRequest
+from harness.explain.changes.readings import with_bodies, with_joints, with_tree
+from harness.files.facts import in_radians
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Joint, Tree
+from harness.files.tree import Coupling, Joint, Tree
+from harness.library import nearest
 from harness.programs.states import States
 from harness.trees.canonical import CanonicalNode, canonical
 from harness.trees.robot import Robot
@@ -55,18 +62,24 @@ class Matching:
         return "; ".join(parts)
 
 
+# Of the joints that two joints carry, themselves among them, the share by which one with another name may be the same joint.
+_LIKE = Fraction(1, 2)
+
+
 def match(first: Robot, second: Robot, renamed: Mapping[str, str]) -> Matching:
     """Match the joints of two robots; ``renamed`` is {joint of the first: joint of the second} as the user says."""
     ones, others = ({joint.name: joint.kind for joint in robot.tree.joints} for robot in (first, second))
-    named = {one: renamed.get(one, one) for one in ones if renamed.get(one, one) in others}
+    said = {one: other for one, other in renamed.items() if one in ones and other in others}
+    named = said | {one: one for one in ones if one in others and one not in said and one not in said.values()}
     names, before, others_before = dict(named), joints_before(first.tree), joints_before(second.tree)
+    carried, others_carried = _carried(before), _carried(others_before)
     for one, above in before.items():
-        # Of one kind, behind partners, in the order of the files.
-        place = names.get(above, "") if above else ""
-        free = (
-            other for other, its in others_before.items() if other not in names.values() and others[other] == ones[one] and its == place
-        )
-        if one not in names and (partner := next(free, None)) is not None:
+        # Of one kind, behind partners, in the order of the files; nothing is known of what joints without a partner carry.
+        place, partners = names.get(above) if above else "", set(names.values())
+        free = (other for other in others_before if other not in partners and (others[other], others_before[other]) == (ones[one], place))
+        sizes = ((other, (carried[one], others_carried[other])) for other in free)
+        partner = next((other for other, size in sizes if min(size) >= _LIKE * max(size)), None)
+        if one not in names and partner is not None:
             names[one] = partner
     return Matching(
         names=names,
@@ -75,6 +88,23 @@ def match(first: Robot, second: Robot, renamed: Mapping[str, str]) -> Matching:
         only_second=tuple(name for name in others if name not in names.values()),
         otherwise=tuple((one, other) for one, other in names.items() if ones[one] != others[other]),
     )
+
+
+def refuse_unknown(robots: Sequence[Robot], renamed: Mapping[str, str], without: Sequence[str]) -> None:
+    """Raises InvalidRequest for a joint that the user names and that no file has, the first of ``robots`` or another."""
+    first, *others = robots
+    for one, other in renamed.items():
+        _refuse(f"--map {one}={other}", one, [first])
+        _refuse(f"--map {one}={other}", other, others)
+    for name in without:
+        _refuse(f"--without {name}", name, robots)
+
+
+def _refuse(option: str, name: str, robots: Sequence[Robot]) -> None:
+    known = dict.fromkeys(joint.name for robot in robots for joint in robot.tree.joints)
+    if name not in known:
+        files = " and ".join(dict.fromkeys(robot.path.name for robot in robots))
+        raise InvalidRequest(f"{option}: no joint {name!r} moves in {files}; {nearest(name, known)}")
 
 
 def joints_before(tree: Tree) -> dict[str, str]:
@@ -87,6 +117,50 @@ def joints_before(tree: Tree) -> dict[str, str]:
             found[joint.name], above = above, joint.name
         last[body.name] = above
     return found
+
+
+def _carried(before: Mapping[str, str]) -> Counter[str]:
+    """How many joints each carries, itself among them."""
+    found = Counter(dict.fromkeys(before, 1))
+    for name, above in reversed(list(before.items())):
+        if above:
+            found[above] += found[name]
+    return found
+
+
+def locked(robot: Robot, names: Set[str]) -> Robot:
+    """A robot in which joints stand still where the file writes their bodies down: at zero, or at the ``ref`` of an MJCF.
+
+    A joint that mimics one of them stands still too. Their bodies ride on what carried the joints.
+    """
+    still = {joint.name: joint for joint in robot.tree.joints if {joint.name, joint.follows} & names}
+    if not still:
+        return robot
+    tree = with_bodies(robot.tree, lambda body: replace(body, joints=tuple(joint for joint in body.joints if joint.name not in still)))
+    kinds = {joint.name: joint for joint in robot.tree.joints}
+    couplings = (_of_moving(coupling, kinds, still) for coupling in tree.couplings)
+    tree = replace(tree, couplings=tuple(coupling for coupling in couplings if coupling.joints))
+    return replace(robot, tree=tree, joints=tuple(name for name in robot.joints if name not in still))
+
+
+def _of_moving(coupling: Coupling, joints: Mapping[str, Joint], still: Mapping[str, Joint]) -> Coupling:
+    """A coupling without the joints that stand still, each of which adds a constant to the sum."""
+    kept = tuple((name, multiple) for name, multiple in coupling.joints if name not in still)
+    if len(kept) == len(coupling.joints):
+        return coupling
+    rest = coupling.rest
+
+    def position(name: str, field: str) -> Fraction:
+        return Fraction(in_radians(joints[name], field))
+
+    constant = Fraction(0)
+    for name, multiple in coupling.joints:
+        if name in still:
+            constant += multiple * (position(name, "reference") - (position(name, "spring_reference") if rest is None else 0))
+    if constant:
+        relaxed = (multiple * position(name, "spring_reference") for name, multiple in kept)
+        rest = (sum(relaxed, Fraction(0)) if rest is None else rest) - constant
+    return replace(coupling, joints=kept, rest=rest)
 
 
 def renamed_to(robot: Robot, names: Mapping[str, str]) -> Robot:

@@ -168,8 +168,13 @@ def differences_of_nodes(first: Meant, second: Robot) -> list[FileDifference]:
 
 def difference_of(what: str, values: Sequence[str], places: Sequence[Place | None], alone: float | None) -> FileDifference:
     """A difference whose places are written as "robot.urdf:12"; "" for none."""
-    first, second = ("" if place is None else f"{Path(place.path).name}:{place.line}" for place in places)
+    first, second = map(place_text, places)
     return FileDifference(what=what, first=values[0], second=values[1], first_place=first, second_place=second, alone=alone)
+
+
+def place_text(place: Place | None) -> str:
+    """A place as "robot.urdf:12"; "" for none."""
+    return "" if place is None else f"{Path(place.path).name}:{place.line}"
 
 
 def shown(first: Array, second: Array) -> tuple[str, str]:

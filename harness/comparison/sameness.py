@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from harness.comparison.matching import SameStates, match, renamed_to
-from harness.comparison.quantities import difference_of, differences_of_nodes
+from harness.comparison.matching import Matching, SameStates, locked, match, renamed_to
+from harness.comparison.quantities import difference_of, differences_of_nodes, place_text
 from harness.explain.changes.readings import freed, with_joints, with_tree
 from harness.explain.meant import Meant, change, columns_of, effects_of_numbers, read_as, reference_of, worst
 from harness.files.tree import Body, Given, Inertia, Joint, Tree
-from harness.results.comparison import FileDifference, PairRecord
+from harness.results.comparison import FileDifference, LockedJoint, PairRecord, names_apart
 from harness.results.table import number_text
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
@@ -48,19 +48,31 @@ _NAMES = {
 _NOT_FELT = ("friction_loss", "limits")
 
 
-def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> PairRecord:
-    """The second file against the first, at the states of the first."""
+def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str], without: Sequence[str] = ()) -> PairRecord:
+    """The second file against the first, at the states of the first.
+
+    Joints that one of them alone moves, and those of ``without``, stand still in both.
+    """
     matching = match(first.robot, second, renamed)
+    still = _locked(matching, first.robot, second, without)
     record = PairRecord(
         first=str(first.robot.path),
         second=str(second.path),
         same=False,
+        locked=[joint for joint, _, _ in still],
         remarks=[f"joint {one} is {matching.names[one]} by place and kind" for one in matching.by_place],
     )
-    if matching.problem or first.undetermined:
-        return replace(record, problem=matching.problem or first.undetermined)
-    second = renamed_to(second, {other: one for one, other in matching.names.items()})
-    led, (first, second) = _mimics(first, second), _freed(first, second)
+    moving = {one: other for one, other in matching.names.items() if all(one != name for _, name, _ in still)}
+    if not moving:
+        return replace(record, problem="no joint of the one is known as a joint of the other; --map JOINT=OTHER says which is which")
+    led = _mimics(first, second, moving)
+    free = {one for one, _ in led}
+    robot = locked(_free(first.robot, free), {name for _, name, _ in still if name})
+    second = locked(_free(second, {moving[one] for one in free}), {name for _, _, name in still if name})
+    second = renamed_to(second, {other: one for one, other in moving.items()})
+    first = read_as(first, robot)
+    if first.undetermined:
+        return replace(record, problem=f"{first.robot.path.name}: {first.undetermined}")
     same_states = SameStates(first.robot, second)
     other = read_as(first, second, same_states.of_second)
     if other.undetermined:
@@ -68,48 +80,69 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str]) -> Pai
     columns = columns_of(other.joints, first.robot.joints)
     compared = compare(first.truth, same_states.of_first(other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns])
     verdicts = set(compared.verdicts[first.truth.certified & other.truth.certified].tolist())
-    same = verdicts == {Verdict.AGREES.value} and not led
+    alike = verdicts == {Verdict.AGREES.value} and not led
     try:
         differences = _different_numbers(first, second)
     except _OtherShape:
         differences = differences_of_nodes(first, second)
     return replace(
         record,
-        same=same,
+        same=alike and all(joint.asked for joint in record.locked),
+        alike=alike,
         backward_error=worst(compared),
         relative_error=worst(compared, "relative_error"),
-        equivalent=same and bool(differences),
+        equivalent=alike and bool(differences),
         # The one that alone moves the accelerations of the first file most comes first.
-        differences=[*led, *sorted(differences, key=lambda one: -(one.alone or 0.0))],
+        differences=[*(one for _, one in led), *sorted(differences, key=lambda one: -(one.alone or 0.0))],
     )
 
 
-def _mimics(first: Meant, second: Robot) -> list[FileDifference]:
-    """The joints that move by themselves in one file only."""
+def _locked(matching: Matching, first: Robot, second: Robot, without: Sequence[str]) -> list[tuple[LockedJoint, str, str]]:
+    """The joints that stand still, each with its name in both files, "" in one that does not have it."""
+    files = list(names_apart([str(first.path), str(second.path)]).values())
+    pairs = [*matching.names.items(), *((one, "") for one in matching.only_first), *(("", other) for other in matching.only_second)]
+    kinds = [{"": "", **{joint.name: joint.kind.value for joint in robot.tree.joints}} for robot in (first, second)]
+    reasons: dict[tuple[str, str], tuple[str, bool]] = {}
+    for one, other in pairs:
+        if {one, other} & set(without):
+            reasons[one, other] = "left out as asked for", True
+        elif not one or not other:
+            reasons[one, other] = f"only {files[0] if one else files[1]} moves it", False
+        elif kinds[0][one] != kinds[1][other]:
+            reasons[one, other] = f"a {kinds[0][one]} joint in {files[0]}, and a {kinds[1][other]} joint in {files[1]}", False
+    for one, other in pairs:
+        leaders = [robot.joint(name).follows for robot, name in ((first, one), (second, other)) if name]
+        for pair, (_, asked) in list(reasons.items()):
+            # What follows a joint that was left out is left out with it, even where one file alone moves it.
+            is_new = (one, other) not in reasons or (asked and not reasons[one, other][1])
+            if is_new and all(leader and leader in pair for leader in leaders):
+                reasons[one, other] = f"it mimics {pair[0] or pair[1]}, which stands still", asked
     found = []
-    for one in first.robot.tree.joints:
-        other = second.joint(one.name)
-        if one.follows != other.follows:
-            alone = change(first, read_as(first, _free(first.robot, {one.name}))) if one.follows else None
-            said = [f"mimics {joint.follows}" if joint.follows else "moves by itself" for joint in (one, other)]
-            places = [joint.places.get("multiplier") for joint in (one, other)]
-            found.append(difference_of(f"joint {one.name}", said, places, alone))
+    for (one, other), (why, asked) in reasons.items():
+        places = [place_text(robot.joint(name).place) if name else "" for robot, name in ((first, one), (second, other))]
+        found.append((LockedJoint(name=one or other, why=why, asked=asked, first_place=places[0], second_place=places[1]), one, other))
     return found
 
 
-def _freed(first: Meant, second: Robot) -> tuple[Meant, Robot]:
-    """Both with the joints free that do not mimic the same joint in both, so that the rest can be compared."""
-    names = {joint.name for joint in first.robot.tree.joints if joint.follows != second.joint(joint.name).follows}
-    if not names:
-        return first, second
-    return read_as(first, _free(first.robot, names)), _free(second, names)
+def _mimics(first: Meant, second: Robot, names: Mapping[str, str]) -> list[tuple[str, FileDifference]]:
+    """The joints that follow others in one file than in the other, by their names in the first; ``names`` are those that move in both."""
+    found = []
+    for one, other in ((first.robot.joint(one), second.joint(other)) for one, other in names.items()):
+        if names.get(one.follows, one.follows) != other.follows:
+            alone = change(first, read_as(first, _free(first.robot, {one.name}))) if one.follows else None
+            said = [f"mimics {joint.follows}" if joint.follows else "moves by itself" for joint in (one, other)]
+            places = [joint.places.get("multiplier") for joint in (one, other)]
+            found.append((one.name, difference_of(f"joint {one.name}", said, places, alone)))
+    return found
 
 
 def _free(robot: Robot, names: Set[str]) -> Robot:
+    """The robot with joints that move by themselves, whatever they mimic in the file, so that the rest can be compared."""
+
     def change(joint: Joint) -> Joint:
         return freed(joint) if joint.name in names else joint
 
-    return with_tree(robot, with_joints(robot.tree, change))
+    return with_tree(robot, with_joints(robot.tree, change)) if names else robot
 
 
 class _OtherShape(Exception):

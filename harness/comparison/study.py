@@ -6,6 +6,7 @@ a task beside the truth.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,11 +14,12 @@ from typing import Any
 
 from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
+from harness.comparison.matching import refuse_unknown
 from harness.comparison.robot_library import ask_engine, engine_of, robot_at, robot_subjects
 from harness.comparison.sameness import hold_against
 from harness.crosscheck.settings import Settings
 from harness.engines.request import EngineAnswers
-from harness.errors import InvalidInput, InvalidModel
+from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.explain.meant import Meant, meant, question_of
 from harness.library import Stance
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, PairRecord, SubjectRecord
@@ -35,7 +37,8 @@ class ComparisonSettings:
 
     Attributes:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
-        renamed: {joint of the first file: its name in another}. pairwise: whether the files are held against each other.
+        renamed: {joint of the first file: its name in another}. without: joints that stand still where files are held against each
+            other. pairwise: whether the files are held against each other.
         stances: of the engines; none where no engine is asked.
         subjects: names of those that are asked; for none every one that is installed anywhere.
     """
@@ -45,6 +48,7 @@ class ComparisonSettings:
     seed: int = 0
     floating_base: bool = False
     renamed: Mapping[str, str] = field(default_factory=dict)
+    without: Sequence[str] = ()
     pairwise: bool = True
     stances: Sequence[Stance] = tuple(Stance)
     subjects: Sequence[str] = ()
@@ -79,10 +83,19 @@ class RobotComparison(Study):
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         settings = self.settings
+        if settings.renamed or settings.without:
+            yield [self._known()]
         yield [self._compared(path) for path in settings.paths]
         if settings.pairwise and len(settings.paths) > 1:
             first, *others = settings.paths
             yield [self._held(first, other) for other in others if first in self._meant and other in self._meant]
+
+    def _known(self) -> Inquiry[None]:
+        """Raises InvalidRequest for joints that the user names and that no file has, before anything else is asked."""
+        settings = self.settings
+        outcome = yield from ask(call, _refuse_unknown, settings.paths, settings.floating_base, settings.renamed, settings.without)
+        if isinstance(outcome.exception, InvalidRequest):
+            raise outcome.exception
 
     def _compared(self, path: Path) -> Inquiry[None]:
         """One file: what it is, and each engine asked by itself, so that one that aborts or hangs costs its own record."""
@@ -121,7 +134,8 @@ class RobotComparison(Study):
 
     def _held(self, first: Path, second: Path) -> Inquiry[None]:
         """The second file against the first."""
-        outcome = yield from ask(call, hold_against, self._meant[first], self._meant[second].robot, self.settings.renamed, affinity=first)
+        settings, robot = self.settings, self._meant[second].robot
+        outcome = yield from ask(call, hold_against, self._meant[first], robot, settings.renamed, settings.without, affinity=first)
         failure = self.failure(outcome)
         record = PairRecord(first=str(first), second=str(second), same=False, problem=failure) if failure else outcome.value
         yield self._kept(f"{first.name} {second.name}", pairs=[record])
@@ -154,6 +168,12 @@ def _file_record(found: Meant) -> FileRecord:
         left_out=list(robot.left_out),
         impossible=list(robot.impossible),
     )
+
+
+def _refuse_unknown(paths: Sequence[Path], floating_base: bool, renamed: Mapping[str, str], without: Sequence[str]) -> None:
+    """As ``refuse_unknown``; of a file that cannot be read the comparison itself tells."""
+    with contextlib.suppress(InvalidInput):
+        refuse_unknown([robot_at(path, floating_base) for path in paths], renamed, without)
 
 
 def _prepare(path: Path, floating_base: bool, count: int, seed: int) -> Meant:

@@ -295,8 +295,6 @@ def _names_of(pair: PairRecord) -> tuple[str, str]:
 def _pair(pair: PairRecord) -> list[str | Table]:
     if pair.problem:
         return [pair.problem]
-    error = "" if pair.backward_error is None else f": {error_text(pair.backward_error)} data roundoffs apart"
-    relative = "" if not pair.relative_error else f", {pair.relative_error:.2g} of the accelerations"
     first, second = _names_of(pair)
     columns: dict[Column | str, str | Callable[[Any], object]] = {
         "what": "what",
@@ -306,7 +304,8 @@ def _pair(pair: PairRecord) -> list[str | Table]:
     }
     table = Table.of(pair.differences, columns, "Differences, the one that moves the accelerations most first.")
     return [
-        f"{'the same robot' if pair.same else 'not the same robot'}{error}{relative}",
+        pair.conclusion,
+        *(f"  {sentence}" for sentence in pair.standing_still),
         *(["  their numbers differ, and no acceleration feels it"] if pair.equivalent and pair.differences else []),
         *(f"  {remark}" for remark in pair.remarks),
         *([table] if pair.differences else []),

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
 from harness.results.records import StudyResult
-from harness.results.table import Cell, Column, error_text
+from harness.results.table import Cell, Column, counted, error_text
 from harness.verdict import Verdict
 
 # The least relative change of accelerations that is one: less is rounding.
@@ -232,12 +232,29 @@ class FileDifference:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LockedJoint:
+    """A joint of two files that stands still while the rest of both is compared, where the file writes its body down.
+
+    Attributes:
+        name: in the first file, or in the second where that alone has it. why: as "only panda.urdf moves it".
+        asked: whether the user left it out, so that it is no difference. first_place, second_place: as of ``FileDifference``.
+    """
+
+    name: str
+    why: str
+    asked: bool
+    first_place: str
+    second_place: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class PairRecord:
     """Two files held against each other.
 
     Attributes:
         same: whether they are one robot to ``AGREEMENT`` data roundoffs. backward_error, relative_error: of the second's truth
             against that of the first. problem: why they cannot be compared.
+        alike: the same of what moves in both, while the joints ``locked`` stand still.
         equivalent: True where numbers differ and no acceleration feels it. remarks: on how joints were matched.
     """
 
@@ -247,9 +264,34 @@ class PairRecord:
     backward_error: float | None = None
     relative_error: float | None = None
     problem: str = ""
+    alike: bool = False
+    locked: list[LockedJoint] = field(default_factory=list)
     equivalent: bool = False
     differences: list[FileDifference] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+
+    @property
+    def conclusion(self) -> str:
+        """Whether the two are one robot, in a sentence."""
+        if self.problem:
+            return self.problem
+        error = "" if self.backward_error is None else f": {error_text(self.backward_error)} data roundoffs apart"
+        relative = f", {self.relative_error:.2g} of the accelerations" if self.relative_error else ""
+        asked, differing = ([joint for joint in self.locked if joint.asked is is_asked] for is_asked in (True, False))
+        but = f" but for {counted(len(differing), 'joint')} that the files do not share" if differing and self.alike else ""
+        left_out = f", {counted(len(asked), 'joint')} left out" if asked else ""
+        return f"{'the same robot' if self.alike else 'not the same robot'}{but}{left_out}{error}{relative}"
+
+    @property
+    def standing_still(self) -> list[str]:
+        """The joints that are locked, a sentence for each reason."""
+        reasons = dict.fromkeys(joint.why for joint in self.locked)
+        return [self._locked_for(why, [joint for joint in self.locked if joint.why == why]) for why in reasons]
+
+    def _locked_for(self, why: str, joints: Sequence[LockedJoint]) -> str:
+        named = [f"{joint.name} ({', '.join(filter(None, (joint.first_place, joint.second_place)))})" for joint in joints]
+        stands = "stands" if len(joints) == 1 else "stand"
+        return f"{', '.join(named)} {stands} still in what is compared: {why}"
 
 
 @dataclass(kw_only=True)

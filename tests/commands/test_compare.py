@@ -55,6 +55,36 @@ def test_files_of_one_robot_and_files_that_are_not(tmp_path: Path) -> None:
     assert "not the same robot" in done.stdout and "damping of joint shoulder" in done.stdout and "other.urdf:9" in done.stdout
 
 
+def test_a_joint_that_one_file_alone_moves_stands_still_while_the_rest_is_compared(tmp_path: Path) -> None:
+    other = tmp_path / "other.urdf"
+    other.write_text(ARM.read_text().replace('<joint name="elbow" type="revolute">', '<joint name="elbow" type="fixed">'))
+    done = harness("compare", str(ARM), str(other), "--states", "8", cwd=tmp_path)
+    assert done.returncode == 1 and "the same robot but for 1 joint that the files do not share" in done.stdout
+    assert "elbow (arm.urdf:19) stands still in what is compared: only arm.urdf moves it" in done.stdout
+    done = harness("compare", str(ARM), str(other), "--without", "elbow", "--states", "8", "--json", "found.json", cwd=tmp_path)
+    assert done.returncode == 0 and "the same robot, 1 joint left out" in done.stdout
+    (pair,) = json.loads((tmp_path / "found.json").read_text())["pairs"]
+    assert pair["locked"][0]["name"] == "elbow" and pair["locked"][0]["second_place"] == ""
+
+
+WRONG_NAMES = {
+    "--map shouldr=shoulder": r"--map shouldr=shoulder: no joint 'shouldr' moves in arm.urdf; did you mean 'shoulder'\?",
+    "--map shoulder=sholder": r"--map shoulder=sholder: no joint 'sholder' moves in arm.xml; did you mean 'shoulder'\?",
+    "--without elow": r"--without elow: no joint 'elow' moves in arm.urdf and arm.xml; did you mean 'elbow'\?",
+    "--map shoulder=elbow --map elbow=elbow": "'elbow=elbow' gives a joint a second partner",
+}
+
+
+@pytest.mark.parametrize("options", WRONG_NAMES)
+def test_a_name_that_no_joint_has_is_bad_usage(options: str, tmp_path: Path) -> None:
+    done = harness("compare", str(ARM), str(FILES / "arm.xml"), *options.split(), cwd=tmp_path)
+    assert done.returncode == 2 and not done.stdout and re.search(WRONG_NAMES[options], done.stderr), done.stderr
+    steps = ["--steps", "2", "--by", "mujoco/Euler", "--by", "mujoco/RK4"]
+    done = harness("compare", str(ARM), str(FILES / "arm.xml"), *options.split(), *steps, cwd=tmp_path)
+    assert done.returncode == 2 and re.search(WRONG_NAMES[options] if "map" in options else "--without is for files", done.stderr)
+    assert harness("compare", str(ARM), *options.split(), cwd=tmp_path).returncode == 2
+
+
 def test_a_file_without_meaning_is_invalid_input(tmp_path: Path) -> None:
     path = tmp_path / "bad.urdf"
     path.write_text(ARM.read_text().replace('<mass value="1"/>', '<mass value="one"/>'))

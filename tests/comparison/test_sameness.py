@@ -96,11 +96,70 @@ def test_joints_are_matched_by_name_then_by_word_then_by_place(tmp_path: Path) -
     assert found.same and len(found.remarks) == 2
 
 
-def test_another_kind_or_number_of_joints_is_another_robot(tmp_path: Path) -> None:
-    slide = edited(URDF, tmp_path, ('<joint name="elbow" type="revolute">', '<joint name="elbow" type="prismatic">'))
-    assert "elbow" in pair(URDF, slide).problem
-    fixed = edited(URDF, tmp_path, ('<joint name="elbow" type="revolute">', '<joint name="elbow" type="fixed">'))
-    assert "only the first has joint elbow" in pair(URDF, fixed).problem
+ELBOW = '<joint name="elbow" type="revolute">'
+
+
+@pytest.mark.parametrize(("kind", "why"), [("fixed", "only arm.urdf moves it"), ("prismatic", "a slide joint in other/arm.urdf")])
+def test_the_rest_is_compared_where_a_joint_is_not_shared(kind: str, why: str, tmp_path: Path) -> None:
+    """The joint stands still in both, and the files are not one robot for it."""
+    (tmp_path / "other").mkdir()
+    (tmp_path / "heavier").mkdir()
+    other = edited(URDF, tmp_path / "other", (ELBOW, f'<joint name="elbow" type="{kind}">'))
+    found = pair(edited(URDF, tmp_path), other)
+    (joint,) = found.locked
+    assert (joint.name, joint.asked, joint.first_place) == ("elbow", False, f"arm.urdf:{line_of(URDF, ELBOW)}")
+    assert not found.same and found.alike and not found.differences and not found.problem
+    assert found.conclusion.startswith("the same robot but for 1 joint that the files do not share: ")
+    heavier = pair(URDF, edited(other, tmp_path / "heavier", ('<mass value="1"/>', '<mass value="1.001"/>')))
+    assert not heavier.alike and heavier.conclusion.startswith("not the same robot: ")
+    assert [difference.what for difference in heavier.differences] == ["mass of link fore"]
+    assert found.backward_error is not None and found.backward_error < 1e-3
+
+
+def test_joints_that_are_left_out_stand_still_in_both(tmp_path: Path) -> None:
+    """A wrong damper of the elbow is felt no more; what mimics the joint stands still beside it."""
+    other = edited(URDF, tmp_path, ('damping="0.25"', 'damping="9"'))
+    assert not pair(URDF, other).same
+    found = hold_against(meant_by(URDF), read_robot(other), {}, ["elbow"])
+    assert found.same and found.locked[0].asked and found.conclusion.startswith("the same robot, 1 joint left out: ")
+    gripper = FILES / "mimic.urdf"
+    both = hold_against(meant_by(gripper), read_robot(gripper), {}, ["left"])
+    assert both.problem.startswith("no joint of the one") and [joint.name for joint in both.locked] == ["left", "right"]
+
+
+COUPLED = """<mujoco><compiler angle="radian"/><worldbody><body name="one"><joint name="a" axis="0 1 0"/>
+<inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/><body name="two" pos="0 0 -1"><joint name="b" axis="0 1 0" {of_joint}/>
+<inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></worldbody>
+<tendon><fixed stiffness="3" {rest}><joint joint="a" coef="2"/><joint joint="b" coef="0.5"/></fixed></tendon></mujoco>"""
+ALONE = '<joint name="b" axis="0 1 0" {of_joint}/>'
+
+
+@pytest.mark.parametrize(
+    ("of_joint", "rest", "other_rest"),
+    [
+        ("", 'springlength="0.25"', 'springlength="0.25"'),
+        ("", "", ""),
+        ('ref="0.5"', 'springlength="0.75"', 'springlength="0.5"'),
+        ('ref="0.5" springref="0.75"', "", 'springlength="0.125"'),
+    ],
+)
+def test_a_joint_that_stands_still_adds_a_constant_to_a_tendon(of_joint: str, rest: str, other_rest: str, tmp_path: Path) -> None:
+    """It stands still at its ``ref``, where the file writes its body down."""
+    both, one = tmp_path / "both.xml", tmp_path / "one.xml"
+    both.write_text(COUPLED.format(of_joint=of_joint, rest=rest))
+    text = COUPLED.format(of_joint="", rest=other_rest)
+    one.write_text(text.replace(ALONE.format(of_joint=""), "").replace('<joint joint="b" coef="0.5"/>', ""))
+    found = pair(both, one)
+    assert found.alike and found.backward_error is not None and found.backward_error < 4, found.conclusion
+
+
+def test_a_joint_that_carries_much_is_none_that_carries_little(tmp_path: Path) -> None:
+    """Neither are those behind it joints of the other file."""
+    head = edited(URDF, tmp_path, (ELBOW, '<joint name="elbow" type="fixed">'))
+    chain = COUPLED.format(of_joint="", rest="").replace("</body></body>", '<body><joint name="c"/></body></body></body>')
+    (tmp_path / "chain.xml").write_text(chain)
+    assert match(read_robot(tmp_path / "chain.xml"), read_robot(head), {}).names == {}
+    assert pair(head, tmp_path / "chain.xml").problem.startswith("no joint of the one is known as a joint of the other; --map")
 
 
 def test_a_joint_that_mimics_in_one_file_only_is_a_difference(tmp_path: Path) -> None:
