@@ -230,3 +230,35 @@ def test_a_robot_without_a_certain_acceleration_is_undecided(tmp_path: Path) -> 
     path.write_text(text.replace(moments, '<inertia ixx="-1" ixy="0" ixz="0" iyy="-9" iyz="0" izz="-1"'))
     record = record_of(path, "pinocchio")
     assert (record.verdict, record.explained, "at no state" in record.message) == (Verdict.UNDECIDED, True, True)
+
+
+# What MuJoCo 3.13.0 compiles of these: body_inertia turned by body_iquat.
+FULL_INERTIAS = {
+    "0.1 0.2 0.25 0.01 0.02 -0.03": (
+        0.09999999944611705, 0.20000001263844416, 0.24999998791544303, 0.009999999975022482, 0.019999996489070217, -0.03000001149626236,
+    ),
+    "0.001 0.002 0.0025 0.0001 0.0002 -0.0003": (
+        0.0009999999944611715, 0.002000000126384442, 0.002499999879154432, 9.999999975022505e-05, 0.0001999999648907024,
+        -0.00030000011496262365,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("moments", FULL_INERTIAS)
+def test_what_a_compiler_of_old_makes_of_a_full_inertia(moments: str, tmp_path: Path) -> None:
+    path = tmp_path / "full.xml"
+    joint = '<joint name="pin" axis="0 1 0"/>'
+    path.write_text(f'<mujoco><worldbody><body>{joint}<inertial pos="0 0 1" mass="2" fullinertia="{moments}"/></body></worldbody></mujoco>')
+    [reading] = [one for one in find_readings("mujoco@3.13.0", "mjcf") if one.name == "digits of a full inertia"]
+    [body] = reading.read(meant_by(path).robot).tree.bodies
+    assert body.inertia is not None
+    assert [float(one) for one in body.inertia.moments] == pytest.approx(FULL_INERTIAS[moments], rel=1e-13)
+
+
+def test_a_reading_is_that_of_versions() -> None:
+    named = {version: {one.name for one in find_readings(version, "urdf")} for version in ("mujoco@3.13.0", "mujoco@3.14.0", "mujoco")}
+    assert named["mujoco@3.13.0"] - named["mujoco"] == {"rotation of an inertial origin", "digits of a full inertia"}
+    assert named["mujoco@3.14.0"] == named["mujoco"]
+    robot = meant_by(FILES / "arm.urdf").robot
+    [reading] = [one for one in find_readings("mujoco@3.13.0", "urdf") if one.name == "rotation of an inertial origin"]
+    assert [place.line for place in reading.places(robot)] == [line_of(FILES / "arm.urdf", 'rpy="0 0.5 0"')]

@@ -50,13 +50,17 @@ def bounded(tree: Tree) -> Tree:
 
 def _bounded(body: Body, bounds: Bounds) -> Body:
     # A body that weighs nothing stands in its origin.
-    nothing = Inertia((), Fraction(0), (Fraction(0),) * 6, body.place)
-    given = _of_solids(body) if body.solids else body.inertia or nothing
+    given = whole(body) or Inertia((), Fraction(0), (Fraction(0),) * 6, body.place)
     mass, moments = max(given.mass, bounds.mass), _moments(given.moments, bounds)
     if (mass, moments) == (given.mass, given.moments):
         return body
     place = body.inertia.place if body.inertia is not None else body.place
     return replace(body, inertia=Inertia(given.pose, mass, moments, place), solids=())
+
+
+def whole(body: Body) -> Inertia | None:
+    """The inertia of a body with that of its solids; None where it has neither."""
+    return _of_solids(body) if body.solids else body.inertia
 
 
 def _of_solids(body: Body) -> Inertia:

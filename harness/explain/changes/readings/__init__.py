@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from lxml import etree
+from packaging.specifiers import SpecifierSet
 
 from harness.arrays import Array
 from harness.environments import split_name
@@ -29,6 +30,8 @@ from harness.trees.robot import Robot
 
 # Places of xx, yy, zz, xy, xz, yz in a matrix.
 _ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+# Newer than any version.
+_NEWEST = "99999"
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 
 
@@ -58,6 +61,7 @@ class Reading(Law):
         engine, formats: whose reader, of which formats.
         sentence: for the reader of a report, the engine first. remedy: what the engine's user can do about it, an imperative.
         source: the documentation or source that says so.
+        versions: of the engine's program that have it, as "<3.14"; "" for all that the harness knows.
     """
 
     engine: str
@@ -65,6 +69,7 @@ class Reading(Law):
     sentence: str
     remedy: str
     source: str
+    versions: str = ""
 
     def read(self, robot: Robot) -> Robot:
         """The robot that the engine computes with; the very robot where the reading does not apply."""
@@ -91,10 +96,10 @@ def law(
     return declared
 
 
-def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str, str]]]) -> tuple[Reading, ...]:
-    """The laws that an engine's reader of some formats has, each with its sentence, remedy and source."""
+def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str, str]]], versions: str = "") -> tuple[Reading, ...]:
+    """The laws that an engine's reader of some formats has in some versions, each with its sentence, remedy and source."""
     return tuple(
-        Reading(**vars(one), engine=engine, formats=formats, sentence=sentence, remedy=remedy, source=source)
+        Reading(**vars(one), engine=engine, formats=formats, sentence=sentence, remedy=remedy, source=source, versions=versions)
         for formats, of_formats in laws.items()
         for one, (sentence, remedy, source) in of_formats.items()
     )
@@ -103,10 +108,12 @@ def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[s
 def find_readings(engine: str, model_format: str, reader: str = "") -> list[Reading]:
     """The readings of an engine for a format, in the order in which they are read; ``reader`` is the engine whose reader it has, if any.
 
-    Those of a version, ``engine@version``, are those of the engine.
+    An engine without a version, as the one beside the harness, is the newest; ``engine@version`` has what that version has.
     """
     found = declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}").values()
-    named = {one.name: one for one in found if one.engine in (split_name(engine)[0], reader) and model_format in one.formats}
+    name, version = split_name(engine)
+    own = (one for one in found if one.engine in (name, reader) and model_format in one.formats)
+    named = {one.name: one for one in own if (version or _NEWEST) in SpecifierSet(one.versions, prereleases=True)}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return [named[name] for name in order.static_order() if name in named]
 
