@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import InvalidModel
-from harness.files.document.xml import read_any
+from harness.files.document.xml import Document, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
 from harness.files.mjcf.inertias import CompileMeshes
@@ -96,9 +96,15 @@ def read_robot(path: Path, *, floating_base: bool = False, gravity: float = GRAV
         InvalidModel: the file cannot be read, or something in it has no meaning: a number that is none, a joint without axis, links
             that are no tree, an element that makes bodies by the rules of one engine alone.
     """
-    document = read_any(path, EXPECTED)
+    return robot_in(read_any(path, EXPECTED), floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
+
+
+def robot_in(
+    document: Document, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None
+) -> Robot:
+    """``read_robot`` of a file's elements, which the caller may have changed; raises the same."""
     meaning = read(document, floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
-    return _robot(path, meaning, FLOATING_BASE if floating_base else "")
+    return _robot(document.path, meaning, FLOATING_BASE if floating_base else "")
 
 
 def robot_of(model: ModelFile, gravity: float) -> Robot:

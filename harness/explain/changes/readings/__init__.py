@@ -44,6 +44,7 @@ class Law:
         tree: the tree that the engine computes with; an equal one where the law does not apply.
         supplied: whether an aided engine gets from the harness what it leaves out.
         after: names of the engine's readings whose tree this one reads; the others are read in the order of their names.
+        first: whether it reads the file anew, and so goes before all others.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Law:
     tree: Callable[[Robot], Tree]
     supplied: bool = False
     after: tuple[str, ...] = ()
+    first: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +64,8 @@ class Reading(Law):
         sentence: for the reader of a report, the engine first. remedy: what the engine's user can do about it, an imperative.
         source: the documentation or source that says so.
         versions: of the engine's program that have it, as "<3.14"; "" for all that the harness knows.
+        is_misread: whether the reader accepts what it does not read as the format's documentation says, and no documentation of the engine
+            tells; False for what the engine says that it leaves out or does.
     """
 
     engine: str
@@ -70,6 +74,7 @@ class Reading(Law):
     remedy: str
     source: str
     versions: str = ""
+    is_misread: bool = False
 
     def read(self, robot: Robot) -> Robot:
         """The robot that the engine computes with; the very robot where the reading does not apply."""
@@ -87,19 +92,26 @@ def law(
     supplied: bool = False,
     after: tuple[str, ...] = (),
     each: Callable[[Tree, Callable[..., Any]], Tree] | None = None,
+    first: bool = False,
 ) -> Callable[[Callable[..., Any]], Law]:
     """Declares what a function makes of a robot, or with ``each``, as ``with_joints``, of each of its elements, as a ``Law``."""
 
     def declared(change: Callable[..., Any]) -> Law:
-        return Law(name, concerns, change if each is None else lambda robot: each(robot.tree, change), supplied, after)
+        return Law(name, concerns, change if each is None else lambda robot: each(robot.tree, change), supplied, after, first)
 
     return declared
 
 
-def readings_of(engine: str, laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str, str]]], versions: str = "") -> tuple[Reading, ...]:
+def readings_of(
+    engine: str,
+    laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str, str]]],
+    versions: str = "",
+    is_misread: bool = False,
+) -> tuple[Reading, ...]:
     """The laws that an engine's reader of some formats has in some versions, each with its sentence, remedy and source."""
+    about: dict[str, Any] = {"engine": engine, "versions": versions, "is_misread": is_misread}
     return tuple(
-        Reading(**vars(one), engine=engine, formats=formats, sentence=sentence, remedy=remedy, source=source, versions=versions)
+        Reading(**vars(one), **about, formats=formats, sentence=sentence, remedy=remedy, source=source)
         for formats, of_formats in laws.items()
         for one, (sentence, remedy, source) in of_formats.items()
     )
@@ -115,7 +127,7 @@ def find_readings(engine: str, model_format: str, reader: str = "") -> list[Read
     own = (one for one in found if one.engine in (name, reader) and model_format in one.formats)
     named = {one.name: one for one in own if (version or _NEWEST) in SpecifierSet(one.versions, prereleases=True)}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
-    return [named[name] for name in order.static_order() if name in named]
+    return sorted((named[name] for name in order.static_order() if name in named), key=lambda reading: not reading.first)
 
 
 def with_tree(robot: Robot, tree: Tree) -> Robot:

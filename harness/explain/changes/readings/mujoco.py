@@ -292,6 +292,7 @@ MUJOCO_BEFORE_3_14 = readings_of(
         },
     },
     "<3.14",
+    is_misread=True,
 )
 MJX = readings_of(
     "mjx",
@@ -304,4 +305,5 @@ MJX = readings_of(
             ),
         },
     },
+    is_misread=True,
 )

@@ -1,0 +1,328 @@
+"""What Pinocchio's reader of MJCF passes over without a word, or reads otherwise than the format's documentation says.
+
+Each law is the behaviour of the reader's source, and ``tests/explain/test_pinocchio_mjcf.py`` holds it against the installed version.
+"""
+
+import contextlib
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from lxml import etree
+
+from harness.errors import InvalidModel
+from harness.explain.changes.readings import (
+    _left_out,
+    element_at,
+    law,
+    readings_of,
+    with_bodies,
+    with_inertias,
+    with_joints,
+    with_poses,
+    with_solids,
+    without_bodies,
+)
+from harness.files.document.xml import read_any
+from harness.files.joint_kinds import JointKind
+from harness.files.mjcf.attributes import KINDS, childclass_of, of_class, resolved, resolved_text
+from harness.files.reading import EXPECTED
+from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Solid, Tree, vector
+from harness.trees.bodies.inertias import bounded
+from harness.trees.robot import Robot, robot_in
+
+_GRAPH, _GEOMS = "Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp", "Pinocchio 4.1, parsers/mjcf/mjcf-graph-geom.cpp"
+_ONE = Fraction(1)
+_SECTIONS = f"{_GRAPH}, parseGraph: get_child, which gives the first, in the order of the file; no element include"
+# Of joints, which no algorithm applies.
+_FORCES = ("damping", "stiffness", "spring_reference")
+
+
+def _of_first_sections(robot: Robot) -> Tree:
+    """Without what is included, and without each <compiler> and <default> but the first, and those behind <worldbody>."""
+    document = read_any(robot.path, EXPECTED)
+    if _pass_over_sections(document.root):
+        # Without compiled meshes, or without names that are used elsewhere, the rest is no robot.
+        with contextlib.suppress(InvalidModel):
+            return robot_in(document).tree
+    return robot.tree
+
+
+def _with(robot: Robot, read: Tree, *numbers: str) -> Tree:
+    """The tree that was read, but for these numbers of its joints, which are those of the robot."""
+    own = {joint.name: joint for joint in robot.tree.joints}
+    return with_joints(
+        read, lambda joint: replace(joint, **{name: getattr(own[joint.name], name) for name in numbers}) if joint.name in own else joint
+    )
+
+
+@law("sections that are read once", "elements", first=True)
+def _first_sections(robot: Robot) -> Tree:
+    return _with(robot, _of_first_sections(robot), "armature", *_FORCES)
+
+
+@law("rotor inertias of sections that are not read", "joints", supplied=True, first=True)
+def _rotors_of_first_sections(robot: Robot) -> Tree:
+    read = {joint.name: joint.armature for joint in _of_first_sections(robot).joints}
+    return with_joints(robot.tree, lambda joint: replace(joint, armature=read.get(joint.name, joint.armature)))
+
+
+def _pass_over_sections(root: etree._Element) -> bool:
+    """Change the elements so that they say what is read of them, each in its place; True where anything is passed over."""
+    gone = [*root.iter("include")]
+    for element in gone:
+        element.tag = "custom"
+    worlds = [*root.iterchildren("worldbody")]
+    for tag in ("compiler", "default"):
+        late = worlds[0].itersiblings(tag) if worlds else ()
+        for section in dict.fromkeys([*root.findall(tag)[1:], *late]):
+            gone.append(section)
+            for element in section.iter("*"):
+                element.attrib.clear()
+                element.tag = "custom"
+    return bool(gone)
+
+
+@law("bodies without attributes", "bodies", after=("frames", "further trees"))
+def _without_bare_bodies(robot: Robot) -> Tree:
+    """What such a body carries hangs on the world, in the pose that it has in that body."""
+    elements = {body.name: element_at(body.place) for body in robot.tree.bodies}
+    bare = {name for name, element in elements.items() if element is not None and not element.attrib}
+    joints = {joint.name for body in robot.tree.bodies if body.name in bare for joint in body.joints}
+    kept = (body for body in robot.tree.bodies if body.name not in bare)
+    return replace(
+        robot.tree,
+        bodies=tuple(replace(body, parent=WORLD) if body.parent in bare else body for body in kept),
+        springs=tuple(spring for spring in robot.tree.springs if not bare & {end for end, _ in spring.ends}),
+        couplings=tuple(one for one in robot.tree.couplings if not joints & {name for name, _ in one.joints}),
+    )
+
+
+@law("pose of a body fixed to the world", "bodies", after=("bodies without attributes", "further trees"))
+def _with_root_in_the_origin(robot: Robot) -> Tree:
+    root = next((body for body in robot.tree.bodies if body.parent == WORLD), None)
+    if root is None or root.joints:
+        return robot.tree
+    return with_bodies(robot.tree, lambda body: replace(body, pose=()) if body.name == root.name else body)
+
+
+@law("reference of the first of several joints", "joints", each=with_bodies)
+def _without_first_references(body: Body) -> Body:
+    if len(body.joints) < 2 or not body.joints[0].reference:
+        return body
+    return replace(body, joints=(replace(body.joints[0], reference=Fraction(0)), *body.joints[1:]))
+
+
+@law("reference of a slide from a default class", "joints", after=("reference of the first of several joints",), each=with_joints)
+def _with_reference_in_degrees(joint: Joint) -> Joint:
+    """The class is read before the joint's own type, and until then the joint is a hinge."""
+    element = element_at(joint.place) if joint.kind == JointKind.SLIDE and joint.place else None
+    is_of_class = isinstance(joint.reference, Given) and joint.reference.place != joint.place
+    if element is None or not is_of_class or "type" not in element.attrib:
+        return joint
+    compilers = element.getroottree().getroot().iterchildren("compiler")
+    in_degrees = next((one.get("angle") for one in compilers), None) != "radian"
+    return replace(joint, reference=joint.reference * Fraction(math.pi) / 180) if in_degrees else joint
+
+
+@law("least masses and inertias", "links")
+def _raised(robot: Robot) -> Tree:
+    """Of full moments the entries of the diagonal, whatever the principal moments are."""
+    tree, bounds = robot.tree, robot.tree.bounds
+    if bounds is None:
+        return tree
+
+    def read(body: Body) -> Inertia | None:
+        if body.inertia is None:
+            return None
+        moments = (*(max(moment, bounds.moment) for moment in body.inertia.moments[:3]), *body.inertia.moments[3:])
+        return replace(body.inertia, mass=max(body.inertia.mass, bounds.mass), moments=moments)
+
+    raised = replace(with_inertias(tree, read), bounds=None)
+    return tree if raised == bounded(tree) else raised
+
+
+@law("position of a default class", "joints", each=with_joints)
+def _without_anchors_of_classes(joint: Joint) -> Joint:
+    is_of_class = any(isinstance(number, Given) and number.place != joint.place for number in joint.anchor)
+    return replace(joint, anchor=ORIGIN) if is_of_class else joint
+
+
+def _from_childclass(numbers: dict[str, str]) -> Callable[[Joint], Joint]:
+    """A joint with a class of its own takes what that leaves open from the childclass around it.
+
+    ``numbers``: the fields of a joint by their attributes.
+    """
+
+    def read(joint: Joint) -> Joint:
+        element = element_at(joint.place)
+        around = None if element is None or not element.get("class") else childclass_of(element)
+        found: dict[str, Any] = {}
+        for attribute, field in numbers.items() if around else ():
+            other = None if resolved(element, attribute) else of_class(element, str(around), attribute)
+            if other is not None and attribute == "type":
+                found[field] = KINDS[other.text]
+            elif other is not None and joint.place is not None:
+                values = [Given(float(word), joint.place, f"{attribute} of {around}", k) for k, word in enumerate(other.text.split())]
+                found[field] = vector(values) if field == "axis" else values[0]
+        return replace(joint, **found)
+
+    return read
+
+
+_with_class_around = law("class beside a childclass", "joints", each=with_joints)(
+    _from_childclass({"axis": "axis", "ref": "reference", "type": "kind"})
+)
+_with_rotor_around = law("rotor inertia beside a childclass", "joints", supplied=True, each=with_joints)(
+    _from_childclass({"armature": "armature"})
+)
+
+
+@law("Euler angles about fixed axes", "elements", after=("frames",))
+def _turned_about_moving_axes(robot: Robot) -> Tree:
+    """Three turns in the order of ``eulerseq``, those about axes that stay too."""
+    root = element_at(robot.tree.place)
+    sequences = [] if root is None else [one.get("eulerseq") for one in root.iterchildren("compiler") if one.get("eulerseq")]
+    if not sequences or sequences[-1].islower():
+        return robot.tree
+    order: list[int] = []
+    for number, letter in enumerate(sequences[-1]):
+        order = [*order, number] if letter.islower() else [number, *order]
+
+    def read(placement: Placement) -> Placement:
+        if len(placement.rotation) != len(order):
+            return placement
+        return replace(placement, rotation=tuple(placement.rotation[order.index(number)] for number in range(len(order))))
+
+    return with_poses(robot.tree, lambda pose: tuple(map(read, pose)))
+
+
+@law("mass of a default class", "geoms", each=with_solids)
+def _without_masses_of_classes(solid: Solid) -> Solid:
+    is_of_class = isinstance(solid.mass, Given) and solid.mass.place != solid.place
+    return replace(solid, mass=None) if is_of_class else solid
+
+
+_unscaled = law("settotalmass", "files")(lambda robot: replace(robot.tree, total_mass=None))
+
+
+@law("further trees", "bodies")
+def _of_the_first_tree(robot: Robot) -> Tree:
+    return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
+
+
+@law("inertia of meshes", "geoms", after=("geoms that cannot collide", "frames"), each=with_solids)
+def _with_unit_meshes(solid: Solid) -> Solid:
+    """In the geom's own position, wherever the centre of the mesh is; a box that has its size from a mesh is a box."""
+    geom = element_at(solid.place) if solid.kind == "mesh" else None
+    if geom is None or resolved_text(geom, "type", "mesh") != "mesh":
+        return solid
+    position = vector([float(word) for word in resolved_text(geom, "pos", "0 0 0").split()])
+    return replace(solid, pose=(Placement(position),), mass=_ONE, density=_ONE, moments=(_ONE,) * 3)
+
+
+@law("geoms that cannot collide", "geoms", each=with_solids)
+def _without_pictures(solid: Solid) -> Solid | None:
+    geom = element_at(solid.place)
+    collides = geom is None or any(resolved_text(geom, name, "1") != "0" for name in ("contype", "conaffinity"))
+    return solid if collides else None
+
+
+READINGS = readings_of(
+    "pinocchio",
+    {
+        ("mjcf",): {
+            _first_sections: (
+                "Pinocchio's MJCF reader takes the first <compiler> and the first <default>, if before <worldbody>, and no <include>",
+                "write one <compiler> and one <default> before <worldbody>, and no <include>",
+                _SECTIONS,
+            ),
+            _rotors_of_first_sections: (
+                "Pinocchio's MJCF reader takes rotor inertias of the first <default> alone, if before <worldbody>, and of no <include>",
+                "write armature on the joint itself",
+                _SECTIONS,
+            ),
+            _without_bare_bodies: (
+                "Pinocchio's MJCF reader drops a body without any attribute, and hangs what it carries on the world",
+                "give the body a name",
+                f"{_GRAPH}, parseJointAndBody: names and lists a body where it meets its attributes",
+            ),
+            _with_root_in_the_origin: (
+                "Pinocchio's MJCF reader passes over the pose of a body that is fixed to the world, and puts it into the world's origin",
+                "give the pose to what the body carries",
+                f"{_GRAPH}, parseRootTree: addRootJoint, which takes no placement",
+            ),
+            _without_first_references: (
+                "Pinocchio's MJCF reader passes over the ref of the first of several joints of a body",
+                "put the first joint on a body of its own",
+                f"{_GRAPH}, fillModel: the first joint of a composite has the identity for its placement",
+            ),
+            _with_reference_in_degrees: (
+                "Pinocchio's MJCF reader takes the ref of a slide, in metres, for an angle where it comes from a default class",
+                "write ref on the joint itself",
+                f"{_GRAPH}, MjcfJoint::fill: the classes go before the joint's own type, which is hinge until then",
+            ),
+            _raised: (
+                (
+                    "Pinocchio's MJCF reader takes boundmass and boundinertia of <compiler> for the numbers of an <inertial> alone, "
+                    "and passes over balanceinertia"
+                ),
+                "write the bounded masses and inertias into each <inertial>",
+                f"{_GRAPH}, convertInertiaFromMjcf and parseCompiler",
+            ),
+            _without_anchors_of_classes: (
+                "Pinocchio's MJCF reader passes over a joint's pos from a default class, and puts the joint into the body's origin",
+                "write pos on the joint itself",
+                f"{_GRAPH}, MjcfJoint::fill: only the joint's own attribute pos is read",
+            ),
+            _with_class_around: (
+                "Pinocchio's MJCF reader gives a joint with a class of its own what the childclass around it says besides",
+                "write type, axis and ref on the joint itself",
+                f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
+            ),
+            _with_rotor_around: (
+                "Pinocchio's MJCF reader gives a joint with a class of its own the armature of the childclass around it, if it has none",
+                "write armature on the joint itself",
+                f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
+            ),
+            _turned_about_moving_axes: (
+                "Pinocchio's MJCF reader takes the capital letters of eulerseq, which turn about axes that stay, for small ones",
+                "write these turns as quat",
+                f"{_GRAPH}, MjcfCompiler::convertEuler, which multiplies the three turns in their order",
+            ),
+            _without_masses_of_classes: (
+                "Pinocchio's MJCF reader passes over a geom's mass from a default class, and takes its density",
+                "write mass on the geom itself",
+                f"{_GEOMS}: only the geom's own attribute mass is read",
+            ),
+            _of_the_first_tree: (
+                "Pinocchio's MJCF reader reads the first body in <worldbody> with what it carries, and passes over the others",
+                "put all trees under one body without joint and pose",
+                f"{_GRAPH}, parseGraph: get_child(worldbody).get_child(body), of which there is one",
+            ),
+            _left_out.frames: (
+                "Pinocchio's MJCF reader passes over <frame> and <replicate> with all that they hold",
+                _left_out.WRITE_OUT_FRAMES,
+                f"{_GRAPH}, parseJointAndBody, which knows neither element",
+            ),
+            _with_unit_meshes: (
+                "Pinocchio's MJCF reader computes no inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 in its position",
+                _left_out.WRITE_INERTIA,
+                f"{_GEOMS}, MjcfGeom::computeInertia leaves a mesh Inertia::Identity()",
+            ),
+            _unscaled: (
+                "Pinocchio's MJCF reader passes over <compiler settotalmass>",
+                "write the scaled masses and inertias into each <inertial>",
+                f"{_GRAPH}, parseCompiler, which does not read it",
+            ),
+            _without_pictures: (
+                'Pinocchio\'s MJCF reader gives a geom with contype="0" and conaffinity="0" no mass, as to a picture',
+                _left_out.WRITE_INERTIA,
+                f"{_GEOMS}: such a geom is VISUAL, and its inertia is not computed",
+            ),
+        },
+    },
+    is_misread=True,
+)

@@ -1,0 +1,70 @@
+"""Each misreading of Pinocchio's MJCF reader is what the installed reader does: it alone explains the answers on a file that has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from comparison.robots import record_of
+
+from harness.verdict import AGREEMENT
+
+INERTIA = '<inertial pos="0.1 0.2 0.3" mass="2" diaginertia="0.3 0.4 0.5"/>'
+COMPILER = '<compiler angle="radian"/>'
+
+
+def body(name: str, joint: str, inside: str = "", about: str = "") -> str:
+    """A body with an inertia; ``joint`` are the attributes of its joint, "" for none."""
+    return f'<body name="{name}" {about}>{joint and f"<joint {joint}/>"}{INERTIA}{inside}</body>'
+
+
+FIRST, SECOND = 'name="j1" axis="0 1 0"', body("b", 'name="j2" axis="1 0 0"', about='pos="0 0 1"')
+ARM = body("a", FIRST, SECOND)
+TURNED = body("a", FIRST, body("b", 'name="j2" axis="1 0 0"', about='euler="0.3 0.5 0.7"'))
+ROTORS = "rotor inertias of sections that are not read"
+COMPOSITE = f'{FIRST} ref="0.5"/><joint name="j3" type="slide" axis="1 0 0" ref="0.3"/><joint name="j4" axis="1 0 0" ref="0.4"'
+SLIDE = body("b", 'name="j2" type="slide" axis="0 1 0" class="c"', body("c", 'name="j3" axis="1 0 0"'))
+FILES = {
+    "second compiler": ("sections that are read once", f'{COMPILER}<compiler angle="degree"/>', TURNED, ""),
+    "late compiler": ("sections that are read once", "", TURNED, COMPILER),
+    "second default": (ROTORS, f'{COMPILER}<default><joint damping="0"/></default><default><joint armature="2"/></default>', ARM, ""),
+    "late default": (ROTORS, COMPILER, ARM, '<default><joint armature="2"/></default>'),
+    "bare root": ("bodies without attributes", COMPILER, f'<body><joint name="j1" axis="0 1 0"/>{INERTIA}{SECOND}</body>', ""),
+    "bare body": ("bodies without attributes", COMPILER, body("a", FIRST, f"<body>{SECOND}</body>"), ""),
+    "pose of a root": ("pose of a body fixed to the world", COMPILER, body("w", "", ARM, 'pos="1 2 3" euler="0.3 0.4 0.5"'), ""),
+    "composite": ("reference of the first of several joints", COMPILER, body("a", COMPOSITE, SECOND), ""),
+    "slide": (
+        "reference of a slide from a default class", '<default><default class="c"><joint ref="20"/></default></default>',
+        body("a", 'name="j1" axis="1 0 0"', SLIDE), "",
+    ),
+    "type of a childclass": (
+        "class beside a childclass",
+        '<default><default class="c"><joint damping="0"/></default><default class="k"><joint type="slide"/></default></default>',
+        body("a", 'name="j1" class="c" axis="1 0 0"', about='childclass="k"'), "",
+    ),
+}  # fmt: skip
+
+
+def written(folder: Path, head: str, inside: str, tail: str) -> Path:
+    path = folder / "robot.xml"
+    path.write_text(f'<mujoco model="robot">{head}<worldbody>\n{inside}\n</worldbody>{tail}</mujoco>')
+    return path
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_misreading_is_what_the_reader_does(name: str, tmp_path: Path) -> None:
+    reading, *parts = FILES[name]
+    path = written(tmp_path, *parts)
+    plain = record_of(path, "pinocchio")
+    assert plain.explained and [one.name for one in plain.readings] == [reading] and plain.left is not None and plain.left <= AGREEMENT
+    assert plain.readings[0].alone is None or plain.readings[0].alone > 1e-3
+    assert record_of(path, "mujoco").verdict == "agrees"
+    aided = record_of(path, "pinocchio", aided=True)
+    assert aided.explained and [one.name for one in aided.readings] == ([] if reading == ROTORS else [reading])
+
+
+def test_what_is_included_is_passed_over(tmp_path: Path) -> None:
+    (tmp_path / "inner.xml").write_text(f"<mujocoinclude>{SECOND}</mujocoinclude>")
+    path = written(tmp_path, COMPILER, body("a", FIRST, '<include file="inner.xml"/>'), "")
+    record = record_of(path, "pinocchio")
+    assert record.explained and [one.name for one in record.readings] == ["sections that are read once"]
