@@ -18,7 +18,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.explain.meant import Meant, effects_of_numbers, reference_of
-from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
+from harness.files.tree import MOMENTS, SPACE, WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
 from harness.results.comparison import FileDifference
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.canonical import CanonicalNode, Mass, canonical
@@ -49,18 +49,30 @@ class FileQuantity:
 
     Attributes:
         what: in words. values: in the axes of the first file. scale: by which their difference is measured. places: in either file.
+        names: of the numbers where there are several.
     """
 
     what: str
     values: tuple[Array, Array]
     scale: float
     places: tuple[Place | None, Place | None]
+    names: Sequence[str] = ("",)
 
     @property
     def differs(self) -> bool:
         """True where the difference is more than rounding."""
         first, second = self.values
         return bool(np.abs(first - second).max() > ROUNDING * self.scale)
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Either's numbers that differ, each with its name, to a thousandth of the difference or to rounding."""
+        rounding, first, second = ROUNDING * self.scale, list[str](), list[str]()
+        for name, one, other in zip(self.names, *(values.ravel().tolist() for values in self.values), strict=True):
+            if (apart := abs(one - other)) > rounding:
+                for texts, value in ((first, one), (second, other)):
+                    texts.append(f"{name} {_short(value, max(rounding, apart / 1000))}".lstrip())
+        return ", ".join(first), ", ".join(second)
 
 
 def quantities(first: Robot, second: Robot) -> dict[Key, FileQuantity]:
@@ -69,7 +81,7 @@ def quantities(first: Robot, second: Robot) -> dict[Key, FileQuantity]:
     vectors = tuple(np.array([float(value) for value in robot.tree.gravity]) for robot in (first, second))
     gravity = (vectors[0], vectors[1])
     places = (first.tree.places.get("gravity"), second.tree.places.get("gravity"))
-    found: dict[Key, FileQuantity] = {("", "gravity"): FileQuantity("gravity", gravity, float(np.abs(gravity).max()), places)}
+    found: dict[Key, FileQuantity] = {("", "gravity"): FileQuantity("gravity", gravity, float(np.abs(gravity).max()), places, SPACE)}
     turns: dict[str, Array] = {"": np.eye(3)}
     for name, one in nodes[0].items():
         other, turn = nodes[1][name], turns[one.parent]
@@ -87,10 +99,13 @@ def _of_joint(one: CanonicalNode, other: CanonicalNode, before: Array, own: Arra
     name = one.joint.name
     size = max(float(np.linalg.norm(one.anchor)), float(np.linalg.norm(one.total.centre)), LEAST_LENGTH)
     frames = (one.body.places.get("pose"), other.body.places.get("pose"))
-    yield "anchor", FileQuantity(f"origin of joint {name}", (one.anchor, before @ other.anchor), size, frames)
-    yield "turn", FileQuantity(f"orientation of joint {name}", (_quaternion(np.eye(3)), _quaternion(own @ before.T)), 1.0, frames)
+    yield "anchor", FileQuantity(f"origin of joint {name}", (one.anchor, before @ other.anchor), size, frames, SPACE)
+    yield (
+        "turn",
+        FileQuantity(f"orientation of joint {name}", (_quaternion(np.eye(3)), _quaternion(own @ before.T)), 1.0, frames, ("w", *SPACE)),
+    )
     axes = (one.joint.places.get("axis"), other.joint.places.get("axis"))
-    yield "axis", FileQuantity(f"axis of joint {name}", (one.axis, own @ other.axis), 1.0, axes)
+    yield "axis", FileQuantity(f"axis of joint {name}", (one.axis, own @ other.axis), 1.0, axes, SPACE)
     for number, words in JOINT_NUMBERS.items():
         first, second = (np.array([float(getattr(node.joint, number))]) for node in (one, other))
         places = (one.joint.places.get(number), other.joint.places.get(number))
@@ -118,10 +133,10 @@ def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body
     amounts = (np.array([first.mass]), np.array([second.mass]))
     yield f"mass {key}", FileQuantity(f"mass of {owner}", amounts, float(max(amounts)[0]), places("mass"))
     size = max(float(np.linalg.norm(first.centre)), LEAST_LENGTH)
-    yield f"centre {key}", FileQuantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"))
+    yield f"centre {key}", FileQuantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"), SPACE)
     moments = (_six(first.moments), _six(second.moments))
     scale = max(float(np.abs(moments).max()), LEAST_MOMENT)
-    yield f"moments {key}", FileQuantity(f"moments of inertia of {owner}", moments, scale, places("moments"))
+    yield f"moments {key}", FileQuantity(f"moments of inertia of {owner}", moments, scale, places("moments"), MOMENTS)
 
 
 def _heaviest(node: CanonicalNode) -> Body:
@@ -163,7 +178,7 @@ def differences_of_nodes(first: Meant, second: Robot) -> list[FileDifference]:
     found = quantities(first.robot, second)
     differing = {key: one for key, one in found.items() if one.differs}
     effects = _effects(first, found, differing) if differing else {}
-    return [difference_of(one.what, shown(*one.values), one.places, effects[key]) for key, one in differing.items()]
+    return [difference_of(one.what, one.texts, one.places, effects[key]) for key, one in differing.items()]
 
 
 def difference_of(what: str, values: Sequence[str], places: Sequence[Place | None], alone: float | None) -> FileDifference:
@@ -177,15 +192,10 @@ def place_text(place: Place | None) -> str:
     return "" if place is None else f"{Path(place.path).name}:{place.line}"
 
 
-def shown(first: Array, second: Array) -> tuple[str, str]:
-    """Both with as few digits as tell them apart."""
-    texts = ("", "")
-    for digits in (6, 9, 12, 17):
-        one, other = (" ".join(f"{value:.{digits}g}" for value in array.ravel().tolist()) for array in (first, second))
-        texts = (one, other)
-        if one != other:
-            break
-    return texts
+def _short(value: float, within: float) -> str:
+    """The shortest decimal so close to a value."""
+    texts = (f"{0.0 if abs(value) <= within else value:.{digits}g}" for digits in range(1, 18))
+    return next(text for text in texts if abs(float(text) - value) <= within)
 
 
 def _effects(first: Meant, found: Mapping[Key, FileQuantity], differing: Mapping[Key, FileQuantity]) -> dict[Key, float | None]:

@@ -18,7 +18,7 @@ from harness.comparison.matching import Matching, SameStates, locked, match, ren
 from harness.comparison.quantities import difference_of, differences_of_nodes, place_text
 from harness.explain.changes.readings import freed, with_joints, with_tree
 from harness.explain.meant import Meant, change, columns_of, effects_of_numbers, read_as, reference_of, worst
-from harness.files.tree import Body, Given, Inertia, Joint, Tree
+from harness.files.tree import MOMENTS, Body, Given, Inertia, Joint, Tree
 from harness.results.comparison import FileDifference, LockedJoint, PairRecord, names_apart
 from harness.results.table import number_text
 from harness.trees.bodies.spatial import parameter_name
@@ -171,22 +171,27 @@ def _different_numbers(first: Meant, second: Robot) -> list[FileDifference]:
     found = []
     for number, pair in enumerate(pairs):
         places = [value.place if isinstance(value, Given) else None for value in (pair.first, pair.second)]
-        found.append(difference_of(pair.what, (_shown(pair.first), _shown(pair.second)), places, effects.get(number)))
+        found.append(
+            difference_of(pair.what, [number_text(float(number)) for number in (pair.first, pair.second)], places, effects.get(number))
+        )
     return found
 
 
 def _pairs(one: Any, other: Any, owner: str, what: str) -> Iterator[_NumberPair]:
     if isinstance(one, Fraction) and isinstance(other, Fraction):
-        yield _NumberPair(what, one, other)
+        component = "" if what in MOMENTS else next((number.component for number in (one, other) if isinstance(number, Given)), "")
+        yield _NumberPair(f"{what} {component}".rstrip() + f" of {owner}", one, other)
     elif is_dataclass(one) and type(one) is type(other):
         owner = _owner(one, owner)
         for field in fields(one):
             if field.name not in ("place", *_NOT_FELT):
-                named = f"{_NAMES.get(field.name, field.name)} of {owner}" if isinstance(one, Tree | Body | Joint | Inertia) else what
+                name = "centre of mass" if isinstance(one, Inertia) and field.name == "pose" else _NAMES.get(field.name, field.name)
+                named = name if isinstance(one, Tree | Body | Joint | Inertia) else what
                 yield from _pairs(getattr(one, field.name), getattr(other, field.name), owner, named)
     elif isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
-        for part, its_like in zip(one, other, strict=True):
-            yield from _pairs(part, its_like, owner, what)
+        names = MOMENTS if what == _NAMES["moments"] else [what] * len(one)
+        for part, its_like, name in zip(one, other, names, strict=True):
+            yield from _pairs(part, its_like, owner, name)
     elif one != other:
         raise _OtherShape(what)
 
@@ -209,8 +214,3 @@ def _effects(meant: Meant, numbers: Sequence[tuple[Fraction, Fraction]]) -> dict
         if isinstance(number, Given) and parameter_name(number) in names
     }
     return effects_of_numbers(reference, meant.states, changes, np.array(reference.mechanism.parameter_values))
-
-
-def _shown(number: Fraction) -> str:
-    value = number_text(float(number))
-    return f"{number.attribute}[{number.index}] {value}" if isinstance(number, Given) and number.attribute else value

@@ -17,6 +17,15 @@ from harness.files.joint_kinds import JointKind
 Vector = tuple[Fraction, Fraction, Fraction]
 ORIGIN: Vector = (Fraction(0), Fraction(0), Fraction(0))
 WORLD = "world"
+SPACE, MOMENTS = ("x", "y", "z"), ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+# Names of the numbers of an attribute that holds several.
+_COMPONENTS = {
+    **dict.fromkeys(("xyz", "pos", "axis", "gravity"), SPACE),
+    "rpy": ("roll", "pitch", "yaw"),
+    "quat": ("w", *SPACE),
+    "fullinertia": MOMENTS,
+    "diaginertia": MOMENTS[:3],
+}
 
 
 @dataclass(frozen=True)
@@ -52,6 +61,12 @@ class Given(Fraction):
     @property
     def key(self) -> tuple[Place, str, int]:
         return self.place, self.attribute, self.index
+
+    @property
+    def component(self) -> str:
+        """The name of the number in its attribute, as "y" or "ixz"; "" for the only one."""
+        names = _COMPONENTS.get(self.attribute, ())
+        return names[self.index] if self.index < len(names) else f"[{self.index}]" if self.index else ""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (Fraction(self.numerator, self.denominator), self.place, self.attribute, self.index)

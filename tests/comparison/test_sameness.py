@@ -28,11 +28,11 @@ def test_two_formats_of_one_robot_are_one_robot() -> None:
 # What stands in both files, the text in the URDF and its number, and how the difference begins.
 PLANTED = {
     "mass": ('<mass value="1"/>', 1.0, '<mass value="{}"/>', "mass of link fore"),
-    "com": ('xyz="0 0 -0.1875"', -0.1875, 'xyz="0 0 {}"', "origin of link fore"),
-    "inertia": ('ixx="0.015625"', 0.015625, 'ixx="{}"', "moments of inertia of link fore"),
-    "origin": ('xyz="0 0.0625 -0.5"', -0.5, 'xyz="0 0.0625 {}"', "origin of link fore"),
-    "orientation": ('rpy="0.25 0 0"', 0.25, 'rpy="{} 0 0"', "origin of link upper"),
-    "axis": ('<axis xyz="1 0 0"/>', 0.0, '<axis xyz="1 {} 0"/>', "axis of joint elbow"),
+    "com": ('xyz="0 0 -0.1875"', -0.1875, 'xyz="0 0 {}"', "centre of mass z of link fore"),
+    "inertia": ('ixx="0.015625"', 0.015625, 'ixx="{}"', "ixx of link fore"),
+    "origin": ('xyz="0 0.0625 -0.5"', -0.5, 'xyz="0 0.0625 {}"', "origin z of link fore"),
+    "orientation": ('rpy="0.25 0 0"', 0.25, 'rpy="{} 0 0"', "origin roll of link upper"),
+    "axis": ('<axis xyz="1 0 0"/>', 0.0, '<axis xyz="1 {} 0"/>', "axis y of joint elbow"),
     "damping": ('damping="0.5"', 0.5, 'damping="{}"', "damping of joint shoulder"),
 }
 SIZES = [1e-9, 1e-5, 1e-1]

@@ -35,7 +35,7 @@ def test_two_files_of_one_name_have_a_column_each(tmp_path: Path) -> None:
         done = harness(*command, cwd=tmp_path)
         heads = next(line for line in done.stdout.splitlines() if line.startswith("what"))
         assert heads.split()[1:3] == ["old/r.urdf", "new/r.urdf"]
-        assert "value[0] 2  " in done.stdout and "value[0] 2.5" in done.stdout
+        assert "  2, r.urdf:23  2.5, r.urdf:23  " in done.stdout
 
 
 def test_of_a_file_that_is_missing_nothing_is_said_to_agree(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_the_parameters_of_a_program_are_numbers_of_the_file() -> None:
     names = [name for name, _, _ in reference.mechanism.parameters]
     lines = (FILES / "arm.urdf").read_text().split("\n")
     masses = [number for number, line in enumerate(lines, 1) if "<mass" in line]
-    assert {f"arm.urdf:{line}: mass value[0]" for line in masses} <= set(names)
+    assert {f"arm.urdf:{line}: mass value" for line in masses} <= set(names)
 
 
 @pytest.mark.parametrize("field", ["mass", "com", "inertia", "origin", "axis", "damping", "friction", "limits", "spring", "mimic"])
@@ -106,7 +106,7 @@ def test_numbers_of_classes_stand_in_the_included_file() -> None:
     anchor = robot.joint("left_knee").places["anchor"]
     assert 'name="left_knee"' in anchor.path.read_text().split("\n")[anchor.line - 1]
     # Of the numbers that all legs share, the program has one input.
-    inputs = [name for name, _, _ in mechanism_of(robot).parameters if name.endswith(" joint damping[0]")]
+    inputs = [name for name, _, _ in mechanism_of(robot).parameters if name.endswith(" joint damping")]
     assert len(inputs) == 3
 
 

@@ -101,9 +101,9 @@ class Frame:
 
 
 def parameter_name(value: Given) -> str:
-    """File, line, element and attribute of a number, and its place in that, as people find it."""
+    """File, line, element and attribute of a number, and its name in that, as people find it."""
     place = value.place
-    return f"{place.path.name}:{place.line}: {place.tag} {value.attribute}[{value.index}]"
+    return f"{place.path.name}:{place.line}: {place.tag} {value.attribute} {value.component}".rstrip()
 
 
 def by_entries(entry: Callable[[int, int], Any]) -> Matrix:
