@@ -29,7 +29,7 @@ MOVES = "all that moves with joint pin"
 # In axes of the world at zero.
 BUILT_OTHERWISE = {
     ('ixx="0.0003"', 'ixx="0.00031"'): (f"moments of inertia of {MOVES}", "iyy 0.0003", "iyy 0.00031"),
-    ('xyz="0.1 0', 'xyz="0.125 0'): (f"centre of mass of {MOVES}", "z -0.1", "z -0.125"),
+    ('mass value="2"', 'mass value="2.5"'): (f"mass of {MOVES}", "2", "2.5"),
     ('damping="0.5"', 'damping="0.500001"'): ("damping of joint pin", "0.5", "0.500001"),
 }
 
