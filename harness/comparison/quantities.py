@@ -135,7 +135,9 @@ def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body
     size = max(float(np.linalg.norm(first.centre)), LEAST_LENGTH)
     yield f"centre {key}", FileQuantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"), SPACE)
     moments = (_six(first.moments), _six(second.moments))
-    scale = max(float(np.abs(moments).max()), LEAST_MOMENT)
+    # The moments of several bodies together carry the rounding of what their distances add.
+    added = 0.0 if key else float(max(amounts)[0]) * size**2
+    scale = max(float(np.abs(moments).max()), added, LEAST_MOMENT)
     yield f"moments {key}", FileQuantity(f"moments of inertia of {owner}", moments, scale, places("moments"), MOMENTS)
 
 
