@@ -71,7 +71,8 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     can have, what each engine makes of it and why, and whether several files are one robot.
     Plain is an engine as its user calls it; aided, one with what it leaves out of the file supplied.
     Joints that one file alone moves stand still in both while the rest of the files is compared.
-    The exit status is 0 where every answer is explained and all files are one robot.
+    The exit status is 0 where every answer is explained and all files are one robot. A refusal, an answer
+    that nobody can judge, and no engine to ask are 1, unless expected_robots.toml beside the file says so.
 
     With --steps two engines, or two integrators, move the robot from one start. Prints how much of the
     gap between them is due to the equations that they read, to the integrator and to the step length,

@@ -118,4 +118,4 @@ def _find_differing_lines(bracket: Bracket, path: Path, suspects: Iterable[Path]
     settings = ComparisonSettings((path, *suspects), min(states, STATES), bracket.seed, bracket.floating_base, stances=())
     study = RobotComparison(settings, "diagnosis")
     found = tell(bracket, study, pair_sections)
-    bracket.finish(study.problems, study.crashed, found.as_expected)
+    bracket.finish(study.problems, study.crashed, found.is_one_robot)

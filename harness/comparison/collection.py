@@ -1,6 +1,7 @@
 """The robots' files of a folder or of an installed distribution, told by their root elements, and the outcomes expected of them.
 
-Where an explained answer is not enough, ``expected_robots.toml`` beside the files holds an entry for each::
+Where another outcome than an explained answer is expected, ``expected_robots.toml`` beside a file, or in a folder above it, holds an
+entry for it::
 
     [[expected]]
     file = "arm.urdf"
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -91,6 +92,23 @@ class ExpectedOutcome(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
     expected: list[ExpectedOutcome] = []
+
+
+def expected_outcomes(paths: Iterable[Path]) -> dict[tuple[Path, str], ExpectedOutcome]:
+    """The expectations of files by path and subject: those of the nearest folder, at a file or above it, that has some.
+
+    Raises:
+        InvalidInput: as ``load_expectations``.
+    """
+    by_folder: dict[Path, dict[tuple[Path, str], ExpectedOutcome]] = {}
+    found: dict[tuple[Path, str], ExpectedOutcome] = {}
+    for path in paths:
+        folder = next((one for one in path.resolve().parents if (one / NAME).is_file()), None)
+        if folder is not None:
+            if folder not in by_folder:
+                by_folder[folder] = load_expectations(folder)
+            found |= {(path, subject): entry for (of, subject), entry in by_folder[folder].items() if of == path.resolve()}
+    return found
 
 
 def load_expectations(folder: Path) -> dict[tuple[Path, str], ExpectedOutcome]:

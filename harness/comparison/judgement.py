@@ -57,9 +57,7 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
     read = read_as(meant, folded.robot)
     if read.undetermined:
         # Of a robot that has no accelerations any more, an engine may answer anything.
-        return replace(
-            record, verdict=Verdict.DISAGREES, explained=True, notes=(*answers.notes, f"as it reads the file, {read.undetermined}")
-        )
+        return replace(record, verdict=Verdict.DISAGREES, explained=True, left_nothing=f"as it reads the file, {read.undetermined}")
     after = compared if read is meant and compared is not None else _compare(read, answers)
     if _are_all(after, Verdict.UNDECIDED):
         return replace(record, verdict=Verdict.UNDECIDED, explained=True, message=_NOWHERE)

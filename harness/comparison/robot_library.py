@@ -27,7 +27,7 @@ from harness.engines import (
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest
-from harness.explain.meant import joints_without_inertia, request_of
+from harness.explain.meant import joints_without_inertia, request_of, why_unmoved
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
@@ -221,7 +221,7 @@ class RobotLibrary(Library):
         """
         robot = robot_at(Path(name), self.floating_base)
         if not robot.joints:
-            raise InvalidModel(robot.path, None, "no joint moves, so that there is no acceleration; expected a joint that moves by itself")
+            raise InvalidModel(robot.path, None, why_unmoved(robot))
         if idle := joints_without_inertia(robot.tree):
             first = idle[0].place
             named = ", ".join(joint.name for joint in idle)

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from harness.comparison.collection import expected_outcomes
 from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
 from harness.comparison.matching import refuse_unknown
@@ -59,12 +60,14 @@ class RobotComparison(Study):
 
     Raises:
         InvalidRequest: from the constructor, for a subject that is none.
+        InvalidInput: from it too, for expected outcomes that cannot be used.
     """
 
     def __init__(self, settings: ComparisonSettings, title: str = "comparison") -> None:
         super().__init__()
         self.settings, self.title = settings, title
         self._subjects = robot_subjects(settings.subjects) if settings.stances else []
+        self._expected = expected_outcomes(settings.paths) if settings.stances else {}
         self._meant: dict[Path, Meant] = {}
         self._found = FilesComparison()
         self.steps = len(settings.paths) * (1 + len(settings.stances) * len({one.engine for one in self._subjects}))
@@ -123,6 +126,8 @@ class RobotComparison(Study):
             outcome = yield from ask(call, judge, found, answers, engine, stance, affinity=path)
             failed = self.failure(outcome)
             record = SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failed) if failed else outcome.value
+        if (entry := self._expected.get((path, record.subject))) is not None:
+            record = replace(record, expected=entry.outcome, expected_reason=entry.reason)
         yield self._kept(f"{path.name} {record.subject}", subjects=[record])
         if not failure and found.robot.equalities and found.certified is not None and stance == Stance.PLAIN and not answers.refusal:
             outcome = yield from ask(call, judge_equalities, found, engine, affinity=path)

@@ -78,7 +78,7 @@ def reference_of(robot: Robot) -> ReferenceKernel:
 def meant(robot: Robot, count: int, seed: int) -> Meant:
     """``count`` sampled states of a robot, and their truth."""
     if not robot.joints:
-        return _unmoved(robot, 0, "no joint moves, so that there is no acceleration")
+        return _unmoved(robot, 0, why_unmoved(robot))
     return _certified(robot, sample(reference_of(robot).mechanism, count, seed))
 
 
@@ -89,6 +89,13 @@ def read_as(original: Meant, robot: Robot, into: Callable[[States], States] = la
     if not robot.joints:
         return _unmoved(robot, len(original.states), "no joint is left")
     return _certified(robot, into(_spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))))
+
+
+def why_unmoved(robot: Robot) -> str:
+    """Why a robot without joints that move has no acceleration, and what to do."""
+    if not robot.bodies:
+        return "the file holds no body, as a part that other files include; name the file that includes it"
+    return "no joint moves, so that there is no acceleration; expected a joint that moves by itself"
 
 
 def _unmoved(robot: Robot, count: int, why: str) -> Meant:

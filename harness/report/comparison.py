@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -95,10 +96,15 @@ def survey_sections(
     ``pages`` are those of the robots, by path. The earlier surveys stand oldest first.
     """
     compared = [subject for subject in found.subjects if not subject.aided]
-    explained = sum(subject.explained for subject in compared)
+    unread, unmoved = sum(bool(file.problem) for file in found.files), sum(bool(file.remark) for file in found.files)
+    others = Counter(subject.outcome for subject in compared if not subject.is_answered)
     losing = sum(bool(subject.lost_digits) for subject in compared)
-    count = f"{len(found.files)} files; of {len(compared)} plain answers {explained} agree, are explained, or are refused by name"
-    count += f"; {losing} of them lose digits" if losing else ""
+    count = counted(len(found.files), "file")
+    count += f", of which {unread} cannot be read" if unread else ""
+    count += f"{' and' if unread else ', of which'} {unmoved} {'holds' if unmoved == 1 else 'hold'} nothing that moves" if unmoved else ""
+    count += f"; of {len(compared)} plain answers {len(compared) - others.total()} agree or are explained"
+    count += f" ({losing} of them lose digits)" if losing else ""
+    count += "".join(f", {number} {'is' if number == 1 else 'are'} {outcome}" for outcome, number in others.items())
     held = [one for one in found.equalities if one.verdict]
     agreeing = sum(one.explained for one in held)
     count += f"; of {counted(len(held), 'answer')} with the file's equalities {agreeing} agree with their engine's optimum" if held else ""
@@ -213,8 +219,8 @@ def _impossible(found: FilesComparison) -> Iterator[str]:
 
 def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     for subject in subjects:
-        if subject.readings or subject.notes or subject.message or subject.lost_digits:
-            yield f"{subject.subject}, {subject.kind}: {subject.outcome}"
+        if subject.readings or subject.notes or subject.message or subject.lost_digits or not subject.as_expected:
+            yield f"{subject.subject}, {subject.kind}: {subject.marked}"
             yield from filter(None, _reading_lines(subject))
 
 
@@ -227,6 +233,7 @@ def _reading_lines(subject: SubjectRecord) -> list[str]:
         f"  {'it says: ' if is_refused else ''}{subject.message}" if subject.message else "",
         *(f"  {sentence}" for sentence in subject.rest[: MOST_LINES if is_refused else 0]),
         *(f"  {note}" for note in subject.notes),
+        f"  {subject.left_nothing}" if subject.left_nothing else "",
         *(line for lines in told for line in lines),
         f"  with {these} {error_text(subject.left)} data roundoffs are left" if readings and subject.left is not None else "",
         "  together they cancel: the answer is that of the file" if subject.cancels else "",
@@ -268,10 +275,14 @@ def subject_lines(subject: SubjectRecord) -> list[str]:
 def _rest(found: FilesComparison) -> list[str]:
     """What no reading explains, and who gave no answer; "nothing" is said where everybody was asked and answered."""
     names = names_apart(file.path for file in found.files)
-    said = {Verdict.UNSUPPORTED: "refuses", Verdict.UNDECIDED: "is not judged on"}
-    silent = [one for one in found.subjects if one.explained and one.verdict in said]
-    lines = [f"no answer: {one.subject}, {one.kind}, {said[Verdict(one.verdict)]} {names[one.path]}" for one in silent]
-    lines += [f"no answer: no engine was asked about {names[file.path]}" for file in found.files if not found.of(file.path)]
+    said = {"refused": "refuses", "undecided": "is not judged on", "nothing left": "reads nothing that moves from"}
+    silent = [one for one in found.subjects if one.explained and one.outcome in said]
+    lines = [
+        f"no answer: {one.subject}, {one.kind}, {said[one.outcome]} {names[one.path]}" + (f"; {one.marked}" if one.expected else "")
+        for one in silent
+    ]
+    whys = {file.path: file.remark and f": {file.remark}" for file in found.unasked}
+    lines += [f"no answer: no engine was asked about {names[path]}{why}" for path, why in whys.items()]
     return [*_unexplained(found), *lines] or ["nothing: every answer agrees with the file, or with what the readings make of it"]
 
 

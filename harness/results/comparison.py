@@ -100,6 +100,8 @@ class SubjectRecord:
         notes: what was taken out of the file before the engine read it.
         lost_digits: at how many states, and why, the answer is beyond ``AGREEMENT`` though the engine and its readings hold the right
             numbers; "" where it is not.
+        left_nothing: why the engine's reader leaves no robot with accelerations; "" where it leaves one.
+        expected, expected_reason: the outcome that ``expected_robots.toml`` names, and why; "" where it has no entry.
     """
 
     path: str
@@ -117,6 +119,9 @@ class SubjectRecord:
     message: str = ""
     notes: tuple[str, ...] = ()
     lost_digits: str = ""
+    left_nothing: str = ""
+    expected: str = ""
+    expected_reason: str = ""
 
     @property
     def subject(self) -> Annotated[str, Column("subject")]:
@@ -144,9 +149,14 @@ class SubjectRecord:
 
     @property
     def outcome(self) -> str:
-        """The verdict in a word or two: "agrees", "lost digits", "explained", "explained, digits lost", "refused", "unexplained"."""
+        """The verdict in a word or two: "agrees", "lost digits", "explained", "explained, digits lost", "refused", "unexplained".
+
+        "nothing left" is one of an engine whose reader drops all that moves.
+        """
         if self.verdict == Verdict.UNSUPPORTED:
             return "refused"
+        if self.left_nothing:
+            return "nothing left"
         if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED, Verdict.ERROR):
             return self.verdict
         if not self.explained:
@@ -156,9 +166,28 @@ class SubjectRecord:
         return "explained, digits lost" if self.readings else "lost digits"
 
     @property
+    def is_answered(self) -> bool:
+        """True for an answer that agrees or is explained; a refusal, and what nobody can judge, is none."""
+        return self.explained and self.verdict not in (Verdict.UNSUPPORTED, Verdict.UNDECIDED) and not self.left_nothing
+
+    @property
+    def as_expected(self) -> bool:
+        """True for the outcome that is expected; where none is, and of an aided engine, for an answer too."""
+        return self.outcome == self.expected or (self.is_answered and (self.aided or not self.expected))
+
+    @property
+    def marked(self) -> str:
+        """The outcome, and what is expected where something is."""
+        if not self.expected:
+            return self.outcome
+        if self.as_expected:
+            return f"{self.outcome} (as expected: {self.expected_reason})" if self.outcome == self.expected else self.outcome
+        return f"{self.outcome}, expected {self.expected} because {self.expected_reason}"
+
+    @property
     def tone(self) -> str:
         """The looks of the outcome: explained as one that agrees; a refusal, lost digits and what is undecided as what they are."""
-        if not self.explained:
+        if not self.explained or self.left_nothing:
             return "disagrees surprise"
         if self.lost_digits:
             return f"{Verdict.UNSTABLE} expected"
@@ -307,10 +336,20 @@ class FilesComparison(StudyResult):
 
     @property
     def as_expected(self) -> bool:
-        """True where every file has a meaning, every answer is explained, and all files are one robot."""
-        files = all(not file.problem for file in self.files)
-        answers = all(subject.explained for subject in self.subjects) and all(held.explained for held in self.equalities)
-        return files and answers and all(pair.same for pair in self.pairs)
+        """True where an engine was asked about every file, every answer is as expected, and all files are one robot."""
+        answers = all(subject.as_expected for subject in self.subjects) and all(held.explained for held in self.equalities)
+        return not self.unasked and answers and self.is_one_robot
+
+    @property
+    def is_one_robot(self) -> bool:
+        """True where every file has a meaning, and all are one robot."""
+        return not any(file.problem for file in self.files) and all(pair.same for pair in self.pairs)
+
+    @property
+    def unasked(self) -> list[FileRecord]:
+        """The files about which no engine was asked."""
+        asked = {subject.path for subject in self.subjects}
+        return [file for file in self.files if file.path not in asked]
 
     def of(self, path: str) -> list[SubjectRecord]:
         """The subjects of a file."""

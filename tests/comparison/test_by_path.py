@@ -64,4 +64,5 @@ def test_a_survey_of_our_own_files_leaves_no_row_unexplained(tmp_path: Path) -> 
     found = json.loads(document.read_text())
     assert len(found["files"]) >= len(FILES)
     assert [row for row in [*found["subjects"], *found["equalities"]] if not row["explained"]] == []
-    assert done.returncode == 0, done.stdout
+    # Engines refuse some of them.
+    assert done.returncode == 1 and any(row["verdict"] == "unsupported" for row in found["subjects"])

@@ -196,8 +196,11 @@ def test_each_robot_and_engine_is_a_test(tmp_path: Path) -> None:
         shutil.copy(files / name, robots)
     options = ("--harness-robots", "robots", "--harness-states", "8", "-v", "-n", "0")
     done = pytest_in_this_process(*options, cwd=tmp_path)
-    assert done.returncode == 0 and "4 passed" in done.stdout, done.stdout
+    assert done.returncode == 1 and "1 failed, 3 passed" in done.stdout and "mujoco/urdf, plain: refused" in done.stdout, done.stdout
     entry = '[[expected]]\nfile = "impossible.urdf"\nsubject = "mujoco/urdf"\noutcome = "agrees"\nreason = "a test"\n'
+    (robots / "expected_robots.toml").write_text(entry.replace("agrees", "refused"))
+    done = pytest_in_this_process(*options, cwd=tmp_path)
+    assert done.returncode == 0 and "4 passed" in done.stdout, done.stdout
     (robots / "expected_robots.toml").write_text(entry)
     done = pytest_in_this_process(*options, cwd=tmp_path)
     assert done.returncode == 1 and "refused, expected agrees because a test" in done.stdout

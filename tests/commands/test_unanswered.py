@@ -1,0 +1,72 @@
+"""Who was not asked, and who did not answer, has not agreed: no command ends with exit status 0 there."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from support import harness
+
+FILES = Path(__file__).parents[1] / "comparison" / "files"
+HINGE = '<joint name="hinge" type="hinge" axis="0 1 0"/>'
+INERTIAL = '<inertial pos="0 0 -.5" mass="1" diaginertia="1 1 1"/>'
+WORLD = '<mujoco model="robot"><worldbody>{}</worldbody></mujoco>'
+# A table that stands before the arm, and all that Pinocchio reads.
+TABLE = WORLD.format(f'<body name="table">{INERTIAL}</body><body name="arm">{HINGE}{INERTIAL}</body>')
+# M is singular in every state.
+MASSLESS = WORLD.format(f'<body name="arm">{HINGE}<inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/></body>')
+# Of these an engine is asked, and gives no answer that can be judged.
+UNANSWERED = {
+    "refused": ((FILES / "impossible.urdf").read_text(), ["--subject", "mujoco/urdf"], "refuses robot"),
+    "undecided": (MASSLESS, ["--subject", "pinocchio/mjcf"], "is not judged on robot"),
+    "nothing left": (TABLE, ["--subject", "pinocchio/mjcf"], "reads nothing that moves from robot"),
+}
+# Of these no engine is asked.
+UNASKED = {
+    "no engine for the format": ((FILES / "arm.urdf").read_text(), ["--subject", "mujoco/mjcf"], "no engine was asked about robot"),
+    "a part that others include": ("<mujoco><asset/></mujoco>", [], "holds no body, as a part that other files include"),
+    "nothing that moves": ('<robot name="r"><link name="a"/></robot>', [], "no joint moves"),
+    "not installed": ((FILES / "arm.urdf").read_text(), ["--subject", "drake@0.1/urdf"], "harness engines add drake==0.1"),
+}
+
+
+def written(folder: Path, text: str) -> str:
+    """Name of a new robot of this text."""
+    path = folder / f"robot.{'urdf' if '<robot' in text else 'xml'}"
+    path.write_text(text)
+    return path.name
+
+
+@pytest.mark.parametrize("outcome", UNANSWERED)
+def test_an_engine_without_an_answer_has_not_agreed_unless_that_is_expected(outcome: str, tmp_path: Path) -> None:
+    text, options, said = UNANSWERED[outcome]
+    name = written(tmp_path, text)
+    for command in (["compare", name], ["survey", "."]):
+        done = harness(*command, *options, "--states", "8", cwd=tmp_path)
+        assert done.returncode == 1 and said in done.stdout, done.stdout + done.stderr
+        assert "nothing: every answer" not in done.stdout
+    entry = f'[[expected]]\nfile = "{name}"\nsubject = "{options[1]}"\noutcome = "{outcome}"\nreason = "a test"\n'
+    (tmp_path / "expected_robots.toml").write_text(entry)
+    done = harness("compare", name, *options, "--states", "8", cwd=tmp_path)
+    assert done.returncode == 0 and f"{outcome} (as expected: a test)" in done.stdout, done.stdout + done.stderr
+    (tmp_path / "expected_robots.toml").write_text(entry.replace(f'outcome = "{outcome}"', 'outcome = "agrees"'))
+    done = harness("compare", name, *options, "--states", "8", cwd=tmp_path)
+    assert done.returncode == 1 and f"{outcome}, expected agrees because a test" in done.stdout
+
+
+@pytest.mark.parametrize("case", UNASKED)
+def test_where_no_engine_is_asked_nothing_agrees(case: str, tmp_path: Path) -> None:
+    text, options, said = UNASKED[case]
+    done = harness("compare", written(tmp_path, text), *options, "--states", "8", cwd=tmp_path)
+    assert done.returncode == (2 if case == "not installed" else 1) and said in done.stdout + done.stderr, done.stdout + done.stderr
+    assert "nothing: every answer" not in done.stdout
+
+
+def test_a_survey_counts_the_files_that_it_could_not_read(tmp_path: Path) -> None:
+    shutil.copy(FILES / "arm.urdf", tmp_path)
+    written(tmp_path, '<robot name="r"><link name="a"/></robot>')
+    (tmp_path / "bad.urdf").write_text("<robot><a")
+    done = harness("survey", ".", "--states", "8", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "3 files, of which 1 cannot be read and 1 holds nothing that moves; of 2 plain answers 2 agree or are explained" in done.stdout
