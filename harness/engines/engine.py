@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self, cast
 
 from harness.arithmetic import KeptArithmetic
-from harness.engines.interface import InvalidAnswer, Unsupported
+from harness.engines.interface import CompiledNumber, InvalidAnswer, Unsupported
 from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
@@ -79,6 +79,16 @@ class Engine:
             Refused: the engine does not read it.
         """
         raise Refused(f"{self.name} reads no robots' files")
+
+    def compiled(self, request: Request) -> tuple[CompiledNumber, ...]:
+        """What the engine holds of a file as its user loads it, by its own names: all that may bear on motion, actuators and contacts too.
+
+        None where the engine file does not say.
+
+        Raises:
+            Refused: the engine does not read the file.
+        """
+        return ()
 
     def load(self, source: ModelFile | Mechanism | Request, joints: Sequence[str], gravity: float) -> Model:
         """Load a mechanism once; ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for formats that hold none.

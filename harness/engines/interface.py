@@ -171,6 +171,33 @@ class HeldModel:
     springs: tuple[HeldSpring, ...] = ()
 
 
+# Parts of a number by whose sign the same orientation is meant, and of one that is an inertia, with their places in the matrix.
+QUATERNION = ("w", "x", "y", "z")
+_MOMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+
+
+@dataclass(frozen=True)
+class CompiledNumber:
+    """Numbers of one name that an engine holds of one of its objects after loading a file.
+
+    Attributes:
+        quantity: the engine's own name, as "dof_damping". owner: name of the joint, body or other object; "" for the whole model.
+        values: in the engine's units; a word for a value of an enumeration. parts: their names, none where they are counted.
+        felt: whether an acceleration without constraints, actuators and fluid may feel it.
+    """
+
+    quantity: str
+    owner: str
+    values: tuple[float | str, ...]
+    parts: tuple[str, ...] = ()
+    felt: bool = True
+
+    @classmethod
+    def of_inertia(cls, quantity: str, owner: str, matrix: Array) -> CompiledNumber:
+        """The moments of a matrix (3, 3) [kg m^2], by their names."""
+        return cls(quantity, owner, tuple(float(matrix[place]) for place in _MOMENTS.values()), tuple(_MOMENTS))
+
+
 class Unsupported(Exception):
     """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
 

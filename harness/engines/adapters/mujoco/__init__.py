@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Engine, StepRule
 from harness.engines.adapters.mujoco import law
+from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
 from harness.files.equalities import Equality
 from harness.files.model_file import ModelFile, document_of
@@ -49,6 +50,11 @@ class MujocoEngine(Engine):
         from harness.engines.adapters.mujoco.robot import read
 
         return read(request)
+
+    def compiled(self, request: Request) -> tuple[CompiledNumber, ...]:
+        from harness.engines.adapters.mujoco.robot import compiled_numbers
+
+        return compiled_numbers(request)
 
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
         from harness.engines.adapters.mujoco.model import load

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -20,10 +21,12 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
+from harness.engines.adapters.mujoco.compiled import compiled
 from harness.engines.adapters.mujoco.model import MujocoModel, step
 from harness.engines.adapters.mujoco.urdf import supplied, turn_of
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix, stages_off
 from harness.engines.coordinates import multiplied, of_linear, rotations
+from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.reading import elements_of, root_link, text_of
 from harness.engines.request import Aid, AskedJoint, BodyInertia, Refused, Request
@@ -42,17 +45,30 @@ _PARTS = {JointKind.PLANAR: 3}
 
 def read(request: Request) -> MujocoFile:
     """A file as its user loads it, or aided; see ``harness.engines.Engine``."""
-    # The default handler writes a log file into the current directory.
-    mujoco.set_mju_user_warning(lambda message: None)
-    try:
+    with _refusals():
         model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
         if request.held is not None:
             switch_on(model, request.held.kinds, request.held.switched_on)
+    return MujocoFile(model, request, notes)
+
+
+def compiled_numbers(request: Request) -> tuple[CompiledNumber, ...]:
+    """See ``harness.engines.Engine.compiled``."""
+    with _refusals():
+        return tuple(compiled(_plain(request)[0]))
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Raises Refused of what MuJoCo says of a file."""
+    # The default handler writes a log file into the current directory.
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
     except ValueError as error:
         words = " ".join(str(error).split())
         named = _ELEMENT.search(words)
         raise Refused(words, named[1] if named else "") from error
-    return MujocoFile(model, request, notes)
 
 
 def _spec(request: Request, at_the_top: bool = False) -> Any:

@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from harness.engines import Engine
+from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
 from harness.files.model_file import ModelFile
 
@@ -50,6 +51,12 @@ class PinocchioEngine(Engine):
         from harness.engines.adapters.pinocchio.robot import read
 
         return read(request)
+
+    def compiled(self, request: Request) -> tuple[CompiledNumber, ...]:
+        from harness.engines.adapters.pinocchio.compiled import compiled
+        from harness.engines.adapters.pinocchio.robot import model_of
+
+        return tuple(compiled(model_of(request)))
 
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> PinocchioModel:
         from harness.engines.adapters.pinocchio.model import load

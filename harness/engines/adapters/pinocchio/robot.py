@@ -25,9 +25,17 @@ from harness.files.facts import ForceElement, JointDamper
 
 def read(request: Request) -> PinocchioFile:
     """A file as its user loads it, or aided; see ``harness.engines.Engine``."""
+    return PinocchioFile(model_of(request), request)
+
+
+def model_of(request: Request) -> Any:
+    """The ``pinocchio.Model`` of a file as its user loads it.
+
+    Raises:
+        Refused: its reader refuses the file.
+    """
     with reasons(lambda words: Refused(" ".join(words.split()))):
-        model = _read(request)
-    return PinocchioFile(model, request)
+        return _read(request)
 
 
 def _read(request: Request) -> Any:
