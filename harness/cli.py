@@ -27,7 +27,7 @@ import click
 from harness import commands
 from harness.commands import SECTIONS
 from harness.commands.frame.options import INTERRUPTED, INVALID, report_own_fault
-from harness.library import nearest
+from harness.library import FILE_SUFFIXES, TEMPLATE_SUFFIX, nearest
 from harness.registry import module_names
 from harness.study import is_out_of_memory
 from harness.version import __version__
@@ -150,7 +150,7 @@ class Commands(click.Group):
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
         name, known = args[0], self.list_commands(ctx)
-        if Path(name).suffix in {".urdf", ".xml", ".mjcf"}:
+        if Path(name).suffix in (*FILE_SUFFIXES, TEMPLATE_SUFFIX):
             ctx.fail(f"{name} is a file, and a command goes before it: {shlex.join(['harness', 'compare', name])}")
         if name not in known and not name.startswith("-"):
             ctx.fail(f"no command is called {name!r}; {nearest(name, known)}")

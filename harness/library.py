@@ -45,6 +45,8 @@ class Stance(StrEnum):
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 # Endings by which a name is that of a file, be it there or not.
 FILE_SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf")
+# Of a file that xacro makes a URDF of.
+TEMPLATE_SUFFIX = ".xacro"
 # Kinds of mechanism: of energies, the same under constraints, and of a file, which has no energies.
 MECHANISMS, CONSTRAINED, ROBOTS = "mechanisms", "mechanisms with constraints", "robots"
 BUILT_IN_NAME = "built-in"
@@ -205,7 +207,8 @@ def is_file(library: Library, name: str) -> bool:
     """True if ``name`` is that of a robot's file, be it there or not, and of no system or variant of a library."""
     if name in library.system_names() or name in library.variant_names():
         return False
-    return Path(name).suffix in FILE_SUFFIXES or any(sign in name for sign in {"/", os.sep}) or Path(name).is_file()
+    has_suffix = Path(name).suffix in (*FILE_SUFFIXES, TEMPLATE_SUFFIX)
+    return has_suffix or any(sign in name for sign in {"/", os.sep}) or Path(name).exists()
 
 
 def orphaned_models(library: Library) -> list[Path]:

@@ -20,6 +20,7 @@ from pathlib import Path
 import msgspec
 
 from harness.errors import InvalidInput
+from harness.library import TEMPLATE_SUFFIX
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 # The first tag that is no declaration, comment or instruction.
@@ -39,8 +40,10 @@ def find_files(places: Sequence[str]) -> list[Path]:
     for place in places:
         own = sorted(path for path in _candidates(place) if is_model(path))
         if not own:
+            templates = Path(place).is_dir() and sorted(Path(place).rglob(f"*{TEMPLATE_SUFFIX}"))
+            what = f"; {templates[0].name} is a xacro template: write the URDF of it by xacro first" if templates else ""
             raise InvalidInput(
-                place, None, f"holds no model of a robot: no {', '.join(SUFFIXES)} file with <robot> or <mujoco> as root element"
+                place, None, f"holds no model of a robot: no {', '.join(SUFFIXES)} file with <robot> or <mujoco> as root element{what}"
             )
         found |= dict.fromkeys(own)
     return list(found)

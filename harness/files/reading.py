@@ -11,9 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from shlex import quote
+
+from lxml import etree
 
 from harness.files.document.source import PassedOver, Source, Unread
-from harness.files.document.xml import Document, describe, read_any
+from harness.files.document.xml import Document, describe, literal_tag, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import LeftOut
 from harness.files.left_out import left_out_of_mjcf, left_out_of_urdf
@@ -21,6 +24,7 @@ from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.mjcf.reading import read_tree as read_mjcf
 from harness.files.tree import Joint, SpringDampers, Tree
 from harness.files.urdf.reading import FLOATING_BASE, UrdfReader
+from harness.library import TEMPLATE_SUFFIX
 
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 # What an empty file should have been.
@@ -68,9 +72,21 @@ def format_of(path: Path) -> str:
 
 
 def _format(source: Source) -> str:
+    if (template := next(filter(_is_expanded, source.root.iter("*")), None)) is not None:
+        path = source.document.path
+        plain = path.with_suffix("") if path.suffix == TEMPLATE_SUFFIX else path.with_suffix(f".expanded{path.suffix}")
+        plain = plain if plain.suffix else plain.with_suffix(".urdf")
+        source.refuse(template, f"is a xacro template: run `xacro {quote(str(path))} > {quote(str(plain))}`, and name {plain}")
     if source.root.tag not in FORMATS:
         source.refuse(source.root, f"the root element is {describe(source.root)}; expected {EXPECTED}")
     return FORMATS[source.root.tag]
+
+
+def _is_expanded(element: etree._Element) -> bool:
+    """True for what xacro writes otherwise: calls, macros, conditions, includes, expressions. A property alone is a leftover."""
+    tag = literal_tag(element)
+    is_call = tag.startswith("xacro:") and tag not in ("xacro:property", "xacro:arg")
+    return is_call or (not tag.startswith("xacro:") and any("${" in value for value in element.attrib.values()))
 
 
 def read(

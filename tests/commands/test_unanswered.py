@@ -70,3 +70,38 @@ def test_a_survey_counts_the_files_that_it_could_not_read(tmp_path: Path) -> Non
     done = harness("survey", ".", "--states", "8", cwd=tmp_path)
     assert done.returncode == 1
     assert "3 files, of which 1 cannot be read and 1 holds nothing that moves; of 2 plain answers 2 agree or are explained" in done.stdout
+
+
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n  <link name="base"/>\n  {}\n</robot>\n'
+CALL = XACRO.format('<xacro:arm prefix="left"/>')
+UNREADABLE = {
+    "robot.urdf.xacro": (CALL, "robot.urdf.xacro:3: is a xacro template: run `xacro robot.urdf.xacro > robot.urdf`"),
+    "arm.xacro": (CALL, "run `xacro arm.xacro > arm.urdf`"),
+    "robot.urdf": (XACRO.format('<link name="${prefix}_arm"/>'), "robot.urdf:3: is a xacro template: run `xacro robot.urdf >"),
+    "robot.xml": (CALL.replace("robot", "mujoco"), "robot.xml:3: is a xacro template"),
+    "bad.urdf": ("<robot><a", "is not well-formed XML"),
+    "missing.urdf": (None, "there is no such file"),
+    "folder": (None, "name one in it; harness survey takes all robots of a folder"),
+}
+
+
+@pytest.mark.parametrize("command", ["compare", "check", "bench", "search", "show", "diagnose"])
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_a_file_that_cannot_be_read_is_2_with_what_to_do(command: str, name: str, tmp_path: Path) -> None:
+    text, said = UNREADABLE[name]
+    (tmp_path / "folder").mkdir()
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    done = harness(command, name, cwd=tmp_path)
+    assert done.returncode == 2 and said in done.stderr, done.stdout + done.stderr
+
+
+def test_a_folder_of_templates_is_told_that_xacro_writes_the_files(tmp_path: Path) -> None:
+    (tmp_path / "arm.xacro").write_text(CALL)
+    done = harness("survey", ".", cwd=tmp_path)
+    assert done.returncode == 2 and "arm.xacro is a xacro template" in done.stderr
+
+
+def test_a_property_that_xacro_left_is_no_template(tmp_path: Path) -> None:
+    text = (FILES / "arm.urdf").read_text().replace("<link", '<xacro:property name="m" value="1"/><link', 1)
+    assert harness("compare", written(tmp_path, text), "--states", "8", cwd=tmp_path).returncode == 0
