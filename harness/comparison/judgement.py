@@ -8,7 +8,7 @@ would explain it: they are the parameters of its truth, which is certified anew 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -21,10 +21,14 @@ from harness.engines.request import EngineAnswers
 from harness.explain.changes.readings import find_readings
 from harness.explain.fit import best_change
 from harness.explain.meant import Meant, effects, fold, read_as, readings_that_do_not_hold, reference_of, worst
+from harness.explain.search import Tried
 from harness.explain.textbook_side import TextbookSide, search_parameters
+from harness.files.tree import Given, Place
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
+from harness.trees.bodies.inertias import impossible_inertias
+from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, compare
 from harness.truth.quantities.accelerations import FAR_LINKS, FarLinks
@@ -52,18 +56,20 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)
     record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects(meant, folded))
-    if unread := [name for name in lacking if name in folded.robot.joints]:
-        return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
     read = read_as(meant, folded.robot)
     if read.undetermined:
         # Of a robot that has no accelerations any more, an engine may answer anything.
         return replace(record, verdict=Verdict.DISAGREES, explained=True, left_nothing=f"as it reads the file, {read.undetermined}")
+    if unread := [name for name in folded.robot.joints if name not in answers.accelerations]:
+        return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
     after = compared if read is meant and compared is not None else _compare(read, answers)
     if _are_all(after, Verdict.UNDECIDED):
         return replace(record, verdict=Verdict.UNDECIDED, explained=True, message=_NOWHERE)
     record = replace(record, left=worst(after) if folded.applied else None)
     if _are_all(after, Verdict.AGREES):
         return replace(record, explained=True)
+    if not (read.truth.certified & np.isfinite(answers.of(read.robot.joints)).all(axis=1)).any():
+        return replace(record, rest=["it answers with finite numbers at no state"])
     if cause := _cause_of_lost_digits(read, answers, after, caller):
         # As the cross-check of the file has it.
         verdict = Verdict.UNSTABLE.value if after is compared else record.verdict
@@ -125,28 +131,68 @@ def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
     return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}
 
 
-# Numbers that are named, and the share of the error that the best may leave to be worth naming.
-MOST_NAMED, WORTH_NAMING = 3, 0.1
+# Numbers that are named, and the share of the error that a small change or a fitted value of one may leave to be of interest.
+MOST_NAMED, OF_INTEREST = 3, 0.1
+# Attributes of what is never negative.
+_NEVER_NEGATIVE = ("armature", "damping", "density", "mass", "size", "stiffness")
 # Share of its largest entry by which M varies where it is the same but for rounding.
 SAME_MATRIX = 1e-12
 
 
 def unexplained(meant: Meant, answers: EngineAnswers) -> list[str]:
-    """Sentences on an answer that differs from what the tree means."""
+    """Sentences on an answer that differs from what the tree means; numbers are named that make it agree, and that a body can have."""
     accelerations = answers.of(meant.robot.joints)
-    side = _side(meant, accelerations)
-    size = float(np.linalg.norm(side.here))
-    found = []
-    for one in search_parameters(side).found() if 0 < size < np.inf else ():
-        residual = None if one.value is None else side.residual_at(one.change, one.value)
-        left = np.inf if residual is None else float(np.linalg.norm(residual)) / size
-        found.append((not one.explains, left, one))
-    sentences = []
-    for _, left, one in sorted(found, key=lambda of: of[:2])[:MOST_NAMED]:
-        if left < WORTH_NAMING:
-            named = f"{one.change.place.attribute} = {one.change.start:g}"
-            sentences.append(f"{named}: the engine behaves as with {one.value:.10g}, which leaves {left:.1e} of the difference")
-    return sentences or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
+    side, sentences = _side(meant, accelerations), []
+    for one in search_parameters(side).found():
+        number = one.change.place.attribute
+        value = _agreeing_value(side, one)
+        if value is not None and _is_possible(meant.robot, number, value):
+            left = error_text(side.left_at(one.change, value))
+            sentences.append(
+                f"{number} = {one.change.start:g}: the engine behaves as with {value:.10g}, which leaves {left} data roundoffs"
+            )
+    return sentences[:MOST_NAMED] or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
+
+
+def _agreeing_value(side: TextbookSide, tried: Tried) -> float | None:
+    """The value of a number at which the answers agree; None where neither that which was fitted does nor one of fewer digits."""
+    if tried.value is None or tried.explains:
+        return tried.value
+    if tried.left > OF_INTEREST * side.before:
+        return None
+    rounded = (float(f"{tried.value:.{digits}g}") for digits in range(1, 17))
+    return next((value for value in rounded if side.left_at(tried.change, value) <= AGREEMENT), None)
+
+
+def _is_possible(robot: Robot, name: str, value: float) -> bool:
+    """True where the number of the file that is a parameter of this name can have a value.
+
+    It gives no body an inertia that no body can have, no force or size another sign, gravity no other direction, and no unit quaternion
+    a component beyond 1: numbers beyond these imitate what is wrong elsewhere.
+    """
+    found: list[Given] = []
+
+    def changed(part: Any) -> Any:
+        if isinstance(part, Given) and parameter_name(part) == name:
+            found.append(part)
+            return Given(value, part.place, part.attribute, part.index)
+        if isinstance(part, tuple):
+            return tuple(map(changed, part))
+        if is_dataclass(part) and not isinstance(part, type | Place):
+            return replace(part, **{field.name: changed(getattr(part, field.name)) for field in fields(part)})
+        return part
+
+    tree = changed(robot.tree)
+    if any(_is_out_of_bounds(number, value) for number in found):
+        return False
+    return len(impossible_inertias(tree)) <= len(robot.impossible)
+
+
+def _is_out_of_bounds(number: Given, value: float) -> bool:
+    attribute, own = number.attribute.partition(" ")[0], float(number)
+    if attribute == "quat":
+        return abs(value) > max(1.0, abs(own))
+    return value < 0 if attribute in _NEVER_NEGATIVE else attribute == "gravity" and own * value < 0
 
 
 def is_explained_by_number(meant: Meant, accelerations: Array) -> bool:
@@ -158,7 +204,7 @@ def is_explained_by_number(meant: Meant, accelerations: Array) -> bool:
     if not 0 < float(np.linalg.norm(side.here)) < np.inf:
         return False
     least = min((best_change(column.values[side.seen], side.here)[1] for column in side.columns()), default=1.0)
-    return least < WORTH_NAMING * _left_by_rounding(side)
+    return least < OF_INTEREST * _left_by_rounding(side)
 
 
 def _side(meant: Meant, accelerations: Array) -> TextbookSide:

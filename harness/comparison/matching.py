@@ -26,7 +26,7 @@ from harness.errors import InvalidRequest
 from harness.explain.changes.readings import with_bodies, with_joints, with_tree
 from harness.files.facts import in_radians
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Coupling, Joint, Tree
+from harness.files.tree import Coupling, Joint
 from harness.library import nearest
 from harness.programs.states import States
 from harness.trees.canonical import CanonicalNode, canonical
@@ -71,7 +71,7 @@ def match(first: Robot, second: Robot, renamed: Mapping[str, str]) -> Matching:
     ones, others = ({joint.name: joint.kind for joint in robot.tree.joints} for robot in (first, second))
     said = {one: other for one, other in renamed.items() if one in ones and other in others}
     named = said | {one: one for one in ones if one in others and one not in said and one not in said.values()}
-    names, before, others_before = dict(named), joints_before(first.tree), joints_before(second.tree)
+    names, before, others_before = dict(named), first.tree.joints_before, second.tree.joints_before
     carried, others_carried = _carried(before), _carried(others_before)
     for one, above in before.items():
         # Of one kind, behind partners, in the order of the files; nothing is known of what joints without a partner carry.
@@ -105,18 +105,6 @@ def _refuse(option: str, name: str, robots: Sequence[Robot]) -> None:
     if name not in known:
         files = " and ".join(dict.fromkeys(robot.path.name for robot in robots))
         raise InvalidRequest(f"{option}: no joint {name!r} moves in {files}; {nearest(name, known)}")
-
-
-def joints_before(tree: Tree) -> dict[str, str]:
-    """For each joint the one that carries it, "" for none; parents first."""
-    last: dict[str, str] = {}
-    found = {}
-    for body in tree.bodies:
-        above = last.get(body.parent, "")
-        for joint in body.joints:
-            found[joint.name], above = above, joint.name
-        last[body.name] = above
-    return found
 
 
 def _carried(before: Mapping[str, str]) -> Counter[str]:

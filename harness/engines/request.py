@@ -30,7 +30,7 @@ class AskedJoint:
             joint of a URDF is measured; of all others none that matters.
         follows: name of the joint that it mimics, "" for one that moves by itself: its position is ``multiplier`` times that of the
             other, and ``offset`` [m or rad].
-        line: of the file, 0 for one that is none of its own.
+        line: of the file, 0 for one that is none of its own. carrier: name of the joint before it in the tree, "" for none.
     """
 
     name: str
@@ -43,6 +43,12 @@ class AskedJoint:
     multiplier: float = 1.0
     offset: float = 0.0
     line: int = 0
+    carrier: str = ""
+
+    @property
+    def is_unnamed(self) -> bool:
+        """True where the file gives it no name, so that its reader has made one of its place."""
+        return self.name.startswith("(")
 
     @property
     def is_measured_in_the_world(self) -> bool:

@@ -88,6 +88,8 @@ def read_as(original: Meant, robot: Robot, into: Callable[[States], States] = la
         return original
     if not robot.joints:
         return _unmoved(robot, len(original.states), "no joint is left")
+    if further := [joint.name for joint in robot.tree.joints if joint.name not in original.robot.tree.joints_before]:
+        return _unmoved(robot, len(original.states), f"it has joints that the file does not have: {', '.join(further)}")
     return _certified(robot, into(_spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))))
 
 

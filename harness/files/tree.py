@@ -333,6 +333,18 @@ class Tree(_Placed):
         """All joints, those of a body before those of its children."""
         return tuple(joint for body in self.bodies for joint in body.joints)
 
+    @property
+    def joints_before(self) -> dict[str, str]:
+        """For each joint the one that carries it, "" for none; parents first."""
+        last: dict[str, str] = {}
+        found = {}
+        for body in self.bodies:
+            above = last.get(body.parent, "")
+            for joint in body.joints:
+                found[joint.name], above = above, joint.name
+            last[body.name] = above
+        return found
+
 
 def vector(numbers: Sequence[float | Fraction]) -> Vector:
     """Three numbers of a file, exactly."""

@@ -283,7 +283,7 @@ class ChartKernel:
 
     def _cancelled_weight(self, norm_factor: Array, accelerations: Array) -> Array:
         """Length of a fall of all that moves, where the exact answer is so short that most of it has cancelled; 0 elsewhere."""
-        fall = self.mechanism.gravity * math.sqrt(self.mechanism.total_mass)
+        fall = self.mechanism.gravity * math.sqrt(abs(self.mechanism.total_mass))
         if not fall:
             return np.zeros(len(accelerations))
         return np.where(energy_norm(norm_factor, accelerations) < MOSTLY_CANCELLED * fall, fall, 0.0)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from comparison.robots import meant_by, record_of
+import numpy as np
+import pytest
+from comparison.robots import FILES, edited, meant_by, record_of
 
 from harness.comparison.judgement import judge
 from harness.engines.request import EngineAnswers
@@ -57,3 +59,32 @@ def test_an_error_that_a_number_explains_is_no_lost_digits(tmp_path: Path) -> No
     answers = EngineAnswers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
     record = judge(found, answers, "pinocchio", Stance.AIDED)
     assert (record.explained, record.outcome) == (False, "unexplained") and "behaves as with 3.00000003" in record.rest[0]
+
+
+@pytest.mark.parametrize(("number", "value"), [('mass value="2"', "-2"), ('iyy="0.078125"', "0.2")])
+def test_a_number_that_no_body_can_have_is_not_named(number: str, value: str, tmp_path: Path) -> None:
+    """The answer is that of such a number, and still it is none of the body's."""
+    found = meant_by(FILES / "arm.urdf")
+    other = tmp_path / "other.urdf"
+    text = found.robot.path.read_text()
+    other.write_text(text.replace(number, f'{number.partition("=")[0]}="{value}"', 1))
+    wrong = read_as(found, read_robot(other)).truth.high
+    answers = EngineAnswers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
+    record = judge(found, answers, "mujoco", Stance.AIDED)
+    assert not record.explained and record.rest[0].startswith("no single number of the file explains it; it differs in")
+
+
+def test_a_number_that_explains_a_part_is_not_named(tmp_path: Path) -> None:
+    """Two masses are wrong, the one by little: the other leaves 1e-6 of the difference, and more than a data roundoff."""
+    found = meant_by(FILES / "arm.urdf")
+    other = edited(FILES / "arm.urdf", tmp_path, ('mass value="2"', 'mass value="3"'), ('mass value="0.5"', 'mass value="0.5000005"'))
+    wrong = read_as(found, read_robot(other)).truth.high
+    answers = EngineAnswers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
+    record = judge(found, answers, "mujoco", Stance.AIDED)
+    assert not record.explained and record.rest[0].startswith("no single number of the file explains it")
+
+
+def test_an_answer_without_a_finite_number_is_said_so() -> None:
+    found = meant_by(FILES / "arm.urdf")
+    answers = EngineAnswers({name: np.full((len(found.states), 1), np.nan) for name in found.robot.joints})
+    assert judge(found, answers, "mujoco", Stance.AIDED).rest == ["it answers with finite numbers at no state"]

@@ -18,6 +18,11 @@ def body(name: str, joint: str, inside: str = "", about: str = "") -> str:
     return f'<body name="{name}" {about}>{joint and f"<joint {joint}/>"}{INERTIA}{inside}</body>'
 
 
+def unnamed(position: str, joint: str, inside: str = "") -> str:
+    """The same without a name."""
+    return f'<body pos="{position}">{joint and f"<joint {joint}/>"}{INERTIA}{inside}</body>'
+
+
 FIRST, SECOND = 'name="j1" axis="0 1 0"', body("b", 'name="j2" axis="1 0 0"', about='pos="0 0 1"')
 ARM = body("a", FIRST, SECOND)
 TURNED = body("a", FIRST, body("b", 'name="j2" axis="1 0 0"', about='euler="0.3 0.5 0.7"'))
@@ -32,6 +37,10 @@ FILES = {
     "bare root": ("bodies without attributes", COMPILER, f'<body><joint name="j1" axis="0 1 0"/>{INERTIA}{SECOND}</body>', ""),
     "bare body": ("bodies without attributes", COMPILER, body("a", FIRST, f"<body>{SECOND}</body>"), ""),
     "pose of a root": ("pose of a body fixed to the world", COMPILER, body("w", "", ARM, 'pos="1 2 3" euler="0.3 0.4 0.5"'), ""),
+    "fixed siblings": (
+        "bodies without names", COMPILER,
+        body("a", FIRST, unnamed("0 0.3 1", "") + unnamed("0.2 0 0", "", unnamed("0 0 1", 'name="j2" axis="1 0 0"'))), "",
+    ),
     "composite": ("reference of the first of several joints", COMPILER, body("a", COMPOSITE, SECOND), ""),
     "slide": (
         "reference of a slide from a default class", '<default><default class="c"><joint ref="20"/></default></default>',
@@ -68,3 +77,32 @@ def test_what_is_included_is_passed_over(tmp_path: Path) -> None:
     path = written(tmp_path, COMPILER, body("a", FIRST, '<include file="inner.xml"/>'), "")
     record = record_of(path, "pinocchio")
     assert record.explained and [one.name for one in record.readings] == ["sections that are read once"]
+
+
+HINGE, SLIDE_Y = 'axis="0 1 0"', 'type="slide" axis="0 1 0"'
+SECOND_HINGE = f'{HINGE}/><joint axis="1 0 0"'
+WITHOUT_NAMES = {
+    "free": unnamed("0 0 1", 'type="free"'),
+    "freejoint": f'<body pos="0 0 1"><freejoint/>{INERTIA}</body>',
+    "named joint": unnamed("0 0 1", 'name="root" type="free"', unnamed("0 0.3 1", HINGE)),
+    "chain": unnamed("0 0 1", 'type="free"', unnamed("0 0.3 1", HINGE, unnamed("0.1 0 0", 'type="ball"'))),
+    "two joints": unnamed("0 0 1", 'type="free"', unnamed("0 0.3 1", SECOND_HINGE, unnamed("0.1 0 0", SLIDE_Y))),
+    "siblings of named bodies": body("a", HINGE, body("b", HINGE, unnamed("0 0 1", SLIDE_Y)) + body("c", HINGE, unnamed("0 1 0", HINGE))),
+}
+
+
+@pytest.mark.parametrize("name", WITHOUT_NAMES)
+def test_joints_and_bodies_without_names_are_found_by_their_places(name: str, tmp_path: Path) -> None:
+    path = written(tmp_path, COMPILER, WITHOUT_NAMES[name], "")
+    for aided in (False, True):
+        record = record_of(path, "pinocchio", aided)
+        assert (record.verdict, record.readings, record.rest) == ("agrees", [], [])
+
+
+@pytest.mark.parametrize("second", [HINGE, "", SLIDE_Y, SECOND_HINGE])
+def test_the_second_of_two_bodies_without_names_moves_nothing(second: str, tmp_path: Path) -> None:
+    """Pinocchio's own answer there is no number."""
+    inside = body("a", HINGE, unnamed("0 0.3 1", HINGE) + unnamed("0.2 0 0", second, body("c", HINGE)))
+    record = record_of(written(tmp_path, COMPILER, inside, ""), "pinocchio")
+    assert record.explained and [one.name for one in record.readings] == ["bodies without names"]
+    assert record.left is None and "as it reads the file" in record.left_nothing

@@ -60,40 +60,60 @@ class JointPlace(NamedTuple):
 
 def places_of(model: Any, joints: Sequence[AskedJoint]) -> dict[str, JointPlace]:
     """The places of the joints that the model has; one of several in a body is part of a composite."""
-    found, names = dict[str, JointPlace](), _names_of_reader(joints)
-    kinds = {joint.name: joint.kind for joint in joints}
-    for number in range(1, model.njoints):
-        joint, name = model.joints[number], model.names[number]
-        parts = _parts(joint, names.get(name.removeprefix(_COMPOSITE), name), name.startswith(_COMPOSITE), joints)
-        q, v = joint.idx_q, joint.idx_v
-        for part, nq, nv in parts:
-            if part in kinds:
-                found[part] = JointPlace(q, nq, v, nv, number, kinds[part])
+    found = dict[str, JointPlace]()
+    for number, parts in _joints_of_file(model, joints).items():
+        q, v = model.joints[number].idx_q, model.joints[number].idx_v
+        for part in parts:
+            # One joint of the file may have other positions here.
+            nq, nv = (len(part.positions), len(part.velocities)) if len(parts) > 1 else (model.joints[number].nq, model.joints[number].nv)
+            found[part.name] = JointPlace(q, nq, v, nv, number, part.kind)
             q, v = q + nq, v + nv
     return found
 
 
-def _names_of_reader(joints: Sequence[AskedJoint]) -> dict[str, str]:
-    """Names of joints by those that the MJCF reader gives them: a joint without one is called after its body."""
-    found: dict[str, str] = {}
-    for joint in joints:
-        names = [joint.name]
-        if unnamed := _UNNAMED.fullmatch(joint.name):
-            number, body = unnamed.groups()
-            names = [f"{body}Joint_{int(number) - 1}", f"{body}_free"]
-        found |= dict.fromkeys(names, joint.name)
+def _joints_of_file(model: Any, joints: Sequence[AskedJoint]) -> dict[int, list[AskedJoint]]:
+    """The joint of the file that each of the model is, or those that it is made of, by its number.
+
+    They have the same name. A joint without one is called after its body by the MJCF reader, and a body without one after its parent, as
+    is the next in that parent: there, joints are each other's that stand behind the same joint in the same order.
+    """
+    by_name, names = {joint.name: joint for joint in joints}, _names_of_reader(joints)
+    found: dict[int, list[AskedJoint]] = {}
+    for number in range(1, model.njoints):
+        own = str(model.names[number])
+        name = own if own in by_name else own.removeprefix(_COMPOSITE)
+        if (known := by_name.get(names.get(name, name))) is not None:
+            found[number] = _parts(model.joints[number], known, joints)
+    for parent in range(model.njoints):
+        if parent and parent not in found:
+            continue
+        carrier, taken = found[parent][-1].name if parent else "", {part.name for parts in found.values() for part in parts}
+        numbers = [number for number in range(1, model.njoints) if model.parents[number] == parent and number not in found]
+        behind = [joint for joint in joints if joint.is_unnamed and joint.carrier == carrier and joint.name not in taken]
+        made = [_parts(model.joints[number], joint, joints) for number, joint in zip(numbers, behind, strict=False)]
+        sizes = [sum(len(part.velocities) for part in parts) for parts in made]
+        # Where the reader left some out, nothing says which.
+        if len(numbers) == len(behind) and sizes == [model.joints[number].nv for number in numbers]:
+            found |= zip(numbers, made, strict=True)
     return found
 
 
-def _parts(joint: Any, name: str, is_composite: bool, joints: Sequence[AskedJoint]) -> list[tuple[str, int, int]]:
-    """Name, positions and velocities of a joint, or of those that a composite of the MJCF reader is made of, in their order."""
-    names = [one.name for one in joints]
-    if not is_composite or name not in names:
-        return [(name, joint.nq, joint.nv)]
-    found: list[tuple[str, int, int]] = []
-    for one in joints[names.index(name) :]:
-        if sum(nv for _, _, nv in found) < joint.nv:
-            found.append((one.name, len(one.positions), len(one.velocities)))
+def _names_of_reader(joints: Sequence[AskedJoint]) -> dict[str, str]:
+    """Names of joints without one in named bodies, by those that the MJCF reader gives them."""
+    found: dict[str, str] = {}
+    for joint in joints:
+        if unnamed := _UNNAMED.fullmatch(joint.name):
+            number, body = unnamed.groups()
+            found |= dict.fromkeys([f"{body}Joint_{int(number) - 1}", f"{body}_free"], joint.name)
+    return found
+
+
+def _parts(joint: Any, first: AskedJoint, joints: Sequence[AskedJoint]) -> list[AskedJoint]:
+    """The joints of the file that one of the model is made of, in their order, of which a composite has several."""
+    found: list[AskedJoint] = []
+    for one in joints[joints.index(first) :] if joint.shortname() == "JointModelComposite" else [first]:
+        if sum(len(part.velocities) for part in found) < joint.nv:
+            found.append(one)
     return found
 
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from itertools import zip_longest
 from typing import Any
 
 from lxml import etree
@@ -98,6 +99,29 @@ def _without_bare_bodies(robot: Robot) -> Tree:
         springs=tuple(spring for spring in robot.tree.springs if not bare & {end for end, _ in spring.ends}),
         couplings=tuple(one for one in robot.tree.couplings if not joints & {name for name, _ in one.joints}),
     )
+
+
+@law("bodies without names", "bodies", after=("bodies without attributes", "frames", "further trees", "pose of a body fixed to the world"))
+def _of_the_first_of_a_name(robot: Robot) -> Tree:
+    """Such a body is called after its parent, and of several that get one name each is read as the first, which carries what all carry.
+
+    Masses are added to that one alone, so that joints of the others move nothing.
+    """
+    tree, names, first = robot.tree, {WORLD: ""}, dict[str, Body]()
+    for body in tree.bodies:
+        names[body.name] = f"{names[body.parent]}Bis" if body.is_unnamed else body.name
+        first.setdefault(names[body.name], body)
+
+    def read(body: Body) -> Body:
+        like = first[names[body.name]]
+        parent = body.parent if body.parent == WORLD else first[names[body.parent]].name
+        if like is body:
+            return replace(body, parent=parent)
+        named = zip_longest(like.joints, body.joints[: len(like.joints)])
+        joints = (replace(one, name=own.name if own else f"{one.name} in {body.name}", armature=Fraction(0)) for one, own in named)
+        return replace(body, parent=parent, pose=like.pose, joints=tuple(joints), inertia=None, solids=())
+
+    return tree if len(first) == len(tree.bodies) else with_bodies(tree, read)
 
 
 @law("pose of a body fixed to the world", "bodies", after=("bodies without attributes", "further trees"))
@@ -311,6 +335,11 @@ READINGS = readings_of(
                 "Pinocchio's MJCF reader computes no inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 in its position",
                 _left_out.WRITE_INERTIA,
                 f"{_GEOMS}, MjcfGeom::computeInertia leaves a mesh Inertia::Identity()",
+            ),
+            _of_the_first_of_a_name: (
+                "Pinocchio's MJCF reader calls a body without a name after its parent, and takes the first of several so called for each",
+                "give each body a name of its own",
+                f"{_GRAPH}, parseJointAndBody: bodyName = parentName + Bis; mapOfBodies.insert, which keeps the first",
             ),
             _unscaled: (
                 "Pinocchio's MJCF reader passes over <compiler settotalmass>",
