@@ -143,25 +143,28 @@ def unexplained(meant: Meant, answers: EngineAnswers) -> list[str]:
     """Sentences on an answer that differs from what the tree means; numbers are named that make it agree, and that a body can have."""
     accelerations = answers.of(meant.robot.joints)
     side, sentences = _side(meant, accelerations), []
-    for one in search_parameters(side).found():
-        number = one.change.place.attribute
-        value = _agreeing_value(side, one)
+    search, enough = search_parameters(side), max(AGREEMENT, _rounding_of_answers(side))
+    for one in search.found():
+        number, value = one.change.place.attribute, _agreeing_value(side, one, enough)
         if value is not None and _is_possible(meant.robot, number, value):
-            left = error_text(side.left_at(one.change, value))
-            sentences.append(
-                f"{number} = {one.change.start:g}: the engine behaves as with {value:.10g}, which leaves {left} data roundoffs"
-            )
+            behaves, left = f"{number} = {one.change.start:g}: the engine behaves as with {value:.10g}", side.left_at(one.change, value)
+            sentences.append(f"{behaves}, which leaves {error_text(left)} data roundoffs")
     return sentences[:MOST_NAMED] or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
 
 
-def _agreeing_value(side: TextbookSide, tried: Tried) -> float | None:
-    """The value of a number at which the answers agree; None where neither that which was fitted does nor one of fewer digits."""
-    if tried.value is None or tried.explains:
-        return tried.value
-    if tried.left > OF_INTEREST * side.before:
+def _rounding_of_answers(side: TextbookSide) -> float:
+    """The most that an answer is off by for being float64 [data roundoffs]."""
+    half = np.spacing(np.abs(side.answers)) / 2
+    parts = (side.whitening.change(half * unit) for unit in np.eye(half.shape[1]))
+    return float(sum(np.linalg.norm(part, axis=1) for part in parts).max())
+
+
+def _agreeing_value(side: TextbookSide, tried: Tried, enough: float) -> float | None:
+    """The value of a number that leaves ``enough`` or less; None where neither that which was fitted does nor one of fewer digits."""
+    if tried.value is None or tried.left > OF_INTEREST * side.before:
         return None
-    rounded = (float(f"{tried.value:.{digits}g}") for digits in range(1, 17))
-    return next((value for value in rounded if side.left_at(tried.change, value) <= AGREEMENT), None)
+    values = (tried.value, *(float(f"{tried.value:.{digits}g}") for digits in range(1, 17)))
+    return next((value for value in values if side.left_at(tried.change, value) <= enough), None)
 
 
 def _is_possible(robot: Robot, name: str, value: float) -> bool:

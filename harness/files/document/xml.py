@@ -142,7 +142,9 @@ def read_text(path: Path) -> str:
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise InvalidModel(path, None, "is a directory; expected a model file: name one in it; harness survey takes all robots of a folder")
+            raise InvalidModel(
+                path, None, "is a directory; expected a model file: name one in it; harness survey takes all robots of a folder"
+            )
         if not stat.S_ISREG(mode):
             raise InvalidModel(path, None, "is not a regular file; expected a model file")
         with path.open("rb") as file:
