@@ -22,6 +22,18 @@ _EMPTY: Mapping[Any, Any] = MappingProxyType({})
 # The first that a value contradicts is named.
 _ASSUMPTIONS = ("positive", "negative", "nonnegative", "nonpositive", "nonzero", "zero", "integer", "rational", "even", "odd", "real")
 
+# Declarations that are mappings, and what each maps.
+_MAPPINGS = {
+    "coordinates": "{coordinate: joint name}",
+    "parameters": "{symbol: (value, unit)}",
+    "generalised_forces": "{coordinate: force}",
+    "ranges": "{coordinate or rate: (lowest, highest)}",
+    "start": "{coordinate or rate: value}",
+    "measured_from": "{coordinate: earlier coordinate}",
+    "constraints": "{name: Constraint}",
+    "assembly": "{coordinate: position}",
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class System:
@@ -80,6 +92,9 @@ class System:
     assembly: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
+        for name, expected in _MAPPINGS.items():
+            if not isinstance(found := getattr(self, name), Mapping):
+                raise ValueError(f"{name} is {found!r}; expected a mapping, {expected}")
         for name in ("kinetic", "potential", "total_mass"):
             object.__setattr__(self, name, sp.sympify(getattr(self, name)))
         forces = {q: sp.sympify(force) for q, force in self.generalised_forces.items()}
@@ -179,6 +194,8 @@ class System:
             expressions |= {f"row {number} of constraint {name!r}": row for number, row in enumerate(constraint.rows)}
         known = {*self.parameters, TIME}
         for name, expression in expressions.items():
+            if not isinstance(expression, sp.Expr) or expression.is_Matrix:
+                raise ValueError(f"{name} is {expression!r}; expected an expression; of a matrix of one entry, take [0]")
             strange = sorted(expression.free_symbols - known, key=str)
             yield from (f"{name} contains {symbol}, which has no value; add it to parameters" for symbol in strange)
             rates, functions = expression.atoms(sp.Derivative) - {*self.rates}, expression.atoms(AppliedUndef) - {*self.coordinates}
@@ -198,7 +215,7 @@ class System:
         for key, bounds in self.ranges.items():
             if key not in known:
                 yield f"range of {key}, which is neither a coordinate nor a rate"
-            if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(math.isfinite(b) for b in bounds) and bounds[0] < bounds[1]):
+            if not (isinstance(bounds, tuple) and len(bounds) == 2 and all(map(_is_finite, bounds)) and bounds[0] < bounds[1]):
                 yield f"range of {key} is {bounds!r}; expected (lowest, highest), both finite"
         ranged = [q for q in self.coordinates if q in self.ranges]
         yield from (
@@ -212,7 +229,7 @@ class System:
         for key, value in self.start.items():
             if key not in known:
                 yield f"start of {key}, which is neither a coordinate nor a rate"
-            if not math.isfinite(value):
+            if not _is_finite(value):
                 yield f"start of {key} is {value!r}; expected a finite number"
         if self.start and self.attitudes:
             yield "start is given in coordinates, and a ball or free joint has none; leave it out"
@@ -237,10 +254,18 @@ class System:
         if len(determined) == len(self.coordinates):
             yield "constraints determine all coordinates, so that nothing moves"
         for q, value in self.assembly.items():
-            if q not in self.coordinates or not math.isfinite(value):
+            if q not in self.coordinates or not _is_finite(value):
                 yield f"assembly has {q} at {value!r}; expected coordinates and finite numbers"
         if self.assembly and not self.constraints:
             yield "assembly is given, and there is no constraint; leave it out"
+
+
+def _is_finite(value: Any) -> bool:
+    """True for a number of Python or SymPy that is neither infinite nor NaN."""
+    try:
+        return math.isfinite(value)
+    except TypeError:
+        return False
 
 
 def _depends_on_time(expression: sp.Expr) -> bool:
