@@ -2,12 +2,15 @@
 
 Read a mechanism, and evaluate its certified accelerations:
 
-    pendulum = harness.load("double_pendulum")
-    pendulum.M, pendulum.C, pendulum.g, pendulum.latex      # SymPy; a notebook shows the equations of ``pendulum`` itself
+    harness.mechanisms()                                     # their names
+    pendulum = harness.load("double_pendulum")               # a notebook shows a card with a picture
+    pendulum.joints, pendulum.parameters, pendulum.picture()
+    pendulum.M, pendulum.C, pendulum.g, pendulum.latex       # SymPy, and the equations in LaTeX
     truth = pendulum.accelerations(q=[0.3, -0.2], v=[1.0, 0.5])
     truth.value, truth.error_bound                           # the truth is certainly within the bound
     pendulum.derivatives([0.3, -0.2], [1.0, 0.5]).by_velocity
     pendulum.mass_matrix(q), pendulum.bias(q, v), pendulum.inverse_dynamics(q, v, qdd)
+    pendulum.with_parameters(l1=2.0).simulate(q, v, seconds=10).plot()
 
 Hold engines, model files, or your own program against that truth:
 
@@ -20,8 +23,8 @@ Hold engines, model files, or your own program against that truth:
     harness.compare("robot.urdf", "robot.xml")               # engines on a robot's files, readings, and what differs
 
 Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``, loops and
-rolling a ``Constraint``. The command line is
-``harness --help``. Everything is loaded on first use.
+rolling a ``Constraint``. ``harness.load(SYSTEM)`` needs no files. The command line is ``harness --help``. Everything is
+loaded on first use.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ from typing import TYPE_CHECKING, Any
 from harness.version import __version__
 
 if TYPE_CHECKING:
-    from harness.api import check, compare, diagnose, load
+    from harness.api import check, compare, diagnose, load, mechanisms
     from harness.lagrange.constraint import Constraint
     from harness.lagrange.euler_angles import Attitude, body_rates, rotation
     from harness.lagrange.system import TIME, System
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
     from harness.verdict import Verdict
 
 _HOMES = {
-    "harness.api": ("check", "compare", "diagnose", "load"),
+    "harness.api": ("check", "compare", "diagnose", "load", "mechanisms"),
     "harness.lagrange.constraint": ("Constraint",),
     "harness.lagrange.euler_angles": ("Attitude", "body_rates", "rotation"),
     "harness.lagrange.system": ("TIME", "System"),
@@ -64,6 +67,7 @@ __all__ = [
     "compare",
     "diagnose",
     "load",
+    "mechanisms",
     "rotation",
 ]
 

@@ -2,15 +2,15 @@
 
 May use ``commands`` and what is below it.
 
-Start with ``check``; ``loaded_system`` is what ``load`` returns.
+Start with ``check``. ``load`` returns a ``loaded_system``: what it is stands in ``described_system``, and how it moves in ``motion``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from harness import workers as processes
 from harness.api.loaded_system import Accelerations, CertifiedValues, Derivatives, LoadedSystem
@@ -21,6 +21,7 @@ from harness.crosscheck.assignment import refuse_robots
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.engines import describe_engines
+from harness.errors import InvalidRequest
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, matching, nearest
 from harness.results.comparison import FilesComparison
@@ -31,6 +32,9 @@ from harness.truth.compare import Comparison
 from harness.truth.quantities import require_quantity, select_quantities
 from harness.workers import Workers
 
+if TYPE_CHECKING:
+    from harness.lagrange.system import System
+
 __all__ = [
     "Accelerations",
     "CertifiedValues",
@@ -40,22 +44,60 @@ __all__ = [
     "compare",
     "diagnose",
     "load",
+    "mechanisms",
 ]
 Names = str | Path | Sequence[str | Path]
 Subjects = str | Sequence[str]
 
 
-def load(name: str | Path, library: str | Path | None = None, *, floating_base: bool = False) -> LoadedSystem:
-    """The mechanism ``name`` of a library, of the built-in one for None; or the robot in the URDF or MJCF file ``name``.
-
-    ``floating_base`` puts a free joint under the root of a robot's URDF.
+def mechanisms(library: str | Path | None = None) -> list[str]:
+    """Names of the mechanisms of a library, of the built-in one for None.
 
     Raises:
-        harness.errors.InvalidInput: library, system file or robot's file cannot be used. harness.errors.InvalidRequest: no such mechanism.
+        harness.errors.InvalidInput: the library cannot be used.
+
+    >>> import harness
+    >>> harness.mechanisms()[:3]
+    ['acrobot', 'andrews_squeezer', 'arm_2r']
     """
+    return Library.at(library).system_names()
+
+
+def load(name: str | Path | System, library: str | Path | None = None, *, floating_base: bool = False) -> LoadedSystem:
+    """The mechanism ``name`` of a library, of the built-in one for None; the robot in the URDF or MJCF file ``name``; or a ``System``.
+
+    A ``System`` needs no files: its equations and certified numbers can be had at once. ``floating_base`` puts a free joint under the
+    root of a robot's URDF.
+
+    Raises:
+        harness.errors.InvalidInput: library, system file or robot's file cannot be used.
+        harness.errors.InvalidRequest: no such mechanism, or a ``System`` of which no equations can be derived.
+
+    >>> import harness
+    >>> harness.load("simple_pendulum")
+    simple_pendulum: Point mass on a massless rod that swings about a fixed pin.
+      joints: pin (theta)
+      parameters: m = 1.5 kg, L = 2 m, g = 9.81 m/s^2
+      equations: 1, which take 6 operations; .latex writes them, and .equations has them in SymPy
+    """
+    if not isinstance(name, str | Path):
+        return _load_system(name)
     found = resolved(Library.at(library), [str(name)], floating_base)
     (name,) = found.select([str(name)])
     return LoadedSystem(found, load_mechanism(found, name))
+
+
+def _load_system(system: System) -> LoadedSystem:
+    from harness.lagrange.derivation import mechanism_of_charts
+    from harness.lagrange.system import System
+
+    if not isinstance(system, System):
+        raise InvalidRequest(f"load takes a name, a path or a System, and got {system!r}")
+    try:
+        mechanism = mechanism_of_charts([system], "SYSTEM")
+    except (ValueError, TypeError) as problem:
+        raise InvalidRequest(f"no equations can be derived: {problem}") from problem
+    return LoadedSystem(None, mechanism, system.in_joint_positions() if system.measured_from else system)
 
 
 class Options(TypedDict, total=False):
@@ -91,6 +133,11 @@ def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options:
     Raises:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
         harness.errors.InvalidRequest: a name that nothing has.
+
+    >>> import harness
+    >>> records = harness.check("simple_pendulum", subjects=["mujoco/mjcf", "pinocchio/urdf"], states=20)
+    >>> [(record.subject, record.verdict) for record in records]
+    [('mujoco/mjcf', 'agrees'), ('pinocchio/urdf', 'agrees')]
     """
     settings = _settings(names, options)
     chosen = select_quantities([quantities] if isinstance(quantities, str) else quantities)
@@ -108,6 +155,10 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
     Raises:
         harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
         harness.errors.InvalidRequest: as ``check``; a robot, and another quantity than accelerations.
+
+    >>> import harness
+    >>> harness.diagnose("simple_pendulum", states=20)
+    []
     """
     require_quantity(quantity)
     settings = _settings([name], options)
@@ -151,6 +202,12 @@ def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | File
     Raises:
         harness.errors.InvalidInput: a file cannot be used; the first of them.
         ValueError: the sizes are not those of the mechanism; and as ``load``.
+
+    >>> import harness
+    >>> models = harness.Library.built_in()
+    >>> found = harness.compare(models.model_path("arm_2r", "urdf"), models.model_path("arm_2r", "mjcf"), states=8)
+    >>> found.pairs[0].same
+    True
     """
     if all(isinstance(other, str | Path) for other in others) and "accelerations" not in options:
         return _compare_robots([Path(path) for path in (name, *others)], **options)
@@ -184,12 +241,25 @@ def _checked(settings: Settings, options: Options, quantities: Sequence[str]) ->
         yield studies, pool
 
 
+def _with_files(name: object) -> str:
+    """The name of a mechanism with model files, or the path of a robot's."""
+    if isinstance(name, str | Path):
+        return str(name)
+    if isinstance(name, LoadedSystem) and name.library is not None:
+        raise InvalidRequest(f"mechanisms are checked by their names; write {name.name!r} for what was loaded")
+    raise InvalidRequest(
+        f"a {type(name).__name__} has no model files, which engines are asked about; write three into a folder, systems/NAME.py, which "
+        f"defines it as SYSTEM, mjcf/NAME.xml and urdf/NAME.urdf (harness new NAME --library FOLDER makes all three to start from), and "
+        f"give their name: check('NAME', library='FOLDER')"
+    )
+
+
 def _settings(names: Names, options: Options) -> Settings:
     if unknown := sorted(options.keys() - Options.__annotations__.keys()):
         raise TypeError(f"got an unexpected keyword argument {unknown[0]!r}; {nearest(unknown[0], Options.__annotations__)}")
     given = {name: str(path) for name in ("library", "mjcf", "urdf") if (path := options.get(name)) is not None}
     floating_base, subjects = options.get("floating_base", False), options.get("subjects", ())
-    chosen = [str(name) for name in ([names] if isinstance(names, str | Path) else names)]
+    chosen = [_with_files(name) for name in (names if isinstance(names, Iterable) and not isinstance(names, str) else [names])]
     found = resolved(Library.at(given.get("library")), chosen, floating_base)
     return Settings(
         library=found,

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from numbers import Real
+from typing import Any
 
 import numpy as np
 
+from harness.api.described_system import DescribedSystem
+from harness.api.motion import SimulatedMotion
 from harness.arrays import Array
+from harness.crosscheck.scene import with_parameters
 from harness.engines import NotOffered
 from harness.errors import InvalidRequest
-from harness.library import Library
+from harness.lagrange.derivation import with_values_of
+from harness.library import nearest
+from harness.motion.taylor import Taylor
+from harness.motion.trajectories import Start, energy_drift
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
@@ -21,11 +30,6 @@ from harness.truth.compare import Comparison, Flags, compare
 from harness.truth.quantities.accelerations import reference_kernel
 from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.truth.reference import Reference
-
-if TYPE_CHECKING:
-    import sympy as sp
-
-    from harness.lagrange.equations import EquationsOfMotion
 
 # By mechanism, compiled when they are asked first.
 _DERIVATIVES: Kept[DerivativeTruth] = Kept(64)
@@ -78,71 +82,85 @@ class Derivatives:
 
 
 @dataclass(eq=False, repr=False)
-class LoadedSystem:
+class LoadedSystem(DescribedSystem):
     """A textbook mechanism or a robot, ready to be read and evaluated; ``harness.load`` makes it.
 
-    Attributes:
-        mechanism: its plain data: coordinates, joints, parameters, ranges. library: where it is from.
+    Its joints are in the order of q, v, tau and qdd. What it is, stands in ``DescribedSystem``.
+
+    >>> import harness
+    >>> pendulum = harness.load("simple_pendulum")
+    >>> pendulum.accelerations(q=[0.5], v=[0.0]).value.round(6)
+    array([[-2.351582]])
     """
 
-    library: Library
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        return self.mechanism.name
-
-    def __repr__(self) -> str:
-        coordinates = ", ".join(f"{name} ({joint})" for name, joint in zip(self.mechanism.coordinates, self.mechanism.joints, strict=True))
-        return f"<{self.name}: {coordinates}>"
-
-    @cached_property
-    def equations(self) -> EquationsOfMotion:
-        """M qdd + c + g = p + tau in SymPy: ``mass_matrix``, ``velocity_terms``, ``gravity_terms``, ``passive_forces``.
-
-        Under constraints ``constraint_rows`` stay zero, and -J' lambda with J the ``constraint_jacobian`` is added on the right.
+    def with_parameters(self, changed: Mapping[str, float] | None = None, /, **values: float) -> LoadedSystem:
+        """The same system with other values of some parameters, as ``with_parameters(m=2.0)`` or ``with_parameters({"m": 2.0})``.
 
         Raises:
-            harness.errors.InvalidRequest: a robot has none.
+            harness.errors.InvalidRequest: no parameter has such a name, or the value is not what its symbol is declared to be.
+
+        >>> import harness
+        >>> pendulum = harness.load("simple_pendulum")
+        >>> pendulum.with_parameters(g=1.62).accelerations([0.5], [0.0]).value.round(6)
+        array([[-0.388335]])
         """
-        if not self.mechanism.energy_programs:
-            program = f"a program of {self.mechanism.operations:,} operations, by recursion over its bodies"
-            raise InvalidRequest(f"{self.name} is a robot, whose equations are {program}; its accelerations can be had")
-        from harness.lagrange.derivation import load_system
-        from harness.lagrange.equations import derive
+        chosen = {**(changed or {}), **values}
+        for name, value in chosen.items():
+            if name not in self.parameters:
+                raise InvalidRequest(f"{self.name} has no parameter {name!r}; {nearest(name, self.parameters)}")
+            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+                raise InvalidRequest(f"{self.name}: parameter {name} is {value!r}; expected a finite number")
+        numbers = {name: float(value) for name, value in chosen.items()}
+        system, mechanism = None, with_parameters(self.mechanism, numbers)
+        if self.mechanism.energy_programs:
+            own = self.system.parameters
+            parameters = {symbol: (numbers.get(symbol.name, value), unit) for symbol, (value, unit) in own.items()}
+            try:
+                system = replace(self.system, parameters=parameters)
+                mechanism = with_values_of(self.mechanism, system)
+            except ValueError as contradiction:
+                raise InvalidRequest(f"{self.name}: {contradiction}") from contradiction
+        return LoadedSystem(self.library, mechanism, system, {**self.changed, **numbers})
 
-        system, _ = load_system(self.library.system_path(self.name))
-        return derive(system)
+    def simulate(self, q: Any, v: Any, seconds: float, steps: int = 1000) -> SimulatedMotion:
+        """The motion from one state without applied forces, by Taylor's method at machine precision; limits and contacts are not felt.
 
-    @property
-    def M(self) -> sp.Matrix:  # noqa: N802
-        """The mass matrix, (nv, nv)."""
-        return self.equations.mass_matrix
+        Args:
+            q: (nq,) [m, rad; a rotation as (w, x, y, z)]. v: (nv,). Where constraints determine a coordinate or its rate, it gets the
+                value that they give it. seconds: length of the motion. steps: number of equal intervals between its times.
+
+        Raises:
+            ValueError: the sizes are not those of the mechanism, or there is no time to go.
+            harness.errors.InvalidRequest: no configuration closes the constraints there, or the motion cannot be followed to its end.
+
+        >>> import harness
+        >>> motion = harness.load("double_pendulum").simulate(q=[0.5, 0.0], v=[0.0, 0.0], seconds=10.0)
+        >>> motion.q.shape, bool(abs(motion.energy_drift).max() < 1e-13)
+        ((1001, 2), True)
+        """
+        states = _states(self.mechanism, q, v, None)
+        if len(states) != 1:
+            raise ValueError(f"q and v have {len(states)} rows; a motion starts from one state")
+        if not (np.isfinite(states.q).all() and np.isfinite(states.v).all()):
+            raise ValueError(f"q and v are {states.q[0].tolist()} and {states.v[0].tolist()}; expected finite numbers")
+        if not 0 < seconds < math.inf or steps < 1:
+            raise ValueError(f"seconds is {seconds!r} and steps {steps!r}; expected a positive time and at least one step")
+        try:
+            start = Start.closing(self.mechanism, states.q[0], states.v[0], seconds)
+        except ValueError as problem:
+            raise InvalidRequest(str(problem)) from problem
+        path = self._taylor.solve(start.q, start.v, np.linspace(0.0, seconds, steps + 1))
+        known = np.isfinite(np.hstack([path.q, path.v])).all(axis=1)
+        if not known.all():
+            last = float(path.times[known.argmin() - 1])
+            raise InvalidRequest(
+                f"{self.name}: the motion cannot be followed beyond {last:g} s, where its accelerations grow without bound"
+            )
+        return SimulatedMotion(self.mechanism, path.times, path.q, path.v, energy_drift(self.mechanism, path))
 
     @cached_property
-    def C(self) -> sp.Matrix:  # noqa: N802
-        """The Coriolis matrix of Christoffel symbols, (nv, nv); C v are the velocity terms of a T quadratic in the rates."""
-        return self.equations.christoffel_matrix()
-
-    @property
-    def g(self) -> sp.Matrix:
-        """The gravity terms, (nv, 1)."""
-        return self.equations.gravity_terms
-
-    @cached_property
-    def latex(self) -> str:
-        """The equations of motion, one per coordinate, as LaTeX."""
-        import sympy as sp
-
-        from harness.lagrange.equations import rows
-
-        lines = [sp.latex(row).replace("=", "&=", 1) for row in rows(self.equations)]
-        return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
-
-    def _repr_latex_(self) -> str | None:
-        if not self.mechanism.energy_programs:
-            return None
-        return f"$${self.latex}$$"
+    def _taylor(self) -> Taylor:
+        return Taylor(self.mechanism)
 
     def accelerations(self, q: Any, v: Any, tau: Any = None) -> Accelerations:
         """Certified accelerations at one state, or at n states as rows.
@@ -152,6 +170,13 @@ class LoadedSystem:
 
         Raises:
             ValueError: the sizes are not those of the mechanism.
+
+        >>> import harness
+        >>> truth = harness.load("double_pendulum").accelerations(q=[0.1, 0.2], v=[1.0, 0.0])
+        >>> truth.value.round(6)
+        array([[ 0.400258, -2.292996]])
+        >>> bool((truth.error_bound < 1e-15).all())
+        True
         """
         reference = reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
@@ -162,6 +187,10 @@ class LoadedSystem:
         Raises:
             ValueError: the sizes are not those of the mechanism.
             harness.errors.InvalidRequest: constraints tie its coordinates.
+
+        >>> import harness
+        >>> harness.load("simple_pendulum").derivatives(q=[0.0], v=[0.0]).by_position
+        array([[[-4.905]]])
         """
         states, nv = _states(self.mechanism, q, v, tau), self.mechanism.nv
         try:
@@ -186,6 +215,10 @@ class LoadedSystem:
 
         Raises:
             ValueError: the size is not that of the mechanism.
+
+        >>> import harness
+        >>> harness.load("simple_pendulum").mass_matrix(q=[0.3]).value
+        array([[[6.]]])
         """
         still = np.zeros((len(np.atleast_2d(q)), self.mechanism.nv))
         return _entries(self.mechanism, MASS_MATRIX, _states(self.mechanism, q, still, None))
@@ -198,6 +231,10 @@ class LoadedSystem:
 
         Raises:
             ValueError: the sizes are not those of the mechanism.
+
+        >>> import harness
+        >>> harness.load("simple_pendulum").bias(q=[0.5], v=[1.0]).value.round(6)
+        array([[14.109494]])
         """
         return _entries(self.mechanism, BIAS, _states(self.mechanism, q, v, None))
 
@@ -210,6 +247,10 @@ class LoadedSystem:
         Raises:
             harness.errors.InvalidRequest: under constraints any force that these bear may be added.
             ValueError: the sizes are not those of the mechanism.
+
+        >>> import harness
+        >>> harness.load("simple_pendulum").inverse_dynamics(q=[0.5], v=[0.0], qdd=[0.0]).value.round(6)
+        array([[14.109494]])
         """
         if self.mechanism.constraints is not None:
             raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
@@ -222,6 +263,12 @@ class LoadedSystem:
 
         Raises:
             ValueError: the sizes are not those of the mechanism.
+
+        >>> import harness
+        >>> harness.load("simple_pendulum").compare(q=[0.5], v=[0.0], accelerations=[-2.351582])
+        the answer does not agree with the truth; the largest backward error is 3.51e+08 data roundoffs, and up to 64 agrees
+        state  verdict    backward error  relative error
+            0  disagrees        3.51e+08        1.13e-07
         """
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
         return compare(reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)

@@ -14,9 +14,10 @@ import math
 import sys
 import time
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -103,63 +104,96 @@ def derive_mechanism(path: Path, name: str) -> Mechanism:
     Raises:
         InvalidSystem: as ``load_mechanism``.
     """
-    import sympy as sp
+    atlas, docstring = load_atlas(path)
+    file, _ = member_of(path) or (path, None)
+    try:
+        mechanism = mechanism_of_charts(atlas, name, docstring)
+    except Exception as error:
+        kind = "" if isinstance(error, ValueError | TypeError) else f"{type(error).__name__}: "
+        raise InvalidSystem(file, _line_of_declaration(file), f"cannot be derived: {kind}{error}") from error
+    return mechanism if mechanism.equations_text else replace(mechanism, energies_text=_energies_text(file))
 
+
+def mechanism_of_charts(atlas: Sequence[System], name: str, docstring: str = "") -> Mechanism:
+    """The mechanism of a system that is given in each of its charts; ``docstring`` is that of a system file.
+
+    Raises:
+        ValueError, TypeError: the system cannot be derived.
+    """
     from harness.lagrange.assembly import constraints_of, energy_program_of, lagrange_program, program_of
     from harness.lagrange.equations import derive, in_symbols, printed
     from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program
 
-    atlas, docstring = load_atlas(path)
     system = atlas[0]
-    file, _ = member_of(path) or (path, None)
-    line = _line_of_declaration(file)
     started = time.perf_counter()
-    try:
-        derived = [_derived(chart) for chart in atlas]
-        _, equations, program = derived[0]
-        # Longer equations are not worth the time, and nobody would read them.
-        text, mathml = printed(equations) if equations is not None and _is_short(program) else ("", "")
-        free = any(attitude.position for attitude in system.attitudes)
-        in_body = tuple(lagrange_program(chart, True) or program_of(chart, derive(chart), True) for chart, *_ in derived if free)
-        energies = tuple(energy_program_of(chart, of_chart or in_symbols(chart)) for chart, of_chart, _ in derived)
-        constraints = constraints_of(system, program) if system.constraints else None
-        tree, program = program, program if constraints is None else constrained_program(constraints, by_multipliers)
-        total_mass = float(system.total_mass.subs({symbol: sp.Rational(value) for symbol, (value, _) in system.parameters.items()}))
-    except Exception as error:
-        kind = "" if isinstance(error, ValueError | TypeError) else f"{type(error).__name__}: "
-        raise InvalidSystem(file, line, f"cannot be derived: {kind}{error}") from error
+    derived = [_derived(chart) for chart in atlas]
+    _, equations, program = derived[0]
+    # Longer equations are not worth the time, and nobody would read them.
+    text, mathml = printed(equations) if equations is not None and _is_short(program) else ("", "")
+    free = any(attitude.position for attitude in system.attitudes)
+    in_body = tuple(lagrange_program(chart, True) or program_of(chart, derive(chart), True) for chart, *_ in derived if free)
+    energies = tuple(energy_program_of(chart, of_chart or in_symbols(chart)) for chart, of_chart, _ in derived)
+    constraints = constraints_of(system, program) if system.constraints else None
+    tree, program = program, program if constraints is None else constrained_program(constraints, by_multipliers)
     seconds = time.perf_counter() - started
     description, _, reference = docstring.partition("Source:")
     coordinates = list(system.coordinates)
     attitudes = [coordinates.index(attitude.angles[0]) for attitude in system.attitudes]
     position_ranges = [_floats(system.ranges.get(q)) for q in coordinates]
     rate_ranges = [_floats(system.ranges.get(rate)) or DEFAULT_RATES for rate in system.rates]
-    values = [float(value) for value, _ in system.parameters.values()]
     return Mechanism(
         name=name,
         description=description.strip(),
         source=" ".join(reference.split()),
         coordinates=tuple(q.func.__name__ for q in coordinates),
         joints=tuple(system.coordinates.values()),
-        parameters=tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
-        gravity=float(system.parameters[system.gravity][0]) if system.gravity is not None else 0.0,
-        total_mass=total_mass,
+        **_values_of(system),
         rotating=system.rotating,
         position_ranges=tuple(position_ranges),
         rate_ranges=tuple(rate_ranges),
-        **forces_of(tree, values, position_ranges, rate_ranges, attitudes),
+        **forces_of(tree, _numbers(system), position_ranges, rate_ranges, attitudes),
         attitudes=tuple(attitudes),
         other_charts=tuple(program for _, _, program in derived[1:]),
         charts_in_body=in_body,
         energy_programs=energies,
         start=_start(system),
-        energies_text="" if text else _energies_text(file),
         constraints=constraints,
         program=program,
         equations_text=text,
         equations_mathml=mathml,
         derivation_seconds=seconds,
     )
+
+
+def with_values_of(mechanism: Mechanism, system: System) -> Mechanism:
+    """The mechanism of a system that differs from its own in the values of parameters alone; nothing is derived for it."""
+    tree = mechanism.program if mechanism.constraints is None else mechanism.constraints.tree
+    forces = forces_of(tree, _numbers(system), mechanism.position_ranges, mechanism.rate_ranges, mechanism.attitudes)
+    return replace(mechanism, **_values_of(system), **forces)
+
+
+def _values_of(system: System) -> dict[str, Any]:
+    """Fields of a ``Mechanism`` that are values of parameters, or follow from these."""
+    import sympy as sp
+
+    exact = {symbol: sp.Rational(value) for symbol, (value, _) in system.parameters.items()}
+    return {
+        "parameters": tuple((symbol.name, float(value), unit) for symbol, (value, unit) in system.parameters.items()),
+        "gravity": float(system.parameters[system.gravity][0]) if system.gravity is not None else 0.0,
+        "total_mass": float(system.total_mass.subs(exact)),
+    }
+
+
+def _numbers(system: System) -> list[float]:
+    return [float(value) for value, _ in system.parameters.values()]
+
+
+def equations_of(system: System) -> EquationsOfMotion:
+    """The equations of a system in the positions of its joints, in their short forms unless they are too long to be read."""
+    from harness.lagrange.equations import derive
+
+    written, equations, _ = _derived(system.in_joint_positions() if system.measured_from else system)
+    return equations or derive(written)
 
 
 def _derived(system: System) -> tuple[System, EquationsOfMotion | None, StraightLineProgram]:

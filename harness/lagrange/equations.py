@@ -26,6 +26,8 @@ from harness.lagrange.system import TIME, System
 from harness.programs.program import right_hand_side
 
 _ACCENTS = {"dot": ("'", "\u02d9"), "ddot": ("''", "\u00a8")}
+# Operations of an expression whose brackets are multiplied out.
+_MOST_EXPANDED = 2000
 _ACCENTED = re.compile(r"\\(d?dot)\{(\w+)\}")
 _ACCENTED_MATHML = re.compile(r"<mi>\\(d?dot)\{(\w+)\}</mi>")
 
@@ -205,6 +207,21 @@ def printed(equations: EquationsOfMotion) -> tuple[str, str]:
     return _ACCENTED.sub(lambda match: match[2] + _ACCENTS[match[1]][0], text), "\n".join(elements)
 
 
+def latex(equations: EquationsOfMotion) -> str:
+    """The equations as one ``aligned`` block of LaTeX, a line each; terms stand in the order of ``printed``."""
+    names = [q.name for q in equations.coordinates]
+    written = {sp.Symbol(rf"\{accent}{{{name}}}"): _under_accent(accent, name) for name in names for accent in _ACCENTS}
+    written |= {sp.Symbol(f"tau_{name}"): rf"\tau_{{{sp.latex(sp.Symbol(name))}}}" for name in names}
+    sides = ((sp.latex(side, symbol_names=written, order="none") for side in row.args) for row in rows(equations))
+    return "\\begin{aligned}\n" + " \\\\\n".join(" &= ".join(pair) for pair in sides) + "\n\\end{aligned}"
+
+
+def _under_accent(accent: str, name: str) -> str:
+    """The letter of a name under an accent, and its index behind."""
+    letter, sign, index = sp.latex(sp.Symbol(name)).partition("_")
+    return rf"\{accent}{{{letter}}}{sign}{index}"
+
+
 def rows(equations: EquationsOfMotion) -> Iterator[sp.Eq]:
     """The equations as SymPy equalities, one per coordinate: inertia and the rest on the left, the applied force on the right.
 
@@ -218,12 +235,17 @@ def rows(equations: EquationsOfMotion) -> Iterator[sp.Eq]:
     jacobian = equations.constraint_jacobian
     for i, name in enumerate(names):
         inertia = [equations.mass_matrix[i, j] * acceleration for j, acceleration in enumerate(accelerations)]
-        rest = sp.Add.make_args(sp.expand(-equations.right_hand_side[i]).xreplace(dotted))
+        rest = sp.Add.make_args(_in_terms(-equations.right_hand_side[i]).xreplace(dotted))
         held = [jacobian[row, i].xreplace(dotted) * multiplier for row, multiplier in enumerate(multipliers)]
         terms = [term for term in (*inertia, *rest, *held) if term != 0]
         yield sp.Eq(sp.Add(*terms, evaluate=False), sp.Symbol(f"tau_{name}"), evaluate=False)
     for _, row in equations.constraint_rows:
         yield sp.Eq(row.xreplace(dotted), sp.S.Zero, evaluate=False)
+
+
+def _in_terms(expression: sp.Expr) -> sp.Expr:
+    """An expression without brackets; one so long that it would only grow by that stays as it is."""
+    return sp.expand(expression) if expression.count_ops() <= _MOST_EXPANDED else expression
 
 
 def _accented(text: str) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.motion.taylor import Path, Taylor, displacement
 from harness.programs.machine_code import load_heyoka
+from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.manifold import closed, closes, rows_left
@@ -57,10 +58,8 @@ class Start:
     def of(cls, mechanism: Mechanism, horizon: float = HORIZON) -> Start:
         """The start a system declares, else a moderate one that moves every coordinate; the same every time.
 
-        Where constraints determine a coordinate or its rate, it has the value that they give it.
-
         Raises:
-            ValueError: no configuration that closes the constraints could be proved there.
+            ValueError: as ``closing``.
         """
         if mechanism.start:
             q, v = (np.ascontiguousarray(part) for part in np.array(mechanism.start).T)
@@ -74,6 +73,15 @@ class Start:
             v = rate_bounds.mean(axis=1) + RATE_SHARE * np.diff(rate_bounds)[:, 0] / 2 * spread[nv:]
             for place in reversed(mechanism.attitudes):
                 q = np.concatenate([q[:place], START_ROTATION, q[place + 3 :]])
+        return cls.closing(mechanism, q, v, horizon)
+
+    @classmethod
+    def closing(cls, mechanism: Mechanism, q: Array, v: Array, horizon: float) -> Start:
+        """The start at q (nq,) and v (nv,); where constraints determine a coordinate or its rate, it has the value that they give it.
+
+        Raises:
+            ValueError: no configuration that closes the constraints could be proved there.
+        """
         if mechanism.constraints is None:
             return cls(q, v, horizon)
         found = closed(mechanism, States.at(q[None], v[None], np.zeros((1, mechanism.nv))))
@@ -144,6 +152,17 @@ def drift(mechanism: Mechanism, path: Path) -> float | None:
         return None
     left, _ = rows_left(mechanism, States.at(path.q, path.v, np.zeros_like(path.v)))
     return float(np.abs(left[:, : mechanism.constraints.holonomic]).max(initial=0.0))
+
+
+def energy_drift(mechanism: Mechanism, path: Path) -> Array | None:
+    """Energy that is gained without work along a path without applied forces, (k + 1,), in its largest kinetic energy.
+
+    None where it is not known: of a robot's file, which has no energies, and where the energies depend on time.
+    """
+    if not mechanism.energy_programs or mechanism.feels_time or path.work is None:
+        return None
+    along = EnergyKernel(mechanism).along(path.q, path.v, path.times)
+    return np.asarray((along.energy - along.energy[0] - path.work) / (float(along.kinetic.max()) or 1.0))
 
 
 def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) -> TrueMotion:

@@ -256,8 +256,7 @@ class Records(UserList[Record]):
     def __str__(self) -> str:
         return str(self.brief())
 
-    def __repr__(self) -> str:
-        return f"Records({self.data!r})"
+    __repr__ = __str__
 
     def _repr_html_(self) -> str:
         return self.brief().html()

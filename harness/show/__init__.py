@@ -2,5 +2,6 @@
 
 May use ``report`` and what is below it.
 
-Start with ``exhibit``, which gathers what a page and the terminal show; ``gallery`` draws the pictures of the report.
+Start with ``exhibit``, which gathers what a page and the terminal show; ``gallery`` draws the pictures of the report, and ``card`` is
+what a notebook shows of a mechanism. A ``Drawing`` stands alone.
 """

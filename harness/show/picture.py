@@ -19,6 +19,8 @@ from harness.arrays import Array
 from harness.engines import HeldBody, HeldJoint
 from harness.files.joint_kinds import JointKind
 from harness.report.figures import COLOURS
+from harness.report.html import asset
+from harness.show.drawing import Drawing
 from harness.show.placement import WORLD, Point, Pose, View
 
 WIDTH = 460.0
@@ -46,6 +48,12 @@ def draw(placement: Pose, others: Sequence[Pose], view: View, gravity: float, gh
         + "".join(sheet.parts)
         + "</svg>"
     )
+
+
+def standing_alone(drawn: str, title: str) -> Drawing:
+    """A drawing of ``draw`` with the looks that a page of the report gives it."""
+    rules = "\n".join(line for line in asset("style.css").splitlines() if line.startswith("svg.mechanism"))
+    return Drawing.styled(drawn, "mechanism", rules, title)
 
 
 @dataclass

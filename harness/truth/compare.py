@@ -9,14 +9,16 @@ with given error bounds, Numer. Math. 6 (1964); Higham, Accuracy and Stability, 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from harness.arrays import Array, Indices, Rows
 from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.results.table import Column, Table, counted, error_text
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
 # Bits of the numbers of ``harness.programs.loops.interpreter``, beyond which balls are evaluated.
@@ -111,6 +113,8 @@ def in_order(parts: Iterable[tuple[Parts, Indices]]) -> Parts:
 
 # Largest relative error of an answer that lost digits; one that is further off has too few left to be excused.
 LEAST_DIGITS = 1e-3
+# Answers that a comparison prints.
+_MOST_SHOWN = 10
 
 
 @dataclass(frozen=True)
@@ -157,6 +161,43 @@ class Comparison(Rows):
     def largest(self) -> int:
         """Index of the answer with the largest backward error; where none has one, of the gravest verdict."""
         return int(np.lexsort(self._order[::-1])[-1])
+
+    def table(self) -> Table:
+        """A row for each answer, the worst first."""
+        places = np.lexsort(self._order)[::-1].tolist()
+        known = (None if math.isnan(error) else error for error in self.backward_error[places].tolist())
+        rows = [
+            [place, str(self.verdicts[place]), error, self.relative_error_at(place)] for place, error in zip(places, known, strict=True)
+        ]
+        verdict, backward, relative = Column("verdict"), Column("backward error", "error"), Column("relative error", "relative")
+        return Table([Column("state", "count"), verdict, backward, relative], rows)
+
+    @property
+    def headline(self) -> str:
+        """How many answers agree, and how far the worst is off, in a sentence."""
+        agreeing, largest = int((self.verdicts == Verdict.AGREES.value).sum()), self.known("backward_error").max(initial=-1.0)
+        off = (
+            f"; the largest backward error is {error_text(float(largest))} data roundoffs, and up to {AGREEMENT:g} agrees"
+            if largest >= 0
+            else ""
+        )
+        if len(self.verdicts) == 1:
+            return f"the answer {'agrees' if agreeing else 'does not agree'} with the truth{off}"
+        return f"{agreeing:,} of {len(self.verdicts):,} answers agree with the truth{off}"
+
+    def __repr__(self) -> str:
+        table = self.table()
+        shown = str(replace(table, rows=table.rows[:_MOST_SHOWN]))
+        return "\n".join([self.headline, shown, *self._not_shown()])
+
+    def _repr_html_(self) -> str:
+        table = self.table()
+        rest = "".join(f"<p>{line}</p>" for line in self._not_shown())
+        return f"<p>{self.headline}</p>{replace(table, rows=table.rows[:_MOST_SHOWN]).html()}{rest}"
+
+    def _not_shown(self) -> list[str]:
+        further = len(self.verdicts) - _MOST_SHOWN
+        return [f"and {counted(further, 'answer')} more, none of them worse; .table() has all"] if further > 0 else []
 
     @property
     def _order(self) -> tuple[Array, Array]:

@@ -58,8 +58,7 @@ def test_the_equations_are_sympy() -> None:
     assert pendulum.M.shape == pendulum.C.shape == (2, 2) and pendulum.g.shape == (2, 1)
     assert (pendulum.C * v - pendulum.equations.velocity_terms).applyfunc(sp.simplify) == sp.zeros(2, 1)
     assert pendulum.g.free_symbols & set(q)
-    assert pendulum.latex.count(r"\ddot") >= 2 and pendulum._repr_latex_().startswith("$$")
-    assert "double_pendulum" in repr(pendulum)
+    assert pendulum.latex.count(r"\ddot") >= 2
 
 
 @pytest.mark.parametrize("name", ["double_pendulum", "arm_3r", "collar"])
@@ -178,11 +177,26 @@ def test_anybodys_answers_are_compared() -> None:
     assert list(wrong.verdicts) == ["disagrees", "disagrees"]
 
 
+def test_a_comparison_of_answers_says_how_many_agree_and_shows_the_worst_first() -> None:
+    pendulum = harness.load("double_pendulum")
+    q = np.linspace(0.1, 1.0, 24).reshape(12, 2)
+    answers = pendulum.accelerations(q, 0 * q).value
+    answers[3] *= 1 + 1e-9
+    answers[7, 0] = np.nan
+    shown = repr(pendulum.compare(q, 0 * q, answers)).splitlines()
+    assert shown[0].startswith("10 of 12 answers agree with the truth; the largest backward error is ")
+    assert shown[2].split()[:2] == ["7", "error"] and shown[3].split()[:2] == ["3", "disagrees"]
+    assert shown[-1] == "and 2 answers more, none of them worse; .table() has all"
+    assert pendulum.compare(q, 0 * q, answers)._repr_html_().count("<tr>") == 11
+    assert repr(pendulum.compare(q[:1], 0 * q[:1], answers[:1])).startswith("the answer agrees with the truth")
+
+
 def test_a_check_is_a_table_of_records(tmp_path: Path) -> None:
     records = harness.check("bar_pendulum", states=40)
     assert {record.subject for record in records} >= {"lagrange", "mujoco/mjcf", "pinocchio/urdf"}
     assert all(isinstance(record, harness.Record) and record.verdict == harness.Verdict.AGREES for record in records)
     assert "<table" in records._repr_html_() and "mujoco/mjcf" in str(records)
+    assert repr(records) == str(records)
     assert [record.subject for record in harness.check("bar_pendulum", subjects="lagrange", states=40)] == ["lagrange"]
     wanted = {"subjects": ["mujoco/mjcf"], "states": 20}
     both = harness.check("bar_pendulum", quantities=["mass_matrix", "accelerations"], **wanted)
