@@ -12,11 +12,13 @@ AGREEMENT = 64.0
 class Verdict(StrEnum):
     """The result of a comparison; in ascending order of severity.
 
+    ``EXPLAINED`` is an answer on a user's file that is no agreement with the file, and is one with what the engine's readings make of it.
     ``MISREADS`` is a difference whose cause is known: the engine's reader accepts the file and makes something else of it, as one of its
     declared readings says. ``UNSUPPORTED`` is what the engine itself says that it cannot do.
     """
 
     AGREES = "agrees"
+    EXPLAINED = "explained"
     UNDECIDED = "undecided"
     UNSUPPORTED = "unsupported"
     UNSTABLE = "unstable"
@@ -25,6 +27,8 @@ class Verdict(StrEnum):
     ERROR = "error"
 
 
+# Verdicts on an answer that is as right as it can be.
+SOUND = (Verdict.AGREES, Verdict.EXPLAINED)
 SEVERITY = {verdict.value: rank for rank, verdict in enumerate(Verdict)}
 
 

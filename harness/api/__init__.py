@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 from harness import workers as processes
 from harness.api.loaded_system import Accelerations, CertifiedValues, Derivatives, LoadedSystem
 from harness.comparison.robot_library import resolved
-from harness.comparison.study import STATES, ComparisonSettings, RobotComparison
+from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.comparison.wanted import wanted_diagnosis
 from harness.crosscheck.assignment import refuse_robots
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.engines import describe_engines
 from harness.errors import InvalidRequest
+from harness.explain.meant import STATES
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, matching, nearest
 from harness.results.comparison import FilesComparison
@@ -109,6 +110,7 @@ class Options(TypedDict, total=False):
         states: per system, 1000 by default. seed: of the sampled ones, 0 by default.
         workers: processes; one per CPU for None. time_limit: of one task [s], 60 by default.
         floating_base: whether a free joint is put under the roots of robots' URDFs.
+        aided: whether engines are supplied with what they leave out of robots' files.
     """
 
     library: str | Path | None
@@ -120,6 +122,7 @@ class Options(TypedDict, total=False):
     workers: int | None
     time_limit: float
     floating_base: bool
+    aided: bool
 
 
 def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options: Unpack[Options]) -> Records:
@@ -258,9 +261,9 @@ def _settings(names: Names, options: Options) -> Settings:
     if unknown := sorted(options.keys() - Options.__annotations__.keys()):
         raise TypeError(f"got an unexpected keyword argument {unknown[0]!r}; {nearest(unknown[0], Options.__annotations__)}")
     given = {name: str(path) for name in ("library", "mjcf", "urdf") if (path := options.get(name)) is not None}
-    floating_base, subjects = options.get("floating_base", False), options.get("subjects", ())
+    floating_base, aided, subjects = options.get("floating_base", False), options.get("aided", False), options.get("subjects", ())
     chosen = [_with_files(name) for name in (names if isinstance(names, Iterable) and not isinstance(names, str) else [names])]
-    found = resolved(Library.at(given.get("library")), chosen, floating_base)
+    found = resolved(Library.at(given.get("library")), chosen, floating_base, aided)
     return Settings(
         library=found,
         names=matching(found, chosen),
@@ -269,5 +272,9 @@ def _settings(names: Names, options: Options) -> Settings:
         seed=options.get("seed", 0),
         stand_ins={name: Path(path) for name, path in given.items() if name != "library"},
         examples=None,
-        replay_options=[word for name, path in given.items() for word in (f"--{name}", path)] + ["--floating-base"] * floating_base,
+        replay_options=[
+            *(word for name, path in given.items() for word in (f"--{name}", path)),
+            *["--floating-base"] * floating_base,
+            *["--aided"] * aided,
+        ],
     )

@@ -218,6 +218,8 @@ def _motion(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     chosen = settings.chosen(integrators(kind_of(scene)))
     if not chosen:
         return Benchmark()
+    # What moves is the file: an engine that reads otherwise has another motion.
+    scene = scene.aided
     truth, costs, orders = motion_costs(scene, chosen, extent.steps, extent.horizon, extent.seconds, note)
     return Benchmark(truths=[truth], motion=costs, orders=orders)
 

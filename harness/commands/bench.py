@@ -52,13 +52,13 @@ class BenchOptions:
 @click.command("bench")
 @takes(BenchOptions)
 @time_limit_option(None, shown="300, with --profile nightly 3600")
-@computing(directory=True, floating_base=True)
+@computing(directory=True, floating_base=True, aided=True)
 def command(bracket: Bracket, asked: BenchOptions) -> None:
     """Measure cost against error of every method.
 
     Measures every mechanism unless NAMEs are given, and adds the result to the report.
-    Of a robot's FILE it measures the engines that read it and the harness's own program,
-    and leaves the report as it is.
+    Of a robot's FILE it measures the engines that read it, as their user calls them, and leaves
+    the report as it is; with --motion they are aided.
 
     \b
     Examples:

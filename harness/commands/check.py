@@ -36,14 +36,15 @@ class CheckOptions:
 
 @click.command("check")
 @takes(CheckOptions)
-@computing(time_limit=60.0, scheduler=True, floating_base=True, detail=True)
+@computing(time_limit=60.0, scheduler=True, floating_base=True, aided=True, detail=True)
 def command(bracket: Bracket, asked: CheckOptions) -> None:
     """Cross-check NAMEs, or all there are, and print a table.
 
     NAME is a mechanism with its plain models, or a variant, MECHANISM.VARIANT;
     a pattern takes all that it fits. Without NAMEs it is all of both.
     The path of a URDF or MJCF file is a robot: what its numbers mean is the truth, and the
-    engines that read it are aided, that is, given what they leave out of it.
+    engines that read it are as their user calls them. An answer is explained where it is right for what
+    the engine's reader makes of the file, which is named with its effect.
 
     \b
     Examples:

@@ -16,6 +16,7 @@ from harness.commands.frame.options import quantity_option, stand_in_options, st
 from harness.commands.frame.pages import tell
 from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
 from harness.errors import InvalidInput, InvalidRequest
+from harness.results.readings import reading_lines
 from harness.results.records import quantity_words
 from harness.verdict import Verdict
 
@@ -39,7 +40,7 @@ class DiagnoseOptions:
 
 @click.command("diagnose")
 @takes(DiagnoseOptions)
-@computing(time_limit=60.0, floating_base=True, detail=True)
+@computing(time_limit=60.0, floating_base=True, aided=True, detail=True)
 def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     """Explain why a check of NAME is red.
 
@@ -98,6 +99,8 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     for record in found.records:
         if record.verdict == Verdict.ERROR:
             say("", f"{record.subject}: {record.message}")
+        if record.readings:
+            say("", f"{record.subject}: {record.verdict}", *(f"  {line}" for line in reading_lines(record.readings)))
     if causes:
         print_diagnoses(causes, held)
     else:
@@ -111,7 +114,8 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
 
 def _find_differing_lines(bracket: Bracket, path: Path, suspects: Iterable[Path], states: int) -> None:
     """Hold files against the robot at ``path``, print which of their lines differ, and end the command; no engine is asked."""
-    from harness.comparison.study import STATES, ComparisonSettings, RobotComparison
+    from harness.comparison.study import ComparisonSettings, RobotComparison
+    from harness.explain.meant import STATES
     from harness.report.comparison import pair_sections
 
     bracket.begin(states, "diagnose")

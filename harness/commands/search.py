@@ -18,7 +18,7 @@ SECTION = STUDIES
 @quantity_option
 @click.option("--budget", type=click.IntRange(min=1), show_default="8000", help="States to ask a subject for.")
 @click.option("--keep/--no-keep", default=True, show_default=True, help="Store what is found with the system, for every later run.")
-@computing(time_limit=600.0, scheduler=True, floating_base=True)
+@computing(time_limit=600.0, scheduler=True, floating_base=True, aided=True)
 def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: str, budget: int | None, keep: bool) -> None:
     """Search for the hardest states of NAME.
 

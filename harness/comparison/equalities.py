@@ -18,8 +18,8 @@ from harness.arrays import Array
 from harness.comparison.robot_library import ask_engine, engine_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, Held
-from harness.explain.changes.readings import element_at, find_readings
-from harness.explain.meant import Meant, fold, largest_change, question_of, read_as, reference_of, worst
+from harness.explain.changes.readings import element_at
+from harness.explain.meant import Meant, largest_change, question_of, read_as, read_by, reference_of, worst
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.files.rules import ConstraintLaw
 from harness.files.tree import WORLD
@@ -51,7 +51,7 @@ def judge_equalities(meant: Meant, engine: str) -> EqualitiesRecord:
     about: dict[str, Any] = {"path": str(robot.path), "engine": caller.name, "format": robot.format}
     if caller.why_no_equalities:
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=caller.why_no_equalities)
-    read = read_as(meant, fold(robot, find_readings(caller.name, robot.format, caller.reader)).robot)
+    read = read_as(meant, read_by(robot, caller.name, caller, Stance.PLAIN).robot)
     why_not = {number: reason for number, one in enumerate(robot.equalities) if (reason := _why_not(one, read.robot))}
     judged = [number for number in range(len(robot.equalities)) if number not in why_not]
     free = _asked(meant, caller, ())

@@ -18,9 +18,8 @@ from harness.arrays import Array
 from harness.comparison.robot_library import engine_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
-from harness.explain.changes.readings import find_readings
 from harness.explain.fit import best_change
-from harness.explain.meant import Meant, effects, fold, read_as, readings_that_do_not_hold, reference_of, worst
+from harness.explain.meant import Meant, effects, read_as, read_by, readings_that_do_not_hold, reference_of, worst
 from harness.explain.search import Tried
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.files.tree import Given, Place
@@ -51,8 +50,7 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
         finite = int(np.isfinite(answers.of(meant.robot.joints)).all(axis=1).sum())
         message = f"it answers with finite numbers at {finite} of {len(meant.states)} states, and is silent"
         return SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=True, message=message)
-    readings = find_readings(caller.name, meant.robot.format, caller.reader)
-    folded = fold(meant.robot, (one for one in readings if not (stance == Stance.AIDED and one.supplied)))
+    folded = read_by(meant.robot, caller.name, caller, stance)
     lacking = [name for name in meant.robot.joints if name not in answers.accelerations]
     compared = None if lacking else _compare(meant, answers)
     record = SubjectRecord(**about, **_verdict(compared), explained=False, readings=effects(meant, folded))

@@ -135,7 +135,7 @@ class RobotLibrary(Library):
     reads_files: bool = True
     formats: Mapping[str, str] = field(default_factory=dict, hash=False)
     floating_base: bool = False
-    stance: Stance = Stance.AIDED
+    stance: Stance = Stance.PLAIN
 
     @classmethod
     def without_files(cls) -> Self:
@@ -144,7 +144,7 @@ class RobotLibrary(Library):
         return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
 
     @classmethod
-    def of(cls, paths: Iterable[str], floating_base: bool = False, stance: Stance = Stance.AIDED) -> RobotLibrary:
+    def of(cls, paths: Iterable[str], floating_base: bool = False, stance: Stance = Stance.PLAIN) -> RobotLibrary:
         """The library of the files at ``paths``.
 
         Raises:
@@ -203,8 +203,8 @@ class RobotLibrary(Library):
         return {}
 
     def remarks(self) -> list[str]:
-        """What each subject is aided with, and the mechanisms that the files may be models of."""
-        formats = dict.fromkeys(self.formats.values())
+        """How the engines are asked, and the mechanisms that the files may be models of."""
+        formats = dict.fromkeys(self.formats.values() if self.stance == Stance.AIDED else ())
         supplied = [
             f"{subject}, aided: {engine_of(subject.engine).supplied[subject.format]}"
             for model_format in formats
@@ -242,7 +242,7 @@ def _likenesses(formats: Mapping[str, str]) -> Iterator[str]:
             yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
 
 
-def resolved(library: Library, names: Sequence[str], floating_base: bool = False, stance: Stance = Stance.AIDED) -> Library:
+def resolved(library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False) -> Library:
     """The library that ``names`` are of: that of robots' files where they are files, else ``library``.
 
     Raises:
@@ -250,6 +250,8 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
         InvalidRequest: some names are of files and others are not, or the library is not the built-in one.
     """
     files = [name for name in names if is_file(library, name)]
+    if not files and aided:
+        raise InvalidRequest("by name engines get all that a model says; --aided is for a robot's file")
     if not files and floating_base:
         raise InvalidRequest("a floating base is put under the root of a robot's file; name a URDF")
     if not files:
@@ -258,4 +260,4 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
         raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")
     if library != Library.built_in():
         raise InvalidRequest(f"{files[0]} is a robot's file, which no library has to do with; leave --library {library.name} out")
-    return RobotLibrary.of(files, floating_base, stance)
+    return RobotLibrary.of(files, floating_base, Stance.AIDED if aided else Stance.PLAIN)

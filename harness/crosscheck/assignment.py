@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from harness.arrays import Array
@@ -12,7 +12,7 @@ from harness.engines.interface import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
-from harness.library import MODEL_SUFFIXES, Library, Stance
+from harness.library import MODEL_SUFFIXES, Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
@@ -31,6 +31,7 @@ class Assignment:
         model: the file that the engine reads; None for an engine that is handed the mechanism itself.
         system: the system or variant whose own file is the truth of quantities that take the numbers of one; "" for the mechanism's.
         quantity: the name of what is asked for.
+        declared: the file whose numbers are the truth, by default ``declared_model``.
     """
 
     library: Library
@@ -39,6 +40,7 @@ class Assignment:
     model: ModelFile | None
     system: str = ""
     quantity: str = ACCELERATIONS
+    declared: ModelFile | None = None
 
     @classmethod
     def of(cls, library: Library, name: str, subject: Subject, path: Path | None = None) -> Assignment:
@@ -52,6 +54,30 @@ class Assignment:
         return cls(library, subject, load_mechanism(library, name), model, name)
 
     @property
+    def as_read(self) -> Assignment:
+        """The same about the mechanism that the engine computes with, whose states ``into`` gives: of a user's file what its reader has.
+
+        Raises:
+            harness.engines.Unsupported: as it reads the file, nothing has an acceleration.
+        """
+        if not self.library.reads_files:
+            return self
+        # Imported late: a run that is about mechanisms needs nothing of it.
+        from harness.crosscheck.user_file import mechanism_read_by
+
+        read = mechanism_read_by(self.library, self.subject.engine, self.mechanism)
+        return self if read is self.mechanism else replace(self, mechanism=read)
+
+    def into(self, states: States) -> States:
+        """States of the mechanism, over the joints of that which the engine computes with."""
+        read = self.as_read
+        if read is self:
+            return states
+        from harness.crosscheck.user_file import states_read
+
+        return states_read(self.mechanism, read.mechanism, states)
+
+    @property
     def title(self) -> str:
         """The subject, and the quantity where it is not the usual one."""
         return str(self.subject) if self.asked.is_default else f"{self.subject} {self.quantity}"
@@ -60,11 +86,6 @@ class Assignment:
     def asked(self) -> Quantity:
         """The quantity that is asked for."""
         return find_quantities()[self.quantity]
-
-    @property
-    def stance(self) -> Stance:
-        """How the engine is asked."""
-        return self.library.stance
 
     @property
     def truth(self) -> Truth:
@@ -95,37 +116,47 @@ def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
 
 
 def acceleration_truth_of(assignment: Assignment) -> AccelerationTruth:
-    """The truth of a subject's accelerations, which are what it is asked for; raises as ``truth_of``."""
-    truth = truth_of(assignment)
+    """The truth of a subject's accelerations, which are what it is asked for, at states of ``as_read``; raises as ``truth_of``."""
+    truth = truth_of(assignment.as_read)
     assert isinstance(truth, AccelerationTruth)
     return truth
 
 
-def truth_of(assignment: Assignment, declared: ModelFile | None = None) -> Truth:
+def truth_of(assignment: Assignment) -> Truth:
     """The truth of what the subject is asked for, made once per process; equations have the coordinates of the declared file.
-
-    ``declared`` has its numbers, by default ``declared_model``.
 
     Raises:
         InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
+        harness.engines.Unsupported: as ``Assignment.as_read``.
     """
-    mechanism, read = assignment.mechanism, assignment.model
     about = assignment.library, assignment.subject, assignment.system, assignment.quantity
-    files = tuple(file and file.text for file in (declared, read))
+    files = tuple(file and file.text for file in (assignment.declared, assignment.model))
 
     def find() -> Truth:
-        quantity, (basis, key) = assignment.asked, _basis(assignment, declared)
-        if not quantity.is_of_file:
-            return quantity.truth(basis)
-        return _SHARED.get((quantity.name, mechanism.key, *key), lambda: quantity.truth(basis))
+        read, of_file = assignment.as_read, _own_truth(assignment)
+        if read is assignment:
+            return of_file
+        from harness.crosscheck.user_file import compared_columns
+        from harness.explain.read_truth import ReadTruth
+
+        columns = compared_columns(assignment.mechanism, read.mechanism, assignment.asked)
+        return ReadTruth(_own_truth(read), of_file, assignment.into, columns)
 
     # To read what the engine declares of a file takes longer than to judge a batch of states, each of which asks for the truth.
-    return _TRUTHS.get((*about, mechanism.key, *files), find)
+    return _TRUTHS.get((*about, assignment.mechanism.key, *files), find)
 
 
-def _basis(assignment: Assignment, declared: ModelFile | None) -> tuple[TruthBasis, tuple[object, ...]]:
+def _own_truth(assignment: Assignment) -> Truth:
+    """The truth of the mechanism that an assignment names."""
+    quantity, (basis, key) = assignment.asked, _basis(assignment)
+    if not quantity.is_of_file:
+        return quantity.truth(basis)
+    return _SHARED.get((quantity.name, assignment.mechanism.key, *key), lambda: quantity.truth(basis))
+
+
+def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
     """The basis of a quantity that takes numbers of a file, and what of it the truth of a mechanism depends on."""
-    quantity, mechanism, read = assignment.asked, assignment.mechanism, assignment.model
+    quantity, mechanism, read, declared = assignment.asked, assignment.mechanism, assignment.model, assignment.declared
     engine = load_engine(assignment.library, assignment.subject.engine)
     in_body, precision, factorises = frame_of(assignment), engine.unit_roundoff, engine.factorises_mass_matrix
     system = assignment.system or mechanism.name
@@ -181,7 +212,7 @@ def load_audited(assignment: Assignment) -> Model:
         ValueError: so does an engine of an environment.
         harness.engines.Unsupported: the engine cannot express it.
     """
-    library, subject, mechanism, model = assignment.library, assignment.subject, assignment.mechanism, assignment.model
+    library, subject, model, mechanism = assignment.library, assignment.subject, assignment.model, assignment.as_read.mechanism
 
     def load() -> Model:
         try:

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
 import msgspec
+from msgspec import structs
 from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
 from harness.engines import Subject, engine_files, known_subjects
@@ -121,6 +122,17 @@ class ExpectedDifference(TableOfReasons, frozen=True, kw_only=True):
 
 # Of a pair without an entry.
 AGREES = Expectation(system="", subject="", verdict=Verdict.AGREES.value, reason="", link="")
+# The reason of an answer on a user's file that has no entry.
+READ_OTHERWISE = "it is the answer for what the engine's readings make of the file"
+
+
+def as_read(expectation: Expectation, verdict: str) -> Expectation:
+    """The expectation of an answer that the engine's readings may explain, which needs no entry."""
+    if expectation is AGREES and verdict == Verdict.EXPLAINED:
+        return structs.replace(AGREES, verdict=verdict, reason=READ_OTHERWISE)
+    return expectation
+
+
 _Table = TypeVar("_Table", bound=TableOfReasons)
 _Entry = TypeVar("_Entry", bound=Entry)
 

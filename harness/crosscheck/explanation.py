@@ -64,6 +64,7 @@ def explain(assignment: Assignment, seed: int, note: Note) -> str:
 
 def explain_lost_digits(assignment: Assignment, seed: int) -> Explanation | None:
     """The number that explains the subject's accelerations; None where none does; raises as ``explain``."""
+    assignment = assignment.as_read
     mechanism, model = assignment.mechanism, assignment.model
     kernel, states = reference_kernel_of(assignment), diagnostic_states(mechanism, seed)
     reference = kernel.evaluate(states)

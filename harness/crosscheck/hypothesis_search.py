@@ -29,7 +29,7 @@ from harness.programs.states import States
 from harness.study import Note
 from harness.truth.compare import Certified, Comparison
 from harness.truth.sampling import strategy
-from harness.verdict import SEVERITY, Verdict
+from harness.verdict import SEVERITY, SOUND, Verdict
 
 # States of a block. Hypothesis takes 1 to 4 ms for its draw; certifying a state in a block costs a tenth of certifying it alone.
 BLOCK = 25
@@ -152,7 +152,7 @@ class _Panel:
         """Shrink the simplest state of the gravest verdict, where a subject does not agree everywhere."""
         found = self.found(subject)
         severity = np.array([SEVERITY[verdict] for verdict in found.comparison.verdicts.tolist()])
-        if severity.max() == SEVERITY[Verdict.AGREES]:
+        if severity.max() <= max(SEVERITY[verdict] for verdict in SOUND):
             return
         rows = rows_of(found.states)
         index = min(np.flatnonzero(severity == severity.max()).tolist(), key=lambda index: count_digits(rows[index]))

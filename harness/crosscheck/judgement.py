@@ -14,7 +14,7 @@ from msgspec import structs
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment
-from harness.crosscheck.expected import AGREES, Expectation, Expectations
+from harness.crosscheck.expected import AGREES, Expectation, Expectations, as_read
 from harness.crosscheck.hypothesis_search import Found
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.crosscheck.stages import NOT_OFFERED
@@ -25,6 +25,7 @@ from harness.programs.states import States
 from harness.results.cross_check import SystemCard
 from harness.results.hard_states import replay_command
 from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
+from harness.results.readings import Effect, by_effect
 from harness.results.records import ACCELERATIONS, Record, Representative, quantity_options, quantity_words
 from harness.results.table import counted, error_text
 from harness.truth.compare import Comparison
@@ -53,6 +54,7 @@ class Pair:
         failure, unsupported: as of ``Answers``, where some of them are missing. refused: whether the failure is that a file
             cannot be used.
         explained: the sentence of ``Explanation`` where one number explains what would be lost digits; None where none was looked for.
+        readings: that explain what a user's file is read as.
         remarks: sentences that change no verdict.
         from_rigid: how far answers that are held against a declared truth are from the rigid one, relative, part by part.
     """
@@ -77,6 +79,7 @@ class Pair:
     refused: bool = False
     failed_at: dict[str, list[float]] | None = None
     explained: str | None = None
+    readings: list[Effect] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     from_rigid: list[Array] = field(default_factory=list)
 
@@ -186,6 +189,7 @@ def record_of(settings: Settings, expectations: Expectations, system: SystemProg
         origins={"stored": stored, "sampled": counts.total() - searched - added - stored, "searched": searched, "simplest": added}
         if settings.state is None
         else {},
+        readings=by_effect(pair.readings),
         features=_asked_features(system, pair),
         componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,
     )
@@ -197,7 +201,7 @@ LOST_DIGITS = "digits are lost as the condition of M, or the distance of its lin
 def _expected(settings: Settings, expectations: Expectations, name: str, pair: Pair, message: str) -> Expectation:
     """The expectation that a record is held against."""
     library, verdict = settings.library, pair.verdict
-    expectation = expectations.of(library.label(name), pair.subject)
+    expectation = as_read(expectations.of(library.label(name), pair.subject), verdict)
     if expectation is AGREES and pair.unsupported and engine_files(library)[pair.subject.engine].elsewhere:
         # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
         expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)

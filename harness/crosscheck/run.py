@@ -289,6 +289,14 @@ class CrossCheck(Study):
     def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves = not quantity_words(pair.quantity)
+        if self.settings.library.reads_files and pair.verdict in (Verdict.EXPLAINED, Verdict.UNSTABLE):
+            from harness.crosscheck.user_file import find_effects
+
+            about = self.settings.library, pair.subject.engine, system.mechanism, self.settings.seed
+            outcome = yield from ask(call, find_effects, *about, affinity=system.name)
+            pair.readings = outcome.value or []
+            if failure := self.failure(outcome):
+                pair.remarks.append(f"What the readings do is not known: {failure}.")
         if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES):
             # A run in which all is well imports nothing of it.
             from harness.crosscheck.explanation import explain

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from harness.crosscheck.assignment import Assignment
 from harness.engines import Subject, Unsupported, load_model
 from harness.files.model_file import ModelFile
-from harness.library import Library
+from harness.library import Library, Stance
 from harness.programs.mechanisms.mechanism import Mechanism
+from harness.trees.mechanism import RobotMechanism
 
 
 @dataclass(frozen=True)
@@ -47,11 +49,24 @@ class Scene:
             harness.engines.Unsupported: the scene has no model of that format, or the engine cannot express it.
             harness.errors.InvalidModel: the engine refuses the model.
         """
-        if self.mechanism.handed_to_engines is not self.mechanism:
-            return load_model(self.library, Subject(engine, model_format), self.mechanism, None)
-        if model_format not in self.models:
+        asked = self.asked(engine, model_format)
+        return load_model(asked.library, asked.subject, asked.mechanism, asked.model)
+
+    def asked(self, engine: str, model_format: str) -> Assignment:
+        """An engine with the scene's model of a format; of a robot, with its one file. Raises Unsupported as ``load``."""
+        if not self.library.reads_files and model_format not in self.models:
             raise Unsupported(f"{self.mechanism.name} has no {model_format.upper()} model")
-        return load_model(self.library, Subject(engine, model_format), self.mechanism, self.models[model_format])
+        return Assignment(self.library, Subject(engine, model_format), self.mechanism, self.models.get(model_format))
+
+    @property
+    def aided(self) -> Scene:
+        """The same whose engines are supplied with what they leave out of a user's file."""
+        own, aided = self.mechanism, Stance.AIDED
+        if self.library.stance == aided or not isinstance(own, RobotMechanism):
+            return self
+        from harness.explain.meant import request_of
+
+        return replace(self, library=replace(self.library, stance=aided), mechanism=replace(own, request=request_of(own.robot, aided)))
 
 
 def with_parameters(mechanism: Mechanism, changed: Mapping[str, float]) -> Mechanism:

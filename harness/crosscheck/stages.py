@@ -183,7 +183,7 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
 
 def measure_componentwise(assignment: Assignment, state: States, beyond: float) -> float:
     """The componentwise backward error of the subject's answer at one state, as ``componentwise_error`` gives it."""
-    kernel = reference_kernel_of(assignment)
+    kernel, state = reference_kernel_of(assignment), assignment.into(state)
     answer = accelerations(load_audited(assignment), state)
     return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)
 

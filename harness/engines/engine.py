@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 
 from harness.arithmetic import KeptArithmetic
 from harness.engines.interface import CompiledNumber, InvalidAnswer, Unsupported
-from harness.engines.loaded_file import AidedModel, LoadedFile, lacking
+from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
@@ -99,7 +99,7 @@ class Engine:
         """
         handed = handed_over(source)
         if isinstance(handed, Request):
-            return self._aided(handed)
+            return self._of_file(handed)
         model: Model = self.load_model(require_model(handed, self.name), joints, gravity)
         return model
 
@@ -116,7 +116,7 @@ class Engine:
         if self.why_no_constraints:
             refuse_unexpressed(file, self.why_no_constraints)
 
-    def _aided(self, request: Request) -> Model:
+    def _of_file(self, request: Request) -> Model:
         try:
             loaded = self.read(request)
         except Refused as refusal:
@@ -126,7 +126,7 @@ class Engine:
             named = ", ".join(f"{name!r}{lines[name]}" for name in names[:MOST_NAMED])
             named += f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
             raise Unsupported(f"{self.name} has no joint {named} after loading: its reader leaves out what holds it")
-        return cast("Model", AidedModel(loaded, self.factorises_mass_matrix))
+        return cast("Model", FileModel(loaded, self.factorises_mass_matrix))
 
     def ask(self, question: EngineQuestion) -> EngineAnswers:
         """Accelerations at all states; a refusal of the file is an answer, no exception."""

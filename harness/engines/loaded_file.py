@@ -1,4 +1,4 @@
-"""A file in an engine, over the joints of a request; and the same aided, over those that move by themselves."""
+"""A file in an engine, over the joints of a request; and the same over those that move by themselves, as a model."""
 
 from __future__ import annotations
 
@@ -139,8 +139,8 @@ def refuse_joints(request: Request, engine: str, floating: Collection[str]) -> N
             raise Refused(f"the harness asks {engine} about no {joint.kind} joint, as {joint.name!r} is", joint.name)
 
 
-class AidedModel:
-    """A file in an aided engine; q, v and tau are over the joints that move by themselves, in the order of the request.
+class FileModel:
+    """A user's file as a model; q, v and tau are over the joints that move by themselves, in the order of the request.
 
     Attributes:
         is_coupled: whether joints that mimic others are eliminated from the engine's M and forces.
@@ -149,7 +149,7 @@ class AidedModel:
 
     def __init__(self, loaded: LoadedFile, factorises: bool) -> None:
         self.request, self.loaded_file = loaded.request, loaded
-        self.is_coupled = any(joint.follows for joint in self.request.joints)
+        self.is_coupled = loaded.couplings is not None
         self.factorises_mass_matrix = factorises or self.is_coupled
         ends = np.cumsum([0, *(len(joint.velocities) for joint in loaded.joints)])
         places = {joint.name: range(*bounds) for joint, *bounds in zip(loaded.joints, ends[:-1], ends[1:], strict=True)}

@@ -15,14 +15,14 @@ from typing import TypeVar
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import request
-from harness.engines.request import AskedJoint, EngineAnswers, EngineQuestion, Held, Request
+from harness.engines import Engine, request
+from harness.engines.request import AskedJoint, EngineAnswers, EngineQuestion, Held, Request, in_columns
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
-from harness.explain.changes.readings import Reading
+from harness.explain.changes.readings import Reading, find_readings
 from harness.files.tree import Joint, Tree
 from harness.library import Stance
 from harness.programs.states import States
-from harness.results.comparison import FELT, Effect
+from harness.results.readings import FELT, Effect
 from harness.storage import Kept
 from harness.trees.bodies.inertias import bounded
 from harness.trees.mechanism import mechanism_of
@@ -32,8 +32,8 @@ from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 from harness.truth.sampling import sample
 from harness.verdict import AGREEMENT
 
-# States at which the effect of one change is computed.
-STATES_OF_EFFECTS = 16
+# Sampled states of a file, and how many of them the effect of a change is computed at.
+STATES, STATES_OF_EFFECTS = 64, 16
 # Readings that may not hold at once; with ten readings there are 55 ways.
 _MOST_DROPPED = 2
 # Programs of humanoids take megabytes.
@@ -86,11 +86,26 @@ def read_as(original: Meant, robot: Robot, into: Callable[[States], States] = la
     """The truth of another reading of a robot, ``robot``, at the states of the original, which ``into`` takes to its coordinates."""
     if robot is original.robot:
         return original
-    if not robot.joints:
-        return _unmoved(robot, len(original.states), "no joint is left")
-    if further := [joint.name for joint in robot.tree.joints if joint.name not in original.robot.tree.joints_before]:
-        return _unmoved(robot, len(original.states), f"it has joints that the file does not have: {', '.join(further)}")
-    return _certified(robot, into(_spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))))
+    if why := why_unread(robot, original.robot):
+        return _unmoved(robot, len(original.states), why)
+    return _certified(robot, into(spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))))
+
+
+def why_unread(read: Robot, original: Robot) -> str:
+    """Why what a reader makes of a robot has no states of that; "" where it has some."""
+    if not read.joints:
+        return "no joint is left"
+    known = original.tree.joints_before
+    further = [joint.name for joint in read.tree.joints if joint.name not in known]
+    return f"it has joints that the file does not have: {', '.join(further)}" if further else ""
+
+
+def undetermined(robot: Robot) -> str:
+    """Why no state of a robot has accelerations; "" where states have."""
+    if idle := joints_without_inertia(robot.tree):
+        named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
+        return f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
+    return ""
 
 
 def why_unmoved(robot: Robot) -> str:
@@ -107,9 +122,8 @@ def _unmoved(robot: Robot, count: int, why: str) -> Meant:
 
 def _certified(robot: Robot, states: States) -> Meant:
     """The truth of a robot at its states; none where no acceleration is determined."""
-    if idle := joints_without_inertia(robot.tree):
-        named = ", ".join(f"{joint.name} (line {joint.place.line})" if joint.place else joint.name for joint in idle)
-        return Meant(robot, states, None, f"no acceleration is determined, for nothing with mass or inertia moves with {named}")
+    if why := undetermined(robot):
+        return Meant(robot, states, None, why)
     return Meant(robot, states, reference_of(robot).evaluate(states))
 
 
@@ -131,25 +145,34 @@ def joints_without_inertia(tree: Tree) -> list[Joint]:
 # Questions to engines
 
 
-def request_of(robot: Robot, stance: Stance) -> Request:
-    """What a plain or aided engine is to load."""
+def request_of(robot: Robot, stance: Stance, read: Robot | None = None) -> Request:
+    """What a plain or aided engine is to load; ``read``: what its reader makes of the file, whose joints are those that it is asked for."""
     # One that eliminates joints that mimic is asked about those too.
     follows = any(joint.follows for joint in robot.tree.joints)
-    joints = asked_joints(robot.tree, None if follows else robot.joints)
+    joints, moving = asked_joints(robot.tree, None if follows else robot.joints), robot.joints
+    if read is not None:
+        kept, moving = {joint.name: joint for joint in asked_joints(read.tree)}, read.joints
+        # They are measured as the file says, and follow whom the reader lets them follow.
+        joints = in_columns([_following(joint, kept[joint.name]) for joint in joints if joint.name in kept])
     aid = aid_of(robot.tree, joints) if stance == Stance.AIDED else None
     if aid is not None and robot.format == "urdf":
         aid = replace(aid, inertias=inertias_of(robot.tree))
-    return Request(path=robot.path, format=robot.format, joints=joints, moving=robot.joints, floating_base=robot.floating_base, aid=aid)
+    return Request(path=robot.path, format=robot.format, joints=joints, moving=moving, floating_base=robot.floating_base, aid=aid)
+
+
+def _following(joint: AskedJoint, other: AskedJoint) -> AskedJoint:
+    """A joint that mimics what another one mimics."""
+    return replace(joint, follows=other.follows, multiplier=other.multiplier, offset=other.offset)
 
 
 def question_of(found: Meant, stance: Stance, held: Held | None = None) -> EngineQuestion:
     """What a plain or aided engine is asked about a file, with the equalities that it is to hold."""
     asked = replace(request_of(found.robot, stance), held=held)
-    states = _spread(found.robot, found.states, asked.joints)
+    states = spread(found.robot, found.states, asked.joints)
     return EngineQuestion(asked, states.q, states.v, states.tau)
 
 
-def _spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:
+def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:
     """States of a robot's own joints, over ``joints`` of its tree: a joint that mimics another moves as the other lets it, unloaded."""
     by_name = {joint.name: joint for joint in asked_joints(robot.tree)}
     own = asked_joints(robot.tree, robot.joints)
@@ -239,6 +262,15 @@ def fold(robot: Robot, readings: Iterable[Reading]) -> Folded:
             applied.append((reading, robot))
             robot = changed
     return Folded(robot, tuple(applied))
+
+
+def read_by(robot: Robot, name: str, engine: Engine, stance: Stance) -> Folded:
+    """What an engine's reader makes of a robot; an aided one is supplied with what some of its readings leave out.
+
+    ``name``: of the engine, with its version where that is not the one beside the harness.
+    """
+    readings = find_readings(name, robot.format, engine.reader)
+    return fold(robot, (one for one in readings if not (stance == Stance.AIDED and one.supplied)))
 
 
 def effects(found: Meant, folded: Folded) -> list[Effect]:

@@ -17,7 +17,7 @@ from types import MappingProxyType
 
 from harness.engines import EQUATIONS, Subject
 from harness.results.records import Record
-from harness.verdict import AGREEMENT, Verdict
+from harness.verdict import AGREEMENT, SOUND, Verdict
 
 NOTHING, UNDECIDED, FAILURE = "nothing", "undecided", "failure"
 _WRONG = Verdict.DISAGREES, Verdict.ERROR
@@ -113,12 +113,12 @@ def infer(
     everything = {subject_named(name): verdict for name, verdict in verdicts.items()}
     failed = {subject_named(name): message for name, message in failures.items()}
     silenced = _with(everything, Verdict.ERROR)
-    if not _with(everything, Verdict.AGREES, Verdict.DISAGREES) and {_reads(subject) for subject in silenced} == {True, False}:
+    if not _with(everything, *SOUND, Verdict.DISAGREES) and {_reads(subject) for subject in silenced} == {True, False}:
         return Inference("system", f"the system itself cannot be used: nobody answered, not even the equations ({_listed(silenced)})")
     given = {subject: verdict for subject, verdict in everything.items() if subject not in failed}
     silent = "; ".join(_failed(failed))
     if failed and not _with(given, *_WRONG):
-        return Inference(FAILURE, f"{silent}; right are {_listed(_with(given, Verdict.AGREES)) or 'none'}")
+        return Inference(FAILURE, f"{silent}; right are {_listed(_with(given, *SOUND)) or 'none'}")
     inference = _infer_with_files(given, _everyone(everything, available) - set(failed), meanings)
     return replace(inference, sentence=f"{inference.sentence}; {silent}") if silent else inference
 
@@ -156,7 +156,7 @@ def _infer_with_files(given: Mapping[Subject, str], everyone: Collection[Subject
 
 def _about_file(name: str, error: float, given: Mapping[Subject, str]) -> str:
     readers = {one: verdict for one, verdict in given.items() if one.format == name}
-    wrong, right = _with(readers, *_WRONG), _with(readers, Verdict.AGREES)
+    wrong, right = _with(readers, *_WRONG), _with(readers, *SOUND)
     as_it_says = f"; wrong with it: {_listed(wrong)}" if wrong else ""
     otherwise = f"; {_listed(right)} agrees with the energies, and so does not use what the file says" if right else ""
     return f"the {name} model is at fault: it means another mechanism, by {error:.3g} data roundoffs{as_it_says}{otherwise}"
@@ -164,12 +164,14 @@ def _about_file(name: str, error: float, given: Mapping[Subject, str]) -> str:
 
 def _infer(given: Mapping[Subject, str], everyone: Collection[Subject], right_files: Collection[str] = ()) -> Inference:
     """``infer`` from those that did not fail, of ``everyone`` who could be asked; files that are right are no party."""
-    wrong, right, unstable = _with(given, *_WRONG), _with(given, Verdict.AGREES), _with(given, Verdict.UNSTABLE)
+    wrong, right, unstable = _with(given, *_WRONG), _with(given, *SOUND), _with(given, Verdict.UNSTABLE)
     lost = f"; {_listed(unstable)} lost digits, which says nothing of a model" if unstable else ""
     if not wrong:
         if not right | unstable:
             return Inference(UNDECIDED, "no subject was judged")
-        return Inference(NOTHING, f"nothing is wrong{f' with {_listed(right)}' if right else ''}{lost}")
+        read, agreeing = _with(given, Verdict.EXPLAINED), _with(given, Verdict.AGREES)
+        explained = f"; {_listed(read)} answers for what its reader makes of the file" if read else ""
+        return Inference(NOTHING, f"nothing is wrong{f' with {_listed(agreeing)}' if agreeing else ''}{explained}{lost}")
     parties = [party for party in _parties(wrong, right, everyone) if not _is_cleared(party, right_files)]
     if len(parties) == 1:
         [party] = parties

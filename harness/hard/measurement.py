@@ -19,12 +19,11 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, truth_of
+from harness.crosscheck.assignment import Assignment
 from harness.engines import EQUATIONS, NotOffered, Subject, Unsupported, load_engine
 from harness.errors import InvalidModel
 from harness.explain.columns import Whitening, parameter_derivatives
 from harness.explain.fit import Projection, explaining_directions
-from harness.files.model_file import ModelFile
 from harness.hard.cases import HardCase, Theory, hard_cases
 from harness.hard.truths import TruePoint, plain_points, true_points
 from harness.library import MODEL_SUFFIXES, Library
@@ -130,7 +129,7 @@ def point_of(case: HardCase, value: float, point: TruePoint, subject: Subject, e
     if case.configured is not None:
         loaded = case.configured(loaded, value)
     try:
-        truth, certified = _truth_at(point, Assignment(engines, subject, mechanism, read, quantity=quantity), declared)
+        truth, certified = _truth_at(point, Assignment(engines, subject, mechanism, read, quantity=quantity, declared=declared))
     except InvalidModel as error:
         return replace(about, reason=str(error)), None
     about = _about(about, certified, f"the {quantity} of {{}} states is not certified")
@@ -148,10 +147,9 @@ def point_of(case: HardCase, value: float, point: TruePoint, subject: Subject, e
     return replace(found, unstable_bound=_unstable_bound(certified, comparison.worst)), answers
 
 
-def _truth_at(point: TruePoint, assignment: Assignment, declared: ModelFile | None) -> tuple[Truth, Certified]:
+def _truth_at(point: TruePoint, assignment: Assignment) -> tuple[Truth, Certified]:
     if point.reference is None:
-        truth = truth_of(assignment, declared)
-        return truth, truth.evaluate(point.states)
+        return assignment.truth, assignment.truth.evaluate(point.states)
     engine = load_engine(assignment.library, assignment.subject.engine)
     return AccelerationTruth(point.mechanism, factorises=engine.factorises_mass_matrix), point.reference
 

@@ -83,6 +83,7 @@ def locate(assignment: Assignment, state: States) -> Loss:
     """The loss of the subject at ``state``, which is one."""
     if not assignment.asked.is_default:
         return _farthest(assignment, state)
+    assignment, state = assignment.as_read, assignment.into(state)
     kernel = reference_kernel_of(assignment)
     reference, comparison = kernel.evaluate(state), assignment.judge(state)
     error, verdict = float(comparison.backward_error[0]), str(comparison.verdicts[0])

@@ -9,7 +9,6 @@ from typing import Any
 
 from harness.report.sparkline import Sparkline
 from harness.results.comparison import (
-    Effect,
     EqualitiesRecord,
     FileRecord,
     FilesComparison,
@@ -21,14 +20,13 @@ from harness.results.comparison import (
     trends,
 )
 from harness.results.gap import Gaps
+from harness.results.readings import MOST_LINES, by_effect, lines_text
 from harness.results.records import Run
 from harness.results.table import Cell, Column, Table, TableOf, counted, error_text
 from harness.verdict import AGREEMENT, Verdict
 
 # Of which a trend is shown, this one among them.
 MOST_SURVEYS = 12
-# Of a reading or of a part that is left out; the JSON has all lines.
-MOST_LINES = 8
 
 _subjects = TableOf(
     SubjectRecord,
@@ -172,16 +170,6 @@ def render(run: Run, title: str, parts: Iterable[Section]) -> str:
     return environment().get_template("comparison.html").render(run=run, title=title, sections=list(parts), charts=[])
 
 
-def lines_text(lines: Sequence[int]) -> str:
-    """ "line 3", "lines 3, 5 and 10 more"."""
-    shown = sorted(dict.fromkeys(lines))
-    if not shown:
-        return "no line of the file"
-    if len(shown) <= MOST_LINES:
-        return f"line{'s' if len(shown) > 1 else ''} {', '.join(map(str, shown))}"
-    return f"lines {', '.join(map(str, shown[:MOST_LINES]))} and {len(shown) - MOST_LINES} more"
-
-
 def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:
     for file in files:
         yield from [f"{file.path}: {file.problem}"] if file.problem else filter(None, _description(file))
@@ -226,8 +214,8 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
 
 def _reading_lines(subject: SubjectRecord) -> list[str]:
     is_refused = subject.outcome == "refused"
-    readings = sorted(subject.readings, key=lambda one: -(one.alone or 0.0))
-    told = [(f"  {one.sentence}: {_count(one)}, {lines_text(one.lines)}; {one.moves}", f"    {one.source}") for one in readings]
+    readings = by_effect(subject.readings)
+    told = [(f"  {one.statement}", f"    {one.source}") for one in readings]
     these = "these readings" if len(readings) > 1 else "this reading"
     return [
         f"  {'it says: ' if is_refused else ''}{subject.message}" if subject.message else "",
@@ -259,12 +247,6 @@ def _with_equalities(one: EqualitiesRecord) -> str:
     outcome = str(one.verdict) if one.explained else "unexplained"
     optimum = f"{error_text(one.backward_error)} data roundoffs from the optimum that its documentation gives"
     return f"{outcome}, {optimum}" + (f", {error_text(one.together)} times the tree's own qdd away from that" if one.together else "")
-
-
-def _count(reading: Effect) -> str:
-    number, nouns = len(reading.lines), reading.concerns
-    one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
-    return f"{number} {one if number == 1 else nouns}"
 
 
 def subject_lines(subject: SubjectRecord) -> list[str]:

@@ -17,6 +17,7 @@ from harness.report.hard_cases import HardSummary
 from harness.report.site_tables import engine_counts, feature_lines, pages_in, slugs
 from harness.report.summary import Summary
 from harness.results.comparison import FilesComparison, short_names
+from harness.results.readings import by_effect
 from harness.results.records import Record, Run
 from harness.results.site import Site, SiteCell, SiteChange, SiteColumn, SiteFinding, SiteRow, SiteTrend, Upstream, plain_number
 from harness.verdict import AGREEMENT, Verdict
@@ -163,7 +164,7 @@ def _robot_cells(robots: FilesComparison, pages: Mapping[tuple[bool, str], str])
     names = short_names(robots)
     for subject in (one for one in robots.subjects if not one.aided):
         name = names[subject.path]
-        readings = sorted(subject.readings, key=lambda one: -(one.alone or 0.0))
+        readings = by_effect(subject.readings)
         yield SiteCell(
             row=name,
             column=subject.subject,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -10,12 +9,10 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
+from harness.results.readings import FELT, Effect, effect_size
 from harness.results.records import StudyResult
 from harness.results.table import Cell, Column, counted, error_text
 from harness.verdict import Verdict
-
-# The least relative change of accelerations that is one: less is rounding.
-FELT = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,45 +44,6 @@ class FileRecord:
     @property
     def name(self) -> str:
         return Path(self.path).name
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effect:
-    """A reading that applies to a file.
-
-    Attributes:
-        lines: of the elements concerned. alone: largest change of qdd over the states when the engine reads nothing else otherwise,
-            relative in the energy norm; infinite where that takes a joint away, None where the tree that it gives has no certified truth.
-        beside: the same beside all other readings, where it moves nothing alone; None where it does, or where there is no other.
-        remedy: what the engine's user can do about it, an imperative.
-    """
-
-    name: str
-    sentence: str
-    concerns: str
-    lines: tuple[int, ...]
-    alone: float | None
-    source: str
-    beside: float | None = None
-    remedy: str = ""
-
-    @property
-    def moves(self) -> str:
-        """The effect in words."""
-        if self.alone is None:
-            return "with it alone the accelerations are not certain"
-        if self.alone == math.inf:
-            return "alone it takes joints out of the robot"
-        if self.alone > FELT:
-            return f"alone it moves qdd by {_size(self.alone)}"
-        if self.beside is None or self.beside <= FELT:
-            return "alone it moves no acceleration"
-        felt = "takes joints out of the robot" if self.beside == math.inf else f"moves qdd by {_size(self.beside)}"
-        return f"alone it moves no acceleration, and beside the others it {felt}"
-
-
-def _size(change: float) -> str:
-    return f"{error_text(change)} times" if change >= 1 else f"{change:.2g} of its size"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +174,7 @@ class EqualityPart:
         """The effect in words, as the engine itself has it."""
         if self.alone is None:
             return ""
-        return f"alone it moves the engine's qdd by {_size(self.alone)}" if self.alone > FELT else "alone it moves no acceleration"
+        return f"alone it moves the engine's qdd by {effect_size(self.alone)}" if self.alone > FELT else "alone it moves no acceleration"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,10 +21,9 @@ import msgspec
 
 from harness.errors import InvalidInput
 from harness.library import Library
-from harness.results.plain_json import dumps
 from harness.results.records import ACCELERATIONS, Record, state_and_replay
 from harness.storage import write_atomically
-from harness.verdict import SEVERITY, Verdict
+from harness.verdict import SEVERITY, SOUND, Verdict
 
 FOLDER = "hard_states"
 _Case = TypeVar("_Case", "FoundState", "RankedCase")
@@ -113,7 +112,7 @@ def load_found(library: Library, system: str) -> list[FoundState]:
 def merged(stored: Iterable[FoundState], new: Iterable[FoundState]) -> list[FoundState]:
     """The states to store: of each subject, quantity, verdict and term the worst; in a fixed order, and without states that agree."""
     key = attrgetter("subject", "quantity", "verdict", "term")
-    return sorted(worst_of_each((found for found in [*stored, *new] if found.verdict != Verdict.AGREES), key), key=key)
+    return sorted(worst_of_each((found for found in [*stored, *new] if found.verdict not in SOUND), key), key=key)
 
 
 def keep(library: Library, system: str, new: Sequence[FoundState]) -> Path | None:
@@ -136,6 +135,9 @@ def keep(library: Library, system: str, new: Sequence[FoundState]) -> Path | Non
 
 def as_text(found: Sequence[FoundState]) -> str:
     """The text of a file that holds ``found``."""
+    # Imported late: to compare what is stored takes nothing of it.
+    from harness.results.plain_json import dumps
+
     return dumps(found, indent=1) + "\n"
 
 

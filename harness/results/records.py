@@ -13,8 +13,9 @@ from datetime import datetime
 from typing import Annotated, Any, ClassVar, Self
 
 from harness.results.detail import Detail
+from harness.results.readings import Effect, reading_lines
 from harness.results.table import Cell, Column, Table, TableOf, printable
-from harness.verdict import AGREEMENT, Verdict
+from harness.verdict import AGREEMENT, SOUND, Verdict
 
 # Of a record that names none.
 ACCELERATIONS = "accelerations"
@@ -86,6 +87,7 @@ class Record:
         features: what the subject's model file and the mechanism ask of an engine beyond hinges and slides, as "loops" or "springs".
         from_rigid: median over the states of the relative distance from accelerations that hold constraints rigid, of a subject that is
             held against what its engine declares of constraints that give; None for the others.
+        readings: what the engine's reader makes of a user's file, by effect, where the answer is not that of the file.
 
     Raises:
         ValueError: ``verdict`` or ``expected`` is no verdict.
@@ -124,6 +126,7 @@ class Record:
     percentile_99_bounds: list[float] = field(default_factory=list)
     features: list[str] = field(default_factory=list)
     from_rigid: float | None = None
+    readings: list[Effect] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
@@ -186,6 +189,7 @@ class Record:
             f"expected because {self.expected_reason} ({self.expected_link})" if self.expected_reason else "",
             "remove or mend the entry in expected_verdicts.toml if that is past" if self.expected_reason else "",
             self.message,
+            *reading_lines(self.readings),
             *state_and_replay(self.worst_state, self.replay),
             *simplest,
         ]
@@ -195,7 +199,7 @@ class Record:
     def marked_verdict(self) -> Annotated[Cell, Column("verdict")]:
         """The verdict, and the expected one where it is another."""
         if self.as_expected:
-            text = self.verdict if self.verdict == Verdict.AGREES else f"{self.verdict} (as expected)"
+            text = self.verdict if self.verdict in SOUND else f"{self.verdict} (as expected)"
             return Cell(text, tone=f"{self.verdict} expected")
         return Cell(f"{self.verdict} (expected {self.expected})", tone=f"{self.verdict} surprise")
 

@@ -51,12 +51,14 @@ class RobotMechanism(Mechanism):
         given: the numbers of the file that are its parameters.
         digest: of the file's content, which an engine may make more of than its equations hold; "" where no engine reads it.
         request: what an engine that reads the file by itself is to load; None where none does.
+        reader: the engine whose reader makes this of a file; "" for the file itself.
     """
 
     robot: Robot
     given: tuple[Given, ...] = ()
     digest: str = ""
     request: Any = None
+    reader: str = ""
 
     @property
     def handed_to_engines(self) -> Any:

@@ -21,7 +21,7 @@ from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
-from harness.library import MECHANISMS, ROBOTS, Library
+from harness.library import MECHANISMS, ROBOTS, Library, Stance
 from harness.motion.integrators import integrators, select_integrators
 from harness.results.benchmark import AccelerationCost
 from harness.verdict import AGREEMENT
@@ -38,23 +38,26 @@ COUNT = 24
 
 
 @functools.cache
-def scene(path: Path) -> Scene:
-    return Scene.of(RobotLibrary.of([str(path)]), str(path))
+def scene(path: Path, stance: Stance = Stance.AIDED) -> Scene:
+    return Scene.of(RobotLibrary.of([str(path)], stance=stance), str(path))
 
 
-def costs(path: Path) -> dict[str, AccelerationCost]:
-    found = acceleration_costs(scene(path), find_methods(ROBOTS), Effort((COUNT,), COUNT, 3, 0.0), silent)[0]
+def costs(path: Path, stance: Stance = Stance.AIDED) -> dict[str, AccelerationCost]:
+    found = acceleration_costs(scene(path, stance), find_methods(ROBOTS), Effort((COUNT,), COUNT, 3, 0.0), silent)[0]
     return {cost.method: cost for cost in found}
 
 
+@pytest.mark.parametrize("stance", list(Stance))
 @pytest.mark.parametrize("name", ["arm.urdf", "mimic.urdf", "ball.xml"])
-def test_every_way_gives_the_accelerations_of_the_file(name: str, tmp_path: Path) -> None:
+def test_every_engine_gives_the_accelerations_of_what_it_reads(name: str, stance: Stance, tmp_path: Path) -> None:
     (tmp_path / "ball.xml").write_text(BALL)
-    found = costs(tmp_path / name if name == "ball.xml" else FILES / name)
-    ways = {"certified balls", "mujoco on the file, aided", "pinocchio on the file, aided", "recursion float64"}
-    assert found.keys() == ways and not any(cost.failed for cost in found.values())
+    found = costs(tmp_path / name if name == "ball.xml" else FILES / name, stance)
+    # The harness's own recursion is no engine.
+    assert found.keys() == {"mujoco on the file", "pinocchio on the file"} and not any(cost.failed for cost in found.values())
     assert all(cost.states == COUNT and cost.backward_error is not None and cost.backward_error < AGREEMENT for cost in found.values())
-    assert all(("eliminated in Python" in cost.note) == (name == "mimic.urdf") for way, cost in found.items() if "aided" in way)
+    assert all(("eliminated in Python" in cost.note) == (name == "mimic.urdf" and stance == Stance.AIDED) for cost in found.values())
+    is_read_otherwise = stance == Stance.PLAIN
+    assert ("explained: " in found["pinocchio on the file"].note) == is_read_otherwise
 
 
 def test_an_engine_that_is_wrong_has_a_large_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,7 +66,7 @@ def test_an_engine_that_is_wrong_has_a_large_error(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(JointForces, "of_dampers", none)
     found = costs(ARM)
-    wrong = found.pop("pinocchio on the file, aided")
+    wrong = found.pop("pinocchio on the file")
     assert (wrong.backward_error or 0.0) > 1e9 and all((cost.backward_error or 0.0) < AGREEMENT for cost in found.values())
 
 
@@ -119,19 +122,19 @@ def test_a_motion_that_would_take_hours_to_certify_is_refused_with_its_size(monk
 
 def test_each_way_says_what_it_is_of() -> None:
     assert {"lambdify, numpy batch", "mujoco batch"}.isdisjoint(method.name for method in find_methods(ROBOTS))
-    assert {"recursion float64"}.isdisjoint(method.name for method in find_methods(MECHANISMS))
+    assert {"mujoco on the file"}.isdisjoint(method.name for method in find_methods(MECHANISMS))
     assert {"pinocchio RK4"}.isdisjoint(one.name for one in integrators(ROBOTS))
     with pytest.raises(InvalidRequest, match="is for mechanisms"):
         BenchmarkStudy(BenchmarkSettings(library=RobotLibrary.of([str(ARM)]), names=[str(ARM)], methods=["mujoco batch"]))
     with pytest.raises(InvalidRequest, match="is for robots"):
-        BenchmarkStudy(BenchmarkSettings(library=Library.built_in(), names=["collar"], methods=["recursion float64"]))
+        BenchmarkStudy(BenchmarkSettings(library=Library.built_in(), names=["collar"], methods=["mujoco on the file"]))
 
 
 def test_the_command_prints_a_table_and_leaves_the_report(tmp_path: Path) -> None:
     (tmp_path / "leg.urdf").write_text(LEG.read_text())
-    done = harness("bench", "leg.urdf", "--methods", "recursion float64", cwd=tmp_path)
+    done = harness("bench", "leg.urdf", "--methods", "mujoco on the file", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "leg.urdf  recursion float64" in done.stdout and not (tmp_path / "reports" / "index.html").exists()
+    assert "leg.urdf  mujoco on the file" in done.stdout and not (tmp_path / "reports" / "index.html").exists()
 
 
 def test_quantities_are_measured_on_mechanisms_alone() -> None:

@@ -19,6 +19,7 @@ from harness.engines.loaded_file import EngineRun
 from harness.engines.request import Refused
 from harness.errors import InvalidRequest
 from harness.explain.changes import readings
+from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.workers import Workers
 
@@ -141,7 +142,7 @@ def test_what_a_version_lacks_and_what_it_refuses_are_told(toy: Path) -> None:
 def test_by_default_every_engine_is_asked_that_is_installed_anywhere(toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = {str(one) for one in robot_subjects()}
     assert {"toy/urdf", "mujoco/urdf", "mujoco/mjcf", "pinocchio/urdf"} <= asked and "drake/urdf" not in asked
-    assert any("toy/urdf, aided: dampers" in remark for remark in RobotLibrary.of([str(BAR)]).remarks())
+    assert any("toy/urdf, aided: dampers" in remark for remark in RobotLibrary.of([str(BAR)], stance=Stance.AIDED).remarks())
     with pytest.raises(InvalidRequest, match=r"harness engines add toy==9\.0"):
         robot_subjects(["toy@9.0/urdf"])
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))

@@ -51,8 +51,11 @@ def file(tmp_path: Path) -> Path:
 
 
 def asked_by_both(file: Path, model_format: str, states: int) -> tuple[dict[str, Record], FilesComparison]:
-    """The records of a check by subject, and a comparison of the aided engines; both are as expected."""
-    library, subjects = RobotLibrary.of([str(file)]), [f"{engine}/{model_format}" for engine in ("mujoco", "pinocchio")]
+    """The records of a check by subject, and a comparison, both of the aided engines; both are as expected."""
+    library, subjects = (
+        RobotLibrary.of([str(file)], stance=Stance.AIDED),
+        [f"{engine}/{model_format}" for engine in ("mujoco", "pinocchio")],
+    )
     records, _ = cross_checked(Settings(library=library, subjects=subjects, states=states, examples=None))
     found = completed(RobotComparison(ComparisonSettings([file], stances=(Stance.AIDED,), subjects=subjects)), InThisProcess())
     assert all(record.as_expected for record in records), [record.explanation for record in records]
@@ -81,7 +84,7 @@ def test_a_file_that_compare_explains_is_as_expected_for_check(file: Path) -> No
 
 @pytest.mark.parametrize("size", [1e-9, 1e-11])
 def test_a_wrong_answer_is_no_lost_digits(file: Path, size: float) -> None:
-    library, path = RobotLibrary.of([str(file)]), str(file)
+    library, path = RobotLibrary.of([str(file)], stance=Stance.AIDED), str(file)
     assignment = Assignment.of(library, path, Subject("mujoco", "mjcf"))
     states = States.at(np.full((1, 3), 0.3), np.full((1, 3), 0.2), np.full((1, 3), 0.1))
     truth, model = assignment.truth, load_audited(assignment)

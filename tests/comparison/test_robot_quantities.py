@@ -13,6 +13,7 @@ from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.engines.adapters.mujoco.model import MujocoModel
+from harness.library import Stance
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
 from harness.truth.quantities import Quantity, find_quantities, of_files
@@ -23,7 +24,7 @@ QUANTITIES = [value for value in vars(of_files).values() if isinstance(value, Qu
 
 
 def checked(file: Path, quantities: list[Quantity]) -> dict[tuple[str, str], Record]:
-    library = RobotLibrary.of([str(file)])
+    library = RobotLibrary.of([str(file)], stance=Stance.AIDED)
     subjects = [f"{engine}/{library.formats_of(str(file))[0]}" for engine in ("mujoco", "pinocchio")]
     study = CrossCheck(Settings(library=library, states=8, subjects=subjects, examples=None), [quantity.name for quantity in quantities])
     result: CrossCheckResult = completed(study, InThisProcess())

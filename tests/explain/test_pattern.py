@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from harness.engines import subjects
 from harness.explain.pattern import RULES, infer, infer_from_records
 from harness.results.records import Record
-from harness.verdict import Verdict
+from harness.verdict import SOUND, Verdict
 
 EQUATIONS = "lagrange"
 READERS = [f"{engine}/{model_format}" for engine in ("mujoco", "pinocchio") for model_format in ("mjcf", "urdf")]
@@ -101,7 +101,7 @@ def test_no_party_is_blamed_whose_subjects_agree(verdicts: dict[str, str], all_k
     inference = infer(verdicts, EVERYONE if all_known else None)
     named = inference.sentence.partition(":")[0] if inference.party == "undecided" else inference.party
     wrong = {subject for subject, verdict in verdicts.items() if verdict in (DISAGREES, Verdict.ERROR.value)}
-    right = {subject for subject, verdict in verdicts.items() if verdict == AGREES}
+    right = {subject for subject, verdict in verdicts.items() if verdict in SOUND}
     if not wrong:
         assert inference.party == ("nothing" if right or UNSTABLE in verdicts.values() else "undecided")
     for suspect in named.split(", or "):
@@ -121,7 +121,7 @@ def test_no_party_is_blamed_whose_subjects_agree(verdicts: dict[str, str], all_k
 
 @given(PATTERNS)
 def test_who_abstains_changes_no_name(verdicts: dict[str, str]) -> None:
-    speaking = {subject: verdict for subject, verdict in verdicts.items() if verdict in (AGREES, DISAGREES, Verdict.ERROR.value)}
+    speaking = {subject: verdict for subject, verdict in verdicts.items() if verdict in (*SOUND, DISAGREES, Verdict.ERROR.value)}
     whole, part = infer(verdicts, list(verdicts)), infer(speaking, list(verdicts))
     if speaking:
         assert whole.party == part.party

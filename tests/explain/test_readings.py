@@ -9,7 +9,6 @@ import pytest
 from comparison.robots import FILES, edited, line_of, meant_by, record_of
 from support import BUILT_IN
 
-from harness.comparison import judgement
 from harness.comparison.judgement import ILL_CONDITIONED
 from harness.comparison.robot_library import engines_of_files
 from harness.explain.changes.readings import find_readings
@@ -38,14 +37,14 @@ def test_a_reading_explains_a_plain_answer(name: str, engine: str, reading: str,
 def test_without_its_reading_the_answer_is_not_explained(
     name: str, engine: str, reading: str, texts: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(judgement, "find_readings", lambda *_: [])
+    monkeypatch.setattr("harness.explain.meant.find_readings", lambda *_: [])
     record = record_of(FILES / name, engine)
     assert not record.explained and record.rest
 
 
 def test_one_number_that_explains_the_rest_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """ABA takes the one damper of this arm for none."""
-    monkeypatch.setattr(judgement, "find_readings", lambda *_: [])
+    monkeypatch.setattr("harness.explain.meant.find_readings", lambda *_: [])
     path = edited(FILES / "arm.urdf", tmp_path, ('<dynamics damping="0.25" friction="0.125"/>', ""))
     record = record_of(path, "pinocchio")
     assert record.rest[0].startswith(f"arm.urdf:{line_of(path, 'damping=')}: dynamics damping = 0.5: the engine behaves as with ")
@@ -218,8 +217,8 @@ def test_a_robot_that_a_reading_leaves_without_mass_is_explained(tmp_path: Path)
     path.write_text("""<mujoco><worldbody><body name="one"><joint name="pin" axis="0 1 0"/>
     <geom size="0.125" pos="0.3 0.1 0" contype="0" conaffinity="0"/></body></worldbody></mujoco>""")
     record = record_of(path, "pinocchio")
-    assert record.outcome == "explained" and [reading.name for reading in record.readings] == ["geoms that cannot collide"]
-    assert "nothing with mass or inertia moves with pin (line 1)" in record.notes[0]
+    assert record.outcome == "nothing left" and [reading.name for reading in record.readings] == ["geoms that cannot collide"]
+    assert "nothing with mass or inertia moves with pin (line 1)" in record.left_nothing
 
 
 def test_a_robot_without_a_certain_acceleration_is_undecided(tmp_path: Path) -> None:

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, acceleration_truth_of
+from harness.crosscheck.assignment import acceleration_truth_of
 from harness.crosscheck.scene import Scene
-from harness.engines import Subject
 from harness.files.text.scan import compact
 from harness.library import MECHANISMS
 from harness.programs.states import States
 from harness.registry import declared
+from harness.truth.quantities import Truth
 from harness.truth.quantities.accelerations import AccelerationTruth
 
 # What a method is of that computes derivatives, beside the kinds of scenes.
@@ -44,7 +44,7 @@ class Prepared:
     compute: Callable[[], object]
     accelerations: Callable[[], Accelerations]
     note: str = ""
-    truth: AccelerationTruth | None = None
+    truth: Truth | None = None
     reproducer: Callable[[int, Array], str] | None = None
     residual: Callable[[], Array] | None = None
 
@@ -101,7 +101,7 @@ def find_methods(of: str = MECHANISMS) -> list[Method]:
 
 def truth_of_engine(scene: Scene, engine: str, model_format: str) -> AccelerationTruth:
     """The problem that an engine solves on one of the scene's models; ``rigid`` is None where that is the mechanism's own."""
-    return acceleration_truth_of(Assignment(scene.library, Subject(engine, model_format), scene.mechanism, scene.models[model_format]))
+    return acceleration_truth_of(scene.asked(engine, model_format))
 
 
 def reproducer_of(model: Any, text: str, states: States) -> Callable[[int, Array], str]:

@@ -1,4 +1,4 @@
-"""The equations of motion themselves: SymPy's ``lambdify``, heyoka's machine code, certified balls, and of a robot's file its recursion.
+"""The equations of motion themselves: SymPy's ``lambdify``, heyoka's machine code and certified balls.
 
 ``lambdify`` gets the equations as they are derived, with common subexpressions taken out, which is what a
 SymPy user would do; M qdd = f is solved by LAPACK. heyoka compiles the harness's own program with an
@@ -21,13 +21,12 @@ from harness.bench.methods import Accelerations, Method, Prepared
 from harness.crosscheck.scene import Scene
 from harness.engines import Unsupported
 from harness.lagrange.derivation import load_system
-from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
-from harness.motion.integrators import KINDS
+from harness.library import CONSTRAINED, MECHANISMS
 from harness.motion.taylor import named
 from harness.programs.kernels import heyoka_expressions, solve_symmetric
 from harness.programs.machine_code import load_heyoka
 from harness.programs.mechanisms.constraint_forces import ACCELERATIONS, reduced_program
-from harness.programs.mechanisms.kernel import Charts, MechanismKernel
+from harness.programs.mechanisms.kernel import Charts
 from harness.programs.program import StraightLineProgram, position_count, right_hand_side
 from harness.programs.states import States
 from harness.truth.quantities.accelerations import reference_kernel
@@ -148,17 +147,11 @@ def _balls(scene: Scene, states: States) -> Prepared:
     return Prepared.keeping(lambda: kernel.evaluate(states), attrgetter("high"), remark)
 
 
-def _recursion(scene: Scene, states: States) -> Prepared:
-    kernel = MechanismKernel(scene.mechanism)
-    columns, compiled = kernel.inputs(states.q, states.v, states.tau), kernel.compiled
-    return Prepared.keeping(lambda: compiled.accelerations(columns), attrgetter("T"))
-
-
 def _method(name: str, prepare: Callable[[Scene, States], Prepared], loop: str, *of: str, most_states: int | None = None) -> Method:
     return Method(name, "equations", prepare, loop=loop, growth="up to 3", most_states=most_states, of=of)
 
 
-# Of constraints the equations have the forces, by multipliers. A robot's file has its equations by recursion.
+# Of constraints the equations have the forces, by multipliers.
 METHODS = (
     _method("lambdify, one state at a time", _one_at_a_time, "Python", MECHANISMS, most_states=SLOW),
     _method("lambdify, numpy batch", _batch, "NumPy", MECHANISMS),
@@ -166,6 +159,5 @@ METHODS = (
     _method("heyoka float64", partial(_machine_code, float), "machine code", MECHANISMS, CONSTRAINED),
     _method("heyoka long double", partial(_machine_code, np.longdouble), "machine code", MECHANISMS, CONSTRAINED),
     _method("reduced equations float64", _reduced, "machine code", CONSTRAINED),
-    _method("recursion float64", _recursion, "machine code", ROBOTS),
-    _method("certified balls", _balls, "Python", *KINDS, most_states=SLOW),
+    _method("certified balls", _balls, "Python", MECHANISMS, CONSTRAINED, most_states=SLOW),
 )

@@ -1,4 +1,4 @@
-"""The harness's own calls of engines: its bulk check without certification, and robots' files with what a check supplies.
+"""The harness's own calls of engines: its bulk check without certification, and users' files as a check asks about them.
 
 A check converts an engine's accelerations and compares them with references that are computed beforehand. Divided by the cost of the
 engine's own call its cost is the price of being checked. Of a robot's file conversions into an engine's conventions, and forces that the
@@ -8,12 +8,15 @@ harness supplies to it, are made before anything is timed.
 from __future__ import annotations
 
 from functools import partial
+from typing import cast
 
 from harness.arrays import Array
 from harness.bench.methods import Method, Prepared, truth_of_engine
+from harness.crosscheck.assignment import load_audited
 from harness.crosscheck.scene import Scene
+from harness.crosscheck.user_file import folded_by
 from harness.engines import accelerations
-from harness.engines.loaded_file import AidedModel
+from harness.engines.loaded_file import FileModel
 from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
 from harness.programs.states import States
 from harness.truth.compare import compare
@@ -34,10 +37,16 @@ def _check(engine: str, model_format: str, scene: Scene, states: States) -> Prep
     return Prepared.keeping(checked, lambda found: found, CHECKED, truth=None if truth.rigid is None else truth)
 
 
-def _aided(engine: str, scene: Scene, states: States) -> Prepared:
-    model: AidedModel = scene.load(engine, "file")
-    run = model.prepare(states.q, states.v, states.tau)
-    return Prepared(run.compute, lambda: model.ordered(run.accelerations()), COUPLED if model.is_coupled else "")
+def _on_file(engine: str, scene: Scene, states: States) -> Prepared:
+    asked = scene.asked(engine, "file")
+    model = cast("FileModel", load_audited(asked))
+    own = asked.into(states)
+    run = model.prepare(own.q, own.v, own.tau)
+    notes = [COUPLED] * model.is_coupled
+    notes += [f"explained: {'; '.join(reading.sentence for reading, _ in folded_by(scene.library, engine, scene.mechanism).applied)}"] * (
+        asked.as_read is not asked
+    )
+    return Prepared(run.compute, lambda: model.ordered(run.accelerations()), "; ".join(notes), truth=asked.truth)
 
 
 METHODS = [
@@ -49,7 +58,7 @@ METHODS = [
         )
     ),
     *(
-        Method(f"{engine} on the file, aided", "file", partial(_aided, engine), "Python", growth, of=(ROBOTS,))
+        Method(f"{engine} on the file", "file", partial(_on_file, engine), "Python", growth, of=(ROBOTS,))
         for engine, growth in (("mujoco", "up to 3"), ("pinocchio", "1"))
     ),
 ]

@@ -37,13 +37,14 @@ class Bracket:
     """The first argument of a command.
 
     Attributes:
-        library_path, floating_base, seed, json_path, workers, scheduler, time_limit, directory, detail: the options, as far as a
+        library_path, floating_base, aided, seed, json_path, workers, scheduler, time_limit, directory, detail: the options, as far as a
             command has them.
         run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
     """
 
     library_path: str | None = None
     floating_base: bool = False
+    aided: bool = False
     seed: int = 0
     json_path: str | None = None
     workers: int | None = None
@@ -80,7 +81,7 @@ class Bracket:
     @property
     def replay_options(self) -> list[str]:
         """The options of a command that repeats a part of this one."""
-        floating = ["--floating-base"] if self.floating_base else []
+        floating = ["--floating-base"] * self.floating_base + ["--aided"] * self.aided
         return ["--library", self.library_path, *floating] if self.library_path else floating
 
     def choose_library(self, names: Sequence[str]) -> None:
@@ -92,11 +93,11 @@ class Bracket:
         """
         from harness.library import is_file
 
-        if self.floating_base or any(is_file(self.library, name) for name in names):
+        if self.floating_base or self.aided or any(is_file(self.library, name) for name in names):
             # Imported late: a run that is about mechanisms needs nothing of it.
             from harness.comparison.robot_library import resolved
 
-            self.library = resolved(self.library, names, self.floating_base)
+            self.library = resolved(self.library, names, self.floating_base, self.aided)
 
     def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""
@@ -207,12 +208,12 @@ class Bracket:
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command its ``Bracket`` as first argument, and the options that fill it.
 
-    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler``, ``directory``, ``floating_base`` and
-    ``detail``, which is --all and --verbose, or takes away by False. ``time_limit`` is the default of --time-limit [s]; None leaves
-    the option out.
+    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler``, ``directory``, ``floating_base``,
+    ``aided`` and ``detail``, which is --all and --verbose, or takes away by False. ``time_limit`` is the default of --time-limit [s];
+    None leaves the option out.
     """
     offered = {"library": True, "json": True, "seed": True, "workers": True, "scheduler": False, "directory": False}
-    offered |= {"floating_base": False, "detail": False} | chosen
+    offered |= {"floating_base": False, "aided": False, "detail": False} | chosen
     decorators = [options.BY_NAME[name] for name, is_offered in offered.items() if is_offered]
     if time_limit is not None:
         decorators.append(options.time_limit_option(time_limit))

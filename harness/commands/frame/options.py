@@ -116,6 +116,11 @@ BY_NAME: dict[str, Callable[..., Any]] = {
         "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."
     ),
     "floating_base": click.option("--floating-base", is_flag=True, help="Put a free joint under the root link of each URDF."),
+    "aided": click.option(
+        "--aided",
+        is_flag=True,
+        help="Supply engines with what they leave out of a robot's FILE.",
+    ),
     "scheduler": scheduler_option,
     "directory": click.option(
         "--out",

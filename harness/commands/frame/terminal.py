@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from harness.results.detail import Detail
+from harness.results.readings import reading_lines
 from harness.results.records import Record, Records, Run
 from harness.results.table import Table, counted, grouped, printable
 from harness.verdict import AGREEMENT, Verdict
@@ -188,8 +189,8 @@ def print_unexpected(records: Sequence[Record]) -> None:
     for record in Records(records).unexpected:
         say("", *record.explanation.split("\n"))
     for record in Records(records):
-        if record.as_expected and record.message and record.backward_error is not None:
-            say("", f"{record.title}: {record.message}")
+        if record.as_expected and record.backward_error is not None and (record.message or record.readings):
+            say("", f"{record.title}: {record.message or record.verdict}", *(f"  {line}" for line in reading_lines(record.readings)))
 
 
 def print_count(
