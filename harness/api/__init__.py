@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from harness import workers as processes
+from harness.api.compared_files import ComparedFiles
 from harness.api.loaded_system import Accelerations, CertifiedValues, Derivatives, LoadedSystem
 from harness.comparison.robot_library import resolved
 from harness.comparison.study import ComparisonSettings, RobotComparison
@@ -26,7 +27,7 @@ from harness.explain.meant import STATES
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, matching, nearest
 from harness.results.comparison import FilesComparison
-from harness.results.cross_check import Cause
+from harness.results.cross_check import Causes
 from harness.results.records import ACCELERATIONS, Records, quantity_words
 from harness.study import complete
 from harness.truth.compare import Comparison
@@ -150,7 +151,7 @@ def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options:
         return Records(record for study in studies for record in study.result().records)
 
 
-def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Options]) -> list[Cause]:
+def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Options]) -> Causes:
     """Why records of ``name`` are not as expected in one quantity, a ``Cause`` each; none where all are. Options as of ``check``.
 
     What the audit refuses of a file, which is another mechanism than the system's, is in the causes.
@@ -161,7 +162,7 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
 
     >>> import harness
     >>> harness.diagnose("simple_pendulum", states=20)
-    []
+    nothing to explain: every record is as expected
     """
     require_quantity(quantity)
     settings = _settings([name], options)
@@ -169,8 +170,7 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
         refuse_robots(settings.library, name, quantity)
     with _checked(settings, options, [quantity]) as ([study], pool):
         diagnoses = wanted_diagnosis(study, quantity)
-        causes: list[Cause] = [] if diagnoses is None else complete(diagnoses, pool)
-        return causes
+        return Causes(() if diagnoses is None else complete(diagnoses, pool))
 
 
 @overload
@@ -190,10 +190,10 @@ def compare(
     seed: int = 0,
     workers: int | None = None,
     time_limit: float = 300.0,
-) -> FilesComparison: ...
+) -> ComparedFiles: ...
 
 
-def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | FilesComparison:
+def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | ComparedFiles:
     """Compare a robot's files and engines on them, or hold anybody's accelerations of a mechanism against the truth.
 
     With paths alone, as ``compare("robot.urdf", "robot.xml")``, it is what ``harness compare`` does: files, subjects with the readings
@@ -220,13 +220,13 @@ def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | File
 
 def _compare_robots(
     paths: Sequence[Path], *, renamed: Mapping[str, str] | None = None, workers: int | None = None, time_limit: float = 300.0, **chosen: Any
-) -> FilesComparison:
+) -> ComparedFiles:
     study = RobotComparison(ComparisonSettings(paths, renamed=renamed or {}, **chosen))
     with processes.Workers(workers, time_limit=time_limit) as pool:
         found: FilesComparison = complete(study, pool)
     for problem in study.problems:
         raise problem
-    return found
+    return ComparedFiles(**vars(found))
 
 
 @contextmanager

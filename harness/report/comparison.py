@@ -47,6 +47,9 @@ class Section:
     parts: Sequence[str | Table] = field(default_factory=list)
     anchor: str = ""
 
+    def __str__(self) -> str:
+        return "\n".join([self.title, *(str(part) if isinstance(part, Table) else f"  {part.rstrip()}" for part in self.parts)])
+
 
 def sections(found: FilesComparison) -> Iterator[Section]:
     """Sections of a comparison, in the order in which a person asks."""
@@ -168,6 +171,13 @@ def render(run: Run, title: str, parts: Iterable[Section]) -> str:
     from harness.report.html import environment
 
     return environment().get_template("comparison.html").render(run=run, title=title, sections=list(parts), charts=[])
+
+
+def html_of(parts: Iterable[Section]) -> str:
+    """Sections as a part of a page."""
+    from harness.report.html import environment
+
+    return environment().get_template("sections.html").render(sections=list(parts))
 
 
 def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 from harness.results.hard_states import RankedCase
@@ -146,6 +149,39 @@ class Cause:
     def lines(self) -> list[str]:
         """All of it."""
         return [*self.terms, *(line for side in self.sides for line in side)]
+
+    @property
+    def told(self) -> list[str]:
+        """The wrong terms and the first line of the diagnosis, below the name of the subject."""
+        lines = [*self.terms, *([self.first_line] if self.first_line != self.inference else [])]
+        return [f"  {self.subject}: {line}" for line in ([f"as {self.diagnosed}"] if self.is_shared else lines)]
+
+    @property
+    def told_in_full(self) -> list[str]:
+        """The whole diagnosis below the name of the subject."""
+        lines = [f"as {self.diagnosed}, which reads the same file"] if self.is_shared else self.lines
+        return ["", self.subject, *(f"  {line}" for line in lines)]
+
+
+class Causes(list[Cause]):
+    """Causes of the records of a cross-check; they print as ``harness check`` tells them."""
+
+    def told(self, in_full: bool = False, held: Sequence[str] = ()) -> list[str]:
+        """The party at fault in each system, lines on what its subjects hold, and why each wrong subject is wrong.
+
+        That is the wrong terms and the first line of the diagnosis; ``in_full`` all of it.
+        """
+        lines = list[str]()
+        for (system, inference), own in itertools.groupby(self, key=attrgetter("system", "inference")):
+            lines += ["", f"{system}: {inference}", *held]
+            for cause in own:
+                lines += cause.told_in_full if in_full else cause.told
+        return lines
+
+    def __repr__(self) -> str:
+        return "\n".join(self.told()[1:]) or "nothing to explain: every record is as expected"
+
+    __str__ = __repr__
 
 
 @dataclass(kw_only=True)

@@ -214,6 +214,9 @@ def test_a_diagnosis_names_line_and_value(tmp_path: Path) -> None:
     causes = harness.diagnose("bar_pendulum", mjcf=model, states=40)
     assert [cause.subject for cause in causes] == ["mujoco/mjcf", "pinocchio/mjcf"]
     assert all("explains it with 2.0 " in cause.first_line for cause in causes)
+    lines = repr(causes).splitlines()
+    assert lines[0].startswith("bar_pendulum: the mjcf model is at fault") and lines[-1] == "  pinocchio/mjcf: as mujoco/mjcf"
+    assert lines[-2] == f"  mujoco/mjcf: {causes[0].first_line}"
     assert harness.diagnose("bar_pendulum", states=40) == []
 
 
@@ -222,5 +225,8 @@ def test_robots_files_are_compared() -> None:
     found = harness.compare(folder / "arm.urdf", str(folder / "arm.xml"), states=8, workers=1)
     assert [pair.same for pair in found.pairs] == [True] and found.as_expected
     assert {reading.name for subject in found.subjects for reading in subject.readings} >= {"joint damping"}
+    printed, page = repr(found), found._repr_html_()
+    assert all(words in text for text in (printed, page) for words in ("arm.urdf", "mujoco/mjcf", "joint damping", "the same robot"))
+    assert "<table" in page and "<html" not in page and max(map(len, printed.split())) < 200
     with pytest.raises(InvalidInput, match="there is no such file"):
         harness.compare("nothing.urdf", workers=1)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from harness.results.cross_check import Causes
 from harness.results.detail import Detail
 from harness.results.readings import reading_lines
 from harness.results.records import Record, Records, Run
@@ -242,16 +243,8 @@ def _print_failing_first(findings: Sequence[SuperfluousPart | HeldDifference], t
 
 
 def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
-    """The party at fault in each system; for each wrong subject its wrong terms and the first line of its diagnosis.
-
-    Ends with the command that shows the rest, of a cross-check with ``settings``.
-    """
-
-    def told(cause: Cause) -> list[str]:
-        lines = [*cause.terms, *([cause.first_line] if cause.first_line != cause.inference else [])]
-        return [f"  {cause.subject}: {line}" for line in ([f"as {cause.diagnosed}"] if cause.is_shared else lines)]
-
-    _print_by_system(causes, told)
+    """Why records are wrong, and the command that shows the rest, of a cross-check with ``settings``."""
+    say(*Causes(causes).told())
     if causes:
         say("", f"the whole diagnosis: {settings.diagnosis(_one_name(causes))}")
 
@@ -271,17 +264,4 @@ def _one_name(found: Iterable[Cause | Record]) -> str:
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
     """The party at fault in each system, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
-
-    def told(cause: Cause) -> list[str]:
-        lines = [f"as {cause.diagnosed}, which reads the same file"] if cause.is_shared else cause.lines
-        return ["", cause.subject, *(f"  {line}" for line in lines)]
-
-    _print_by_system(causes, told, [f"  held after loading: {difference}" for difference in held])
-
-
-def _print_by_system(causes: Sequence[Cause], told: Callable[[Cause], Iterable[str]], held: Sequence[str] = ()) -> None:
-    """The party at fault in each system, lines on what its subjects hold, and what is ``told`` of each cause."""
-    for (system, inference), own in itertools.groupby(causes, key=attrgetter("system", "inference")):
-        say("", f"{system}: {inference}", *held)
-        for cause in own:
-            say(*told(cause))
+    say(*Causes(causes).told(in_full=True, held=[f"  held after loading: {difference}" for difference in held]))
