@@ -10,6 +10,7 @@ from collections import UserList
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime
+from html import escape
 from typing import Annotated, Any, ClassVar, Self
 
 from harness.results.detail import Detail
@@ -257,13 +258,24 @@ class Records(UserList[Record]):
         fastest = () if detail == Detail.VERBOSE else ("fastest",)
         return self.table().without("expected", "median backward error", "99 % backward error", "states by verdict", *unknown, *fastest)
 
+    @property
+    def remarks(self) -> list[str]:
+        """Lines on each unexpected record, and on what there is to say of one that is as expected although it was compared."""
+        lines = [line for record in self.unexpected for line in ("", *record.explanation.split("\n"))]
+        for record in self:
+            if record.as_expected and record.backward_error is not None and (record.message or record.readings):
+                title = f"{record.title}: {record.message or record.verdict}"
+                lines += ["", title, *(f"  {line}" for line in reading_lines(record.readings))]
+        return lines
+
     def __str__(self) -> str:
-        return str(self.brief())
+        return "\n".join([str(self.brief()), *self.remarks])
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        return self.brief().html()
+        remarks = escape("\n".join(self.remarks).strip())
+        return self.brief().html() + (f'<pre style="white-space: pre-wrap">{remarks}</pre>' if remarks else "")
 
 
 def _range(counts: Sequence[int]) -> str:

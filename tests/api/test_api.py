@@ -220,6 +220,13 @@ def test_a_diagnosis_names_line_and_value(tmp_path: Path) -> None:
     assert harness.diagnose("bar_pendulum", states=40) == []
 
 
+def test_a_check_of_a_file_says_which_reading_explains_an_answer() -> None:
+    path = Path(__file__).parents[1] / "comparison" / "files" / "arm.urdf"
+    records = harness.check(path, subjects="pinocchio/urdf", states=8)
+    assert [record.verdict for record in records] == ["explained"]
+    assert "Pinocchio's ABA applies no joint damping" in repr(records) and "applies no joint damping" in records._repr_html_()
+
+
 def test_robots_files_are_compared() -> None:
     folder = Path(__file__).parents[1] / "comparison" / "files"
     found = harness.compare(folder / "arm.urdf", str(folder / "arm.xml"), states=8, workers=1)

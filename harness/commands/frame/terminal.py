@@ -15,7 +15,6 @@ import click
 
 from harness.results.cross_check import Causes
 from harness.results.detail import Detail
-from harness.results.readings import reading_lines
 from harness.results.records import Record, Records, Run
 from harness.results.table import Table, counted, grouped, printable
 from harness.verdict import AGREEMENT, Verdict
@@ -187,11 +186,7 @@ def _in_brief(records: Sequence[Record]) -> str:
 
 def print_unexpected(records: Sequence[Record]) -> None:
     """Each unexpected record, and what there is to say of one that is as expected although it was compared."""
-    for record in Records(records).unexpected:
-        say("", *record.explanation.split("\n"))
-    for record in Records(records):
-        if record.as_expected and record.backward_error is not None and (record.message or record.readings):
-            say("", f"{record.title}: {record.message or record.verdict}", *(f"  {line}" for line in reading_lines(record.readings)))
+    say(*Records(records).remarks)
 
 
 def print_count(
