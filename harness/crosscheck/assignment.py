@@ -158,7 +158,9 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
     """The basis of a quantity that takes numbers of a file, and what of it the truth of a mechanism depends on."""
     quantity, mechanism, read, declared = assignment.asked, assignment.mechanism, assignment.model, assignment.declared
     engine = load_engine(assignment.library, assignment.subject.engine)
-    in_body, precision, factorises = frame_of(assignment), engine.unit_roundoff, engine.factorises_mass_matrix
+    in_body, precision = frame_of(assignment), engine.unit_roundoff
+    # Of a user's file the digits that M's condition costs are excused in every algorithm; a number that explains them is looked for.
+    factorises = engine.factorises_mass_matrix or assignment.library.reads_files
     system = assignment.system or mechanism.name
     if quantity.is_of_file and assignment.library.validated_models(system):
         declared = declared or declared_model(assignment.library, system)

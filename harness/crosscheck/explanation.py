@@ -13,13 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.crosscheck.assignment import Assignment, declared_model, load_audited, reference_kernel_of
+from harness.crosscheck.file_numbers import is_explained_by_number, numbers_that_explain, side_of
 from harness.engines import accelerations, load_engine
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
 from harness.explain.fit import Projection, explaining_directions
+from harness.explain.meant import Meant
 from harness.explain.model_side import explaining_numbers
 from harness.files.text.scan import Watch, tag, written
 from harness.study import Note
+from harness.trees.mechanism import RobotMechanism
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
 from harness.truth.reference import Reference
 
@@ -58,13 +61,26 @@ def explain(assignment: Assignment, seed: int, note: Note) -> str:
     """
     if not assignment.asked.is_default:
         return explain_difference(assignment, seed)
+    if assignment.library.reads_files:
+        return explain_by_file(assignment.as_read, seed)
     found = explain_lost_digits(assignment, seed)
     return "" if found is None else found.sentence
 
 
+def explain_by_file(assignment: Assignment, seed: int) -> str:
+    """A sentence on numbers of a user's file, by whose other values its accelerations are those of the engine; "" where none does."""
+    mechanism, states = assignment.mechanism, diagnostic_states(assignment.mechanism, seed)
+    assert isinstance(mechanism, RobotMechanism)
+    reference = reference_kernel_of(assignment).evaluate(states)
+    side = side_of(Meant(mechanism.robot, states, reference), assignment.answers(states))
+    if not is_explained_by_number(side):
+        return ""
+    numbers = numbers_that_explain(side, mechanism.robot)
+    return "; ".join(numbers) or "one number of the file explains the errors of all states, so that they are no lost digits"
+
+
 def explain_lost_digits(assignment: Assignment, seed: int) -> Explanation | None:
     """The number that explains the subject's accelerations; None where none does; raises as ``explain``."""
-    assignment = assignment.as_read
     mechanism, model = assignment.mechanism, assignment.model
     kernel, states = reference_kernel_of(assignment), diagnostic_states(mechanism, seed)
     reference = kernel.evaluate(states)

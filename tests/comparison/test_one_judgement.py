@@ -9,18 +9,22 @@ import pytest
 from comparison.test_lost_digits import wheels
 from support import InThisProcess, completed, cross_checked
 
+from harness.arrays import Array
 from harness.comparison.judgement import judge
 from harness.comparison.robot_library import RobotLibrary, ask_engine
 from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
-from harness.engines import Subject
+from harness.engines import Model, Subject
 from harness.explain.meant import Meant, question_of, reference_of
 from harness.library import Stance
 from harness.programs.states import States
 from harness.results.comparison import FilesComparison
 from harness.results.records import Record
+from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
+from harness.truth.quantities.accelerations import AccelerationTruth
+from harness.truth.reference import ReferenceKernel
 
 # Seats that hang from arms of 4 m on a mast. Where one hangs still its acceleration is zero, and so is what its data round.
 CHAIROPLANE = """
@@ -63,11 +67,31 @@ def asked_by_both(file: Path, model_format: str, states: int) -> tuple[dict[str,
     return {record.subject: record for record in records}, found
 
 
-def test_digits_that_are_lost_for_one_are_lost_for_the_other(tmp_path: Path) -> None:
-    records, found = asked_by_both(wheels(tmp_path, "1e-3"), "urdf", 100)
+@pytest.mark.parametrize(("light", "pinocchio"), [("1e-3", "agrees"), ("1e-5", "unstable")])
+def test_digits_that_are_lost_for_one_are_lost_for_the_other(light: str, pinocchio: str, tmp_path: Path) -> None:
+    records, found = asked_by_both(wheels(tmp_path, light), "urdf", 100)
     verdicts = {one.subject: one.verdict for one in found.subjects}
     assert verdicts == {subject: record.verdict for subject, record in records.items()}
-    assert verdicts == {"mujoco/urdf": "unstable", "pinocchio/urdf": "agrees"}
+    assert verdicts == {"mujoco/urdf": "unstable", "pinocchio/urdf": pinocchio}
+
+
+def test_an_error_that_a_number_explains_is_no_lost_digits_for_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mass that is wrong by 1e-8, which the condition of M alone would excuse; M is the same at all states."""
+    path = wheels(tmp_path, "1e-6")
+    other = tmp_path / "other.urdf"
+    other.write_text(path.read_text().replace('<mass value="3"/>', '<mass value="3.00000003"/>'))
+    wrong = mechanism_of(read_robot(other))
+    kernel = ReferenceKernel(wrong)
+
+    def answers(self: AccelerationTruth, model: Model, states: States) -> Array:
+        return kernel.evaluate(states).high
+
+    monkeypatch.setattr(AccelerationTruth, "answers", answers)
+    library = RobotLibrary.of([str(path)], stance=Stance.AIDED)
+    records, _ = cross_checked(Settings(library=library, subjects=["pinocchio/urdf"], states=40, examples=None))
+    (record,) = records
+    assert record.verdict == "disagrees" and not record.as_expected
+    assert "mass" in record.message and "3.00000003" in record.message
 
 
 def test_a_file_that_compare_explains_is_as_expected_for_check(file: Path) -> None:

@@ -149,11 +149,7 @@ class AccelerationTruth(Truth):
         """
         gaps = gaps_of(model, states)
         found = compare(beside_gaps(certified, self._own, states, gaps), np.hstack([answers, *gaps.values()]), self.may_lose_digits(model))
-        disagree = found.verdicts == Verdict.DISAGREES.value
-        if self.far_links is None or not disagree.any():
-            return found
-        lost = disagree & self.far_links.explain(certified, states, answers)
-        return replace(found, verdicts=np.where(lost, Verdict.UNSTABLE.value, found.verdicts))
+        return found if self.far_links is None else self.far_links.excused(found, certified, states, answers)
 
     def describe(self, certified: Any, states: States, answers: Array, model: Model) -> str:
         """See ``Truth``: the constraint that is open by more than data explain, where one is."""
@@ -262,6 +258,14 @@ class FarLinks:
         self.masses = np.array([own for own, _ in of_velocities])
         self.arms = np.array([float(np.linalg.norm(where - centre)) for _, where in of_velocities])
         self.weight = float(np.linalg.norm([float(component) for component in robot.tree.gravity]))
+
+    def excused(self, found: Comparison, truth: Reference, states: States, accelerations: Array) -> Comparison:
+        """The judgement of accelerations (n, nv), unstable where they disagree by no more than the distance of the links explains."""
+        disagree = found.verdicts == Verdict.DISAGREES.value
+        if not disagree.any():
+            return found
+        lost = disagree & self.explain(truth, states, accelerations)
+        return replace(found, verdicts=np.where(lost, Verdict.UNSTABLE.value, found.verdicts))
 
     def explain(self, truth: Reference, states: States, accelerations: Array) -> Flags:
         """(n,) whether the error of accelerations (n, nv) is not beyond what half ulps of m r^2 in M, and of m r in forces, do."""
