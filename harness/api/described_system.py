@@ -166,22 +166,25 @@ class DescribedSystem:
         >>> import harness
         >>> harness.load("cart_pendulum").picture().save("cart_pendulum.svg")
         """
-        if self._drawing is None:
-            has_files = self.library is not None and self.mechanism.energy_programs
-            why = "its parameters are not those of its models" if self.changed else "no engine can place a model of it"
-            raise InvalidRequest(f"{self.name}: no picture, for {why if has_files else 'one is drawn of a mechanism with model files'}")
+        if isinstance(self._drawing, str):
+            raise InvalidRequest(f"{self.name}: no picture, for {self._drawing}")
         return self._drawing
 
     @cached_property
-    def _drawing(self) -> Drawing | None:
+    def _drawing(self) -> Drawing | str:
+        """The picture, or why there is none."""
         from harness.show.gallery import Gallery
         from harness.show.picture import standing_alone
 
-        if self.library is None or self.changed or not self.mechanism.energy_programs:
-            return None
+        if self.library is None or not self.mechanism.energy_programs:
+            return "one is drawn of a mechanism with model files"
+        if self.changed:
+            return "its parameters are not those of its models"
         with processes.Workers(1) as pool:
             pictures = complete(Gallery(self.library, [self.name]), pool).pictures
-        return standing_alone(pictures[0].svg, f"picture of {self.name}") if pictures else None
+        if not pictures:
+            return "no engine can place a model of it; harness show says why"
+        return standing_alone(pictures[0].svg, f"picture of {self.name}")
 
     def __repr__(self) -> str:
         from harness.show.card import card_text
@@ -191,4 +194,4 @@ class DescribedSystem:
     def _repr_html_(self) -> str:
         from harness.show.card import card_html
 
-        return card_html(self.mechanism, self.changed, self._drawing)
+        return card_html(self.mechanism, self.changed, "" if isinstance(self._drawing, str) else self._drawing.svg)

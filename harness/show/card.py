@@ -8,7 +8,6 @@ from html import escape
 
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.table import grouped, number_text
-from harness.show.drawing import Drawing
 
 _WIDTH = 100
 # Parameters of a robot's file, which are its numbers, are counted beyond this.
@@ -23,8 +22,8 @@ def card_text(mechanism: Mechanism, changed: Mapping[str, float]) -> str:
     return "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
 
 
-def card_html(mechanism: Mechanism, changed: Mapping[str, float], drawing: Drawing | None) -> str:
-    """The card as HTML, with a picture beside it; equations that are short unfold as MathML."""
+def card_html(mechanism: Mechanism, changed: Mapping[str, float], svg: str) -> str:
+    """The card as HTML, beside a picture, "" for none; equations that are short unfold as MathML."""
     rows = "".join(
         f'<tr><th style="text-align: left; vertical-align: top">{title}</th><td style="text-align: left">{escape(text)}</td></tr>'
         for title, text in _rows(mechanism)
@@ -33,7 +32,7 @@ def card_html(mechanism: Mechanism, changed: Mapping[str, float], drawing: Drawi
         f"<details><summary>equations of motion</summary>{mechanism.equations_mathml}</details>" if mechanism.equations_mathml else ""
     )
     text = f"<p><b>{escape(_heading(mechanism, changed))}</b>: {escape(_what(mechanism))}</p><table>{rows}</table>{equations}"
-    picture = "" if drawing is None else f'<div style="flex: 0 1 20rem">{drawing.svg}</div>'
+    picture = f'<div style="flex: 0 1 20rem">{svg}</div>' if svg else ""
     return f'<div style="display: flex; flex-wrap: wrap; gap: 1rem">{picture}<div style="flex: 1 1 24rem">{text}</div></div>'
 
 
