@@ -29,7 +29,6 @@ from harness.programs.states import States
 from harness.results.benchmark import AccelerationCost, EngineFinding
 from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, Flags, compare
-from harness.truth.quantities import Truth
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT, Verdict
@@ -204,7 +203,7 @@ def acceleration_costs(
     judged: list[Judged] = []
 
     def cost(method: Method) -> Iterator[dict[str, Any]]:
-        def reference(truth: Truth) -> Certified:
+        def reference(truth: AccelerationTruth) -> Certified:
             return truths.of(truth)[: method.most_states]
 
         prepared: Prepared = method.prepare(scene, states[: method.most_states])
@@ -213,7 +212,7 @@ def acceleration_costs(
         own = reference(prepared.truth or rigid)
         one = Judged(method, prepared, own, compare(own, prepared.accelerations()))
         found = {"states": len(own), **shared_fields(one.comparison, own.certified, times, len(own), prepared.note)}
-        if prepared.truth is not None and prepared.truth.rigid is not None:
+        if prepared.truth is not None:
             from_rigid = compare(reference(rigid), prepared.accelerations()).known("relative_error")
             found["from_rigid"] = float(np.median(from_rigid)) if len(from_rigid) else None
         judged.append(one)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -54,10 +55,13 @@ def test_every_engine_gives_the_accelerations_of_what_it_reads(name: str, stance
     found = costs(tmp_path / name if name == "ball.xml" else FILES / name, stance)
     # The harness's own recursion is no engine.
     assert found.keys() == {"mujoco on the file", "pinocchio on the file"} and not any(cost.failed for cost in found.values())
-    assert all(cost.states == COUNT and cost.backward_error is not None and cost.backward_error < AGREEMENT for cost in found.values())
-    assert all(("eliminated in Python" in cost.note) == (name == "mimic.urdf" and stance == Stance.AIDED) for cost in found.values())
-    is_read_otherwise = stance == Stance.PLAIN
-    assert ("explained: " in found["pinocchio on the file"].note) == is_read_otherwise
+    assert all(cost.states == COUNT and cost.backward_error is not None for cost in found.values())
+    for cost in found.values():
+        assert ("eliminated in Python" in cost.note) == (name == "mimic.urdf" and stance == Stance.AIDED)
+        # A plain engine whose reader leaves something out moves another robot, to the last bits.
+        is_read_otherwise = stance == Stance.PLAIN and ("pinocchio" in cost.method or name == "mimic.urdf")
+        assert ((cost.backward_error or 0.0) > 1e6) == is_read_otherwise, cost
+        assert bool(re.search(r"explained: .*; that leaves [\d.]+ data roundoffs", cost.note)) == is_read_otherwise
 
 
 def test_an_engine_that_is_wrong_has_a_large_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,6 @@ from harness.files.text.scan import compact
 from harness.library import MECHANISMS
 from harness.programs.states import States
 from harness.registry import declared
-from harness.truth.quantities import Truth
 from harness.truth.quantities.accelerations import AccelerationTruth
 
 # What a method is of that computes derivatives, beside the kinds of scenes.
@@ -44,7 +43,7 @@ class Prepared:
     compute: Callable[[], object]
     accelerations: Callable[[], Accelerations]
     note: str = ""
-    truth: Truth | None = None
+    truth: AccelerationTruth | None = None
     reproducer: Callable[[int, Array], str] | None = None
     residual: Callable[[], Array] | None = None
 

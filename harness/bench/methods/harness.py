@@ -14,11 +14,12 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared, truth_of_engine
 from harness.crosscheck.assignment import load_audited
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.user_file import folded_by
-from harness.engines import accelerations
+from harness.crosscheck.user_file import compared_columns, folded_by
+from harness.engines import Unsupported, accelerations
 from harness.engines.loaded_file import FileModel
 from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
 from harness.programs.states import States
+from harness.results.table import error_text
 from harness.truth.compare import compare
 
 CHECKED = "the engine's accelerations with their conversions, compared with references at hand"
@@ -38,15 +39,22 @@ def _check(engine: str, model_format: str, scene: Scene, states: States) -> Prep
 
 
 def _on_file(engine: str, scene: Scene, states: States) -> Prepared:
+    """The engine held against the file; where its reader makes something else of that, the note says what, and what that leaves."""
     asked = scene.asked(engine, "file")
-    model = cast("FileModel", load_audited(asked))
+    model, read = cast("FileModel", load_audited(asked)), asked.as_read
     own = asked.into(states)
     run = model.prepare(own.q, own.v, own.tau)
+    columns: list[int] | slice | None = slice(None)
     notes = [COUPLED] * model.is_coupled
-    notes += [f"explained: {'; '.join(reading.sentence for reading, _ in folded_by(scene.library, engine, scene.mechanism).applied)}"] * (
-        asked.as_read is not asked
-    )
-    return Prepared(run.compute, lambda: model.ordered(run.accelerations()), "; ".join(notes), truth=asked.truth)
+    if read is not asked:
+        columns = compared_columns(asked.mechanism, read.mechanism, asked.asked)
+        run.compute()
+        left = compare(read.truth.evaluate(own), model.ordered(run.accelerations())).known("backward_error").max(initial=0.0)
+        sentences = "; ".join(reading.sentence for reading, _ in folded_by(scene.library, engine, scene.mechanism).applied)
+        notes.append(f"explained: {sentences}; that leaves {error_text(float(left))} data roundoffs")
+    if columns is None:
+        raise Unsupported("; ".join(["its reader takes joints away, so that nothing is held against the file", *notes]))
+    return Prepared(run.compute, lambda: model.ordered(run.accelerations())[:, columns], "; ".join(notes))
 
 
 METHODS = [
