@@ -7,6 +7,10 @@ from enum import StrEnum
 
 # Largest backward error that agrees [units of data roundoff]: one number for every engine and system.
 AGREEMENT = 64.0
+# Relative distance from rigid constraints beyond which they give; less is rounding.
+GIVES = 1e-12
+# An answer that agrees with constraints that give, by the engine's documentation; and its class of the style sheet.
+SOFT, DECLARED = "soft, as documented", "declared"
 
 
 class Verdict(StrEnum):
@@ -30,6 +34,11 @@ class Verdict(StrEnum):
 # Verdicts on an answer that is as right as it can be.
 SOUND = (Verdict.AGREES, Verdict.EXPLAINED)
 SEVERITY = {verdict.value: rank for rank, verdict in enumerate(Verdict)}
+
+
+def is_soft(verdict: str, from_rigid: float | str | None) -> bool:
+    """True where an answer is right by what its engine documents of constraints that give, at this distance from rigid ones."""
+    return verdict == Verdict.AGREES and from_rigid is not None and float(from_rigid) > GIVES
 
 
 def gravest(verdicts: Iterable[str]) -> str:

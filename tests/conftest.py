@@ -92,7 +92,8 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports whose pages have no charts, which take nearly all of the time: for what else is in them."""
-    for place in ("charts.plots", "charts.plots_of", "charts.hard_plots", "benchmark_charts.plots", "benchmark_charts.plots_of"):
+    drawing = ("plots", "trend_plots", "plots_of", "hard_plots")
+    for place in (*(f"charts.{name}" for name in drawing), "benchmark_charts.plots", "benchmark_charts.plots_of"):
         monkeypatch.setattr(f"harness.report.{place}", lambda summary, system="": {})
 
 

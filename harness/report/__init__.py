@@ -22,7 +22,7 @@ from harness.report import site_tables
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import library
 from harness.report.hard_cases import HardSummary
-from harness.report.html import asset, badge
+from harness.report.html import asset, badge, style_sheet
 from harness.report.markdown import render_markdown
 from harness.report.pages import Pages, Survey
 from harness.report.summary import Earlier, Summary
@@ -37,11 +37,11 @@ from harness.storage import write_atomically
 __all__ = ["Earlier", "Survey", "build", "write"]
 
 # What pages share, beside them as it stands in this folder.
-_SHARED = ("style.css", "site.js", "charts.js")
+_SHARED = ("site.js", "charts.js")
 # Of ``rebuild.py``, each after those that it imports. They use the standard library alone, and no two give one name to different things.
 MODULES = (
-    "verdict.py", "results/table.py", "results/site.py", "results/trend_numbers.py", "report/sparkline.py", "report/site_tables.py",
-    "report/rebuild.py",
+    "verdict.py", "results/table.py", "results/site.py", "results/trend_numbers.py", "results/engine_lines.py", "report/sparkline.py",
+    "report/site_tables.py", "report/rebuild.py",
 )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def _site(pages: Pages) -> dict[str, str]:
         texts[address] = drawn.text
         tables += [site_tables.shown(address, name, table) for name, table in drawn.tables.items()]
     site = replace(pages.site, tables=tables)
-    texts |= {name: asset(name) for name in _SHARED} | {"rebuild.py": standalone(), "bokeh.js": library()}
+    texts |= {name: asset(name) for name in _SHARED} | {"style.css": style_sheet(), "rebuild.py": standalone(), "bokeh.js": library()}
     texts |= {count.badge: badge(count) for count in site.counts}
     return texts | {"site.json": dumps(site, indent=1) + "\n", "site.schema.json": schema()}
 

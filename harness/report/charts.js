@@ -4,9 +4,8 @@
   for (const place of document.querySelectorAll("script.packed")) {
     const packed = Uint8Array.from(atob(place.textContent), letter => letter.charCodeAt(0));
     const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-    const script = document.createElement("script");
-    script.textContent = await new Response(unpacked).text();
-    document.body.append(script);
+    const { documents, items } = await new Response(unpacked).json();
+    await Bokeh.embed.embed_items(documents, items);
   }
 })().catch(() => document.querySelectorAll("[data-root-id]").forEach(place => place.textContent = "This chart needs a newer browser."));
 // Plots take their colours when they are drawn, so a change of scheme needs a new drawing.

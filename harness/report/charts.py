@@ -55,8 +55,13 @@ def half_decades(record: Record) -> dict[int, int]:
 
 
 def plots(summary: Summary) -> dict[str, plotting.figure | None]:
-    """The plots over all systems by name, "overview" and "trend"; None without data."""
-    return {"overview": _overview(summary), "trend": _trend(summary)}
+    """The plot over all systems, "overview"; None without data."""
+    return {"overview": _overview(summary)}
+
+
+def trend_plots(summary: Summary) -> dict[str, plotting.figure | None]:
+    """The plot over all runs, "trend"; None without data."""
+    return {"trend": _trend(summary)}
 
 
 def plots_of(summary: Summary, system: str) -> dict[str, plotting.figure | None]:
@@ -65,6 +70,7 @@ def plots_of(summary: Summary, system: str) -> dict[str, plotting.figure | None]
 
 
 def _overview(summary: Summary) -> plotting.figure | None:
+    """The worst backward error of each pair, a row for each system."""
     from bokeh.models import FixedTicker
 
     compared = [record for record in summary.records if drawable(record.backward_error)]
@@ -147,6 +153,7 @@ def _cost(summary: Summary, system: str) -> plotting.figure | None:
 
 
 def _trend(summary: Summary) -> plotting.figure | None:
+    """The worst backward error of each subject over the runs."""
     values = {subject: [p for p in values if drawable(p[1])] for subject, values in summary.trend().items()} if summary.earlier else {}
     if not any(values.values()):
         return None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import functools
 import gzip
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,11 +39,11 @@ _Item = TypeVar("_Item")
 def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
     """Everything a page needs beside ``library()`` to show every plot that has data, in one document.
 
-    "charts" holds the script that fills the divs in gzip and base64; none where there is no plot. "plots" maps names to ``<div>``
-    elements.
+    "charts" holds what fills the divs as JSON in gzip and base64, so that a page needs no script of its own; none where there is no
+    plot. "plots" maps names to ``<div>`` elements.
     """
     from bokeh.document import Document
-    from bokeh.embed import components
+    from bokeh.embed.util import standalone_docs_json_and_render_items
 
     drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
     if not drawn:
@@ -52,9 +53,11 @@ def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
     with document.models.freeze():
         for plot in drawn.values():
             document.add_root(plot)
-    script, divs = components(drawn, wrap_script=False)
-    packed = base64.b64encode(gzip.compress(script.encode(), mtime=0)).decode()
-    return {"charts": [packed], "plots": {name: _named(name, drawn[name], div) for name, div in divs.items()}}
+    documents, [item] = standalone_docs_json_and_render_items(list(drawn.values()))[:2]
+    places = item.roots.to_json()
+    text = json.dumps({"documents": documents, "items": [item.to_json()]})
+    packed = base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+    return {"charts": [packed], "plots": {name: _named(name, plot, places[plot.id]) for name, plot in drawn.items()}}
 
 
 @functools.cache
@@ -65,10 +68,10 @@ def library() -> str:
     return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) + "\n"
 
 
-def _named(name: str, plot: Any, div: str) -> Markup:
+def _named(name: str, plot: Any, place: str) -> Markup:
     """The place of a plot, with what it shows for those who do not see it."""
     shown = f"Chart {name}: {plot.yaxis.axis_label or 'all systems'} against {plot.xaxis.axis_label}"
-    return Markup('<div role="img" aria-label="{}">{}</div>').format(shown, Markup(div))
+    return Markup('<div role="img" aria-label="{}"><div class="chart" id="{}" data-root-id="{}"></div></div>').format(shown, place, plot.id)
 
 
 def styles(names: Sequence[str]) -> dict[str, Style]:

@@ -2,44 +2,35 @@
 
 from __future__ import annotations
 
+import base64
 import functools
+import hashlib
 import re
 from collections.abc import Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import datetime
 from html import escape
-from html.entities import html5
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.report import benchmarks, charts, hard_cases
 from harness.report.figures import embed
-from harness.report.site_tables import error_of
+from harness.report.markup import equations, picture, tint, tints
+from harness.report.site_tables import badge_text, error_of
 from harness.report.summary import changes_table, state_lines, states_of
 from harness.results.pareto import acceleration_front, motion_front, way_of
 from harness.results.records import Record, changed_versions
 from harness.results.site import SiteCount
 from harness.results.table import Table, counted, error_text, seconds_text
-from harness.verdict import AGREEMENT
+from harness.verdict import AGREEMENT, Verdict
 
 if TYPE_CHECKING:
     from bokeh import plotting
 
-_MATHML = {
-    "math", "mrow", "mi", "mn", "mo", "mtext", "mspace", "mfrac", "msqrt", "mroot", "mstyle", "mpadded", "mphantom",
-    "msub", "msup", "msubsup", "munder", "mover", "munderover", "mtable", "mtr", "mtd",
-}  # fmt: skip
-_MATHML_ATTRIBUTES = {
-    "display", "mathvariant", "accent", "stretchy", "columnalign", "columnspacing", "rowspacing", "linethickness",
-}  # fmt: skip
-_SVG = {"svg", "title", "path", "circle", "text"}
-_SVG_ATTRIBUTES = {"class", "viewBox", "role", "d", "cx", "cy", "r", "x", "y", "text-anchor", "style"}
-_COLOUR = re.compile("(fill|stroke):#[0-9a-f]{6}")
 _HEADING = re.compile(r'<h([23]) id="([^"]+)">(.*?)</h\1>', re.DOTALL)
 
 
@@ -90,10 +81,10 @@ def environment() -> Environment:
     made.filters |= {
         "error": error_text, "seconds": seconds_text, "equations": equations, "picture": picture, "link": web_address,
         "state": state_lines, "data_error": error_of, "left_out": left_out, "moment": moment, "way": way_of, "sentence_case": sentence_case,
-        "contents": contents,
+        "contents": contents, "badge_text": badge_text, "tint": tint, "digest": digest,
     }  # fmt: skip
     made.globals |= {
-        "style": Markup(asset("style.css")), "limit": AGREEMENT, "counted": counted, "states_of": states_of, "way_of": way_of,
+        "style": Markup(style_sheet()), "limit": AGREEMENT, "counted": counted, "states_of": states_of, "way_of": way_of,
         "changed_versions": changed_versions, "changes_table": changes_table, "tables": benchmarks, "hard_tables": hard_cases,
         "acceleration_front": acceleration_front, "motion_front": motion_front, "silent_marker": charts.SILENT_MARKER[1],
     }  # fmt: skip
@@ -105,6 +96,16 @@ def asset(name: str) -> str:
     return files(__package__).joinpath(name).read_text("utf-8")
 
 
+def style_sheet() -> str:
+    """The style sheet of every page."""
+    return asset("style.css") + tints()
+
+
+def digest(text: str) -> str:
+    """What a policy names an inline style or script by. Source: W3C Content Security Policy Level 3, section 2.3.1."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
+
+
 def contents(markup: str) -> list[tuple[str, Markup, list[tuple[str, Markup]]]]:
     """Anchor and text of each second heading of a page, and of the third headings below it that have an anchor."""
     found: list[tuple[str, Markup, list[tuple[str, Markup]]]] = []
@@ -114,40 +115,6 @@ def contents(markup: str) -> list[tuple[str, Markup, list[tuple[str, Markup]]]]:
         elif found:
             found[-1][2].append((anchor, Markup(text)))
     return found
-
-
-def equations(markup: str) -> Markup | None:
-    """``markup`` where it is well-formed presentation MathML and nothing else, otherwise None.
-
-    Attributes that MathML Core does not need are dropped. Entities are replaced by their characters,
-    since XML knows only five.
-    """
-    known = {name for name in html5 if name.endswith(";")} - {"amp;", "lt;", "gt;", "quot;", "apos;"}
-    text = re.sub(r"&(\w+;)", lambda match: html5[match[1]] if match[1] in known else match[0], markup)
-    return _pure(text, "math", _MATHML, _MATHML_ATTRIBUTES)
-
-
-def picture(markup: str) -> Markup | None:
-    """``markup`` where it is a drawing as ``harness show`` makes them and nothing else, otherwise None."""
-    return _pure(markup, "svg", _SVG, _SVG_ATTRIBUTES)
-
-
-def _pure(markup: str, outer: str, tags: set[str], attributes: set[str]) -> Markup | None:
-    """``markup`` in a ``<div>`` where it is ``outer`` elements that hold ``tags`` alone, without other attributes; else None."""
-    try:
-        root = ElementTree.fromstring(f"<div>{markup}</div>")
-    except ElementTree.ParseError:
-        return None
-    for element in root.iter():
-        element.tag = element.tag.rpartition("}")[2]
-        if element is not root and element.tag not in tags:
-            return None
-        element.attrib = {
-            name: value for name, value in element.attrib.items() if name in attributes and (name != "style" or _COLOUR.fullmatch(value))
-        }
-    if not len(root) or any(child.tag != outer for child in root):
-        return None
-    return Markup(ElementTree.tostring(root, encoding="unicode", short_empty_elements=False))
 
 
 def sentence_case(text: str) -> str:
@@ -179,15 +146,16 @@ def left_out(record: Record) -> str:
 
 # Of Verdana at 11 px, about; a badge that is a little wide reads as well.
 _LETTER, _MARGIN, _HEIGHT = 6.6, 6.0, 20
-_GOOD, _NOT_ALL = "#17692f", "#7d5200"
+_GOOD, _NOT_ALL, _WRONG = "#17692f", "#7d5200", "#b3141d"
 
 
 def badge(count: SiteCount) -> str:
-    """An ``<svg>`` that says, as "mujoco 4.0.0", how many pairs agree of those that got an answer."""
-    left, right = f"{count.engine} {count.version}".strip(), f"{count.agrees} of {count.asked} agree"
+    """An ``<svg>`` that says, as "mujoco 4.0.0", how many pairs agree of those that got an answer; red where one is wrong."""
+    left, right = f"{count.engine} {count.version}".strip(), badge_text(count)
     widths = [round(len(text) * _LETTER + 2 * _MARGIN) for text in (left, right)]
     total = sum(widths)
-    colour = _GOOD if count.asked and count.agrees == count.asked else _NOT_ALL
+    is_wrong = count.tone in (Verdict.MISREADS, Verdict.DISAGREES, Verdict.ERROR)
+    colour = _WRONG if is_wrong else _GOOD if count.asked and count.agrees == count.asked else _NOT_ALL
     words = escape(f"{left}: {right}", quote=True)
     parts = [
         f'<rect width="{total}" height="{_HEIGHT}" rx="3" fill="#3b424b"/>',

@@ -10,6 +10,7 @@ from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
 from harness.report.html import Drawn, draw
+from harness.report.markup import thumbnail
 from harness.report.site_data import collect, issues, split
 from harness.report.summary import Summary, trends_on, verdicts_on, worst
 from harness.results.atlas import Atlas
@@ -19,11 +20,14 @@ from harness.results.cross_check import CrossCheckResult
 from harness.results.pareto import acceleration_front, motion_front, way_of
 from harness.results.records import Run
 from harness.results.site import SiteRow
-from harness.results.table import Cell, Column, Table, grouped
+from harness.results.table import Cell, Column, Table, counted, grouped
+from harness.verdict import DECLARED, SOFT
 
-# Shapes are the style sheet's, so that no verdict is told by its colour alone.
+# Looks of a cell and what they say. Shapes are the style sheet's, so that no verdict is told by its colour alone.
 KEY = {
     "agrees": "right to rounding",
+    DECLARED: "constraints give by the file's settings, as the engine documents; the cell says how far from rigid",
+    "explained": "the engine reads the file otherwise, and it is known how",
     "unstable": "digits lost by the algorithm",
     "undecided": "no certified truth",
     "misreads": "another mechanism read, known which",
@@ -60,6 +64,7 @@ class Pages:
         self._cases = self.hard or HardSummary(self.run, Atlas())
         self._files = self.survey.found if self.survey else FilesComparison()
         self.site = collect(self.run, self._verdicts, self._costs, self._cases, self._files)
+        self._has_changes = bool(self._verdicts.earlier or self.site.nights)
         self._row_pages = {row.name: row.page for row in self.site.rows if row.kind != "robot"}
         self._cell_pages = {(cell.row, cell.column, cell.quantity): cell.page for cell in [*self.site.cells, *self.site.quantities]}
         words = site_tables.slugs(family.name for family in self._cases.families)
@@ -68,6 +73,10 @@ class Pages:
     def drawn(self) -> Iterator[tuple[str, Drawn]]:
         """Address and page, the index first."""
         yield site_tables.INDEX, self._index()
+        yield site_tables.ABOUT, draw("about.html", site_tables.ABOUT, {}, run=self.run)
+        yield site_tables.DIFFERENCES, self._differences()
+        if self._has_changes:
+            yield site_tables.CHANGES, self._changes()
         for row in self.site.rows:
             if row.kind != "robot":
                 yield row.page, self._mechanism(row)
@@ -81,25 +90,47 @@ class Pages:
             yield from self._robots(self.survey)
 
     def _index(self) -> Drawn:
-        outcomes = sorted({cell.outcome for cell in self.site.cells})
+        tones = {cell.tone for cell in self.site.cells}
+        # A variant looks like its mechanism.
+        drawings = {row.name: thumbnail(self._verdicts.pictures.get(row.name.partition(".")[0], "")) for row in self.site.rows}
         return draw(
             "index.html",
             site_tables.INDEX,
-            charts.plots(self._verdicts),
+            {},
             run=self.run,
             site=self.site,
             summary=self.summary,
             measured=self.measured,
             hard=self.hard,
-            robots=self.survey.found if self.survey else None,
+            systems=sum(row.kind == "mechanism" for row in self.site.rows),
+            robots=sum(row.kind == "robot" for row in self.site.rows),
             cell_pages=self._cell_pages,
-            subject_styles=styles(self._verdicts.subjects),
-            matrix=site_tables.matrix(self.site),
+            matrix=site_tables.matrix(self.site, drawings),
             engines=site_tables.engines(self.site),
-            changes=site_tables.changes(self.site),
-            outcomes=outcomes,
+            own_code=site_tables.own_code(self.site),
+            changed=self._changed() if self._has_changes else "",
+            columns=site_tables.asked_columns(self.site),
+            outcomes=sorted({cell.outcome for cell in self.site.cells}),
             features=sorted({feature for row in self.site.rows for feature in row.features}),
-            key={verdict: KEY[verdict] for verdict in KEY if any(cell.verdict == verdict for cell in self.site.cells)},
+            key={tone: (SOFT if tone == DECLARED else tone, words) for tone, words in KEY.items() if tone in tones},
+            about=site_tables.ABOUT,
+            differences=site_tables.DIFFERENCES,
+            changes=site_tables.CHANGES,
+        )
+
+    def _changed(self) -> str:
+        numbers = counted(sum(bool(trend.changes) for trend in self.site.trends), "number")
+        runs = max(map(len, self.site.nights.values()), default=0)
+        return f"{self._verdicts.changed} {f'{numbers} changed in the trend of {runs} runs.' if runs else ''}".strip()
+
+    def _differences(self) -> Drawn:
+        about = {"summary": self._verdicts, "cell_pages": self._cell_pages, "subject_styles": styles(self._verdicts.subjects)}
+        return draw("differences.html", site_tables.DIFFERENCES, charts.plots(self._verdicts), **about)
+
+    def _changes(self) -> Drawn:
+        about = {"summary": self._verdicts, "site": self.site, "changes": site_tables.changes(self.site)}
+        return draw(
+            "changes.html", site_tables.CHANGES, charts.trend_plots(self._verdicts), subject_styles=styles(self._verdicts.subjects), **about
         )
 
     def _mechanism(self, row: SiteRow) -> Drawn:

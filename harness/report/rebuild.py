@@ -20,7 +20,20 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from harness.report.site_tables import changes, engine_counts, engines, feature_lines, features, matrix, quantities, subjects, value_of
+from harness.report.site_tables import (
+    CHANGES,
+    INDEX,
+    badge_text,
+    changes,
+    engine_counts,
+    engines,
+    feature_lines,
+    features,
+    matrix,
+    quantities,
+    subjects,
+    value_of,
+)
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.table import Cell, Column, Table
 from harness.results.trend_numbers import TRACKED, logarithm_of, number_of
@@ -86,7 +99,7 @@ def rebuilt(site: Any) -> dict[str, dict[str, Lines]]:
 
 def makers(site: Any, shown: Any) -> dict[str, Callable[[], Table]]:
     """What computes a table from cells and trends on the page of another one, by the beginning of its caption."""
-    if shown.page == "index.html":
+    if shown.page in (INDEX, CHANGES):
         makers = {"Verdict and worst": matrix, "Engines:": engines, "Changed in the trend": changes}
         return {start: partial(make, site) for start, make in makers.items()}
     for row in (one.name for one in site.rows if one.kind != "robot" and one.page == shown.page):
@@ -145,8 +158,8 @@ def differences(folder: Path, pages: dict[str, dict[str, Lines]], site: Any) -> 
                     if computed != text:
                         yield f"{page}: {name}, row {row}, column {column}: says {text!r}, computed {computed!r}"
     for count in site.counts:
-        if f"{count.agrees} of {count.asked} agree" not in (folder / count.badge).read_text(encoding="utf-8"):
-            yield f"{count.badge}: does not say {count.agrees} of {count.asked} agree"
+        if badge_text(count) not in (folder / count.badge).read_text(encoding="utf-8"):
+            yield f"{count.badge}: does not say {badge_text(count)}"
 
 
 def main() -> int:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
 from statistics import median
 from typing import TYPE_CHECKING
 
+from harness.results.engine_lines import TIES, Answer, engine_line, share_text, shown_engine
 from harness.results.site import (
     FeatureLine,
     Number,
@@ -22,12 +25,13 @@ from harness.results.site import (
 )
 from harness.results.table import Cell, Column, Table, error_text, grouped
 from harness.results.trend_numbers import change_of
-from harness.verdict import SEVERITY, Verdict, gravest
+from harness.verdict import GIVES, SEVERITY, SOFT, Verdict
 
 if TYPE_CHECKING:
     from harness.results.records import Record
 
 INDEX, BENCHMARK, HARD, ROBOTS = "index.html", "benchmark.html", "hard.html", "robots.html"
+DIFFERENCES, CHANGES, ABOUT = "differences.html", "changes.html", "about.html"
 
 
 def slugs(names: Iterable[str]) -> dict[str, str]:
@@ -49,16 +53,13 @@ def pages_in(folder: str, names: Iterable[str]) -> dict[str, str]:
     return {name: f"{folder}/{word}.html" for name, word in slugs(names).items()}
 
 
-# Features by which constraints give, and a distance from rigid ones that is no rounding.
-_TIES, _SOFT = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling"), 1e-12
-
-
 def engine_counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[SiteCount]:
     """Counts of each engine and version, over its formats."""
     versions = {(column.engine, column.version): "-".join(filter(None, (column.engine, column.version))) for column in columns}
     badges = slugs(versions[one] for one in sorted(versions))
     for (engine, version), name in sorted(versions.items()):
         own = {column.name for column in columns if (column.engine, column.version) == (engine, version)}
+        formats = {column.name: column.format for column in columns}
         verdicts = [cell for cell in cells if cell.column in own]
         unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in verdicts)
         yield SiteCount(
@@ -66,9 +67,31 @@ def engine_counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> I
             version=version,
             agrees=sum(cell.agrees for cell in verdicts),
             asked=len(verdicts) - unsupported,
+            misreads=sum(cell.verdict == Verdict.MISREADS for cell in verdicts),
             unsupported=unsupported,
+            tone=_gravest_tone(cell for cell in verdicts if cell.verdict != Verdict.UNSUPPORTED),
+            line=engine_line(_answer(cell, formats[cell.column]) for cell in verdicts),
             badge=f"badges/{badges[name]}.svg",
         )
+
+
+def badge_text(count: SiteCount) -> str:
+    """ "111 of 115 agree, 4 misread"."""
+    return f"{count.agrees} of {count.asked} agree" + (f", {count.misreads} misread" if count.misreads else "")
+
+
+def _answer(cell: SiteCell, model_format: str) -> Answer:
+    of_robot = cell.outcome if cell.is_robot else cell.verdict
+    from_rigid = value_of(cell.from_rigid)
+    return Answer(
+        name=cell.row, format=model_format, outcome=of_robot, is_robot=cell.is_robot, features=cell.features, from_rigid=from_rigid
+    )
+
+
+def _gravest_tone(cells: Iterable[SiteCell]) -> str:
+    """The looks of the gravest of the cells; of equal ones of those that are no plain agreement."""
+    found = max(cells, key=lambda cell: (SEVERITY[cell.verdict], cell.tone != Verdict.AGREES), default=None)
+    return found.tone if found else ""
 
 
 def feature_lines(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[FeatureLine]:
@@ -88,10 +111,10 @@ def asked_of(cell: SiteCell) -> list[str]:
 def _feature_line(feature: str, column: str, cells: Sequence[SiteCell]) -> FeatureLine:
     agrees = sum(cell.agrees for cell in cells)
     unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in cells)
-    distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None and feature in _TIES]
+    distances = [float(cell.from_rigid) for cell in cells if cell.from_rigid is not None and feature in TIES]
     worst, soft = largest(cell.backward_error for cell in cells), median(distances) if distances else None
     others = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in SEVERITY if verdict != Verdict.AGREES}
-    parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > _SOFT else []
+    parts = [f"soft, {soft:.1e} from rigid at the file's settings"] if soft is not None and soft > GIVES else []
     if agrees:
         what = "agrees with what its engine documents" if parts else "agrees"
         parts.append(f"{what} on {agrees} of {len(cells)}, worst {error_text(worst)}")
@@ -131,22 +154,50 @@ def head_of(column: SiteColumn) -> str:
     return column.name if "@" in column.name or not column.version else f"{column.name} ({column.version})"
 
 
-def matrix(site: Site) -> Table:
-    """A row for each mechanism and robot, a column for each subject; a cell leads to the place where it is told."""
+@dataclass(frozen=True)
+class Pictured:
+    """A name, with a drawing before it where a page shows it."""
+
+    name: str
+    drawing: str
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __html__(self) -> str:
+        return f"{self.drawing}<span>{escape(self.name)}</span>"
+
+
+def asked_columns(site: Site) -> list[SiteColumn]:
+    """The subjects that read a file, which are engines; the harness's own code, which reads none, where there is no other."""
+    return [column for column in site.columns if column.format] or site.columns
+
+
+def own_code(site: Site) -> list[tuple[str, str, str]]:
+    """Name, page and line of what is asked without a file beside engines."""
+    shown = {column.engine for column in asked_columns(site)}
+    pages = {column.engine: column.page for column in site.columns}
+    return [(count.engine, pages[count.engine], count.line) for count in site.counts if count.engine not in shown]
+
+
+def matrix(site: Site, drawings: Mapping[str, str] | None = None) -> Table:
+    """A row for each mechanism and robot, with its drawing, and a column for each engine's subject; a cell leads to where it is told."""
     held = grouped(((cell.row, cell.column), cell) for cell in site.cells)
-    rows, columns = slugs(row.name for row in site.rows), slugs(column.name for column in site.columns)
+    shown = asked_columns(site)
+    rows, columns = slugs(row.name for row in site.rows), slugs(column.name for column in shown)
     places = {(row, column): f"cell-{rows[row]}--{columns[column]}" for row in rows for column in columns}
     drawn: list[list[object]] = []
     for row in site.rows:
         about = {"data-kind": row.kind, "data-features": ", ".join(row.features)}
-        line: list[object] = [Cell(row.name, tone="", fills=True, link=row.page, attributes={"data-row": row.name, **about})]
-        for column in site.columns:
+        name = Pictured(row.name, (drawings or {}).get(row.name, ""))
+        line: list[object] = [Cell(name, tone="", fills=True, link=row.page, attributes={"data-row": row.name, **about})]
+        for column in shown:
             pair = row.name, column.name
             absent = _NOT_RUN if row.kind == "mechanism" else _NOT_ASKED
             line.append(_matrix_cell(held.get(pair, []), absent, {"id": places[pair], "data-column": column.name}))
         drawn.append(line)
     caption = "Verdict and worst backward error [data roundoffs]; of a robot, whether the engine's reading of its file explains its answer"
-    return Table(["mechanism or robot", *map(head_of, site.columns)], drawn, caption, "matrix verdicts")
+    return Table(["mechanism or robot", *map(head_of, shown)], drawn, caption, "matrix verdicts")
 
 
 def quantities(site: Site, row: str) -> Table:
@@ -163,15 +214,21 @@ def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str
     if not cells:
         return Cell(absent, tone="empty", fills=True, attributes={**attributes, "data-verdict": absent})
     is_surprise = not all(cell.as_expected for cell in cells)
-    errors = [[] if cell.backward_error is None else [error_of(cell.backward_error)] for cell in cells]
-    notes = [note for cell, error in zip(cells, errors, strict=True) for note in (*error, *expectation(cell))]
-    looks = "agrees" if all(cell.agrees for cell in cells) else gravest(cell.verdict for cell in cells)
+    notes = [note for note in map(_note, cells) if note]
     first, outcomes = cells[0], "; ".join(cell.outcome for cell in cells)
     numbers = {"error": first.backward_error, "median": first.median_backward_error, "seconds": first.seconds_per_state}
     data = {f"data-{name}": str(number) for name, number in numbers.items() if number is not None}
-    data |= {"data-verdict": outcomes, "data-agrees": "yes" if looks == "agrees" else "no", "data-expected": "no" if is_surprise else "yes"}
-    mark, tone = ("✗ ", f"{looks} surprise") if is_surprise else ("", looks)
+    data |= {"data-verdict": outcomes, "data-agrees": "yes" if all(cell.agrees for cell in cells) else "no"}
+    data |= {"data-expected": "no" if is_surprise else "yes"}
+    mark, tone = ("✗ ", f"{_gravest_tone(cells)} surprise") if is_surprise else ("", _gravest_tone(cells))
     return Cell(f"{mark}{outcomes}", notes, tone, fills=True, link=first.page, attributes={**attributes, **data})
+
+
+def _note(cell: SiteCell) -> str:
+    """What stands below the outcome, on one line: the distance from rigid constraints, the backward error, and what was expected."""
+    away = f"{share_text(float(cell.from_rigid))} from rigid" if cell.outcome == SOFT and cell.from_rigid is not None else ""
+    error = "" if cell.backward_error is None else error_of(cell.backward_error)
+    return ", ".join(filter(None, [away, error, *expectation(cell)]))
 
 
 def expectation(found: SiteCell | Record) -> list[str]:
@@ -182,18 +239,15 @@ def expectation(found: SiteCell | Record) -> list[str]:
 
 
 def engines(site: Site) -> Table:
-    """A row for each engine and version; its name leads to its page."""
-    pages = {column.engine: column.page for column in site.columns}
+    """A row for each engine and version, with what was found of it; its name leads to its page."""
+    pages = {column.engine: column.page for column in asked_columns(site)}
     return Table.of(
-        site.counts,
+        [count for count in site.counts if count.engine in pages],
         {
-            "engine": lambda count: Cell(count.engine, link=pages[count.engine]),
-            "version": "version",
-            Column("agree", "plain"): lambda count: f"{count.agrees} of {count.asked}",
-            Column("unsupported", "count"): "unsupported",
-            Column("findings", "count"): lambda count: sum(finding.engine == count.engine for finding in site.findings),
+            "engine": lambda count: Cell(shown_engine(count.engine, count.version), tone=count.tone, link=pages[count.engine]),
+            "accelerations": "line",
         },
-        "Engines: how many pairs of row and format agree, of those that got an answer",
+        "Engines: what was found of each",
     )
 
 

@@ -18,6 +18,7 @@ from harness.results.records import Record, Records, Run, changed_versions
 from harness.results.table import Table, counted, error_text, grouped
 from harness.results.trend import ChangedCell, Trend, comparable, readings_of_records, trends
 from harness.results.trend_numbers import TRACKED
+from harness.verdict import SEVERITY, Verdict
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause, CrossCheckResult
@@ -95,30 +96,44 @@ class Summary:
         if not total:
             return "Nothing was compared: this run holds no records."
         pairs = f"{counted(total, 'pair')} of system and subject"
+        known = sum(self.differing.values())
+        reasons = f", {known} of which {'differs' if known == 1 else 'differ'} for a known reason" if known else ""
         if not wrong:
-            return f"All {pairs} are as expected." if total > 1 else f"The {pairs} is as expected."
+            return f"All {pairs} are as expected{reasons}." if total > 1 else f"The {pairs} is as expected{reasons}."
         right = total - wrong
-        return f"{right} of {pairs} {'is' if right == 1 else 'are'} as expected; {wrong} {'is' if wrong == 1 else 'are'} not."
+        return f"{right} of {pairs} {'is' if right == 1 else 'are'} as expected{reasons}; {wrong} {'is' if wrong == 1 else 'are'} not."
+
+    @property
+    def differing(self) -> dict[str, int]:
+        """Verdict to number of the pairs that differ for a known reason, the gravest first."""
+        verdicts = [record.verdict for record in self.records if record.as_expected and record.verdict != Verdict.AGREES]
+        return {verdict: verdicts.count(verdict) for verdict in sorted({*verdicts}, key=SEVERITY.__getitem__, reverse=True)}
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences that qualify the result: what is expected to differ, what is missing."""
+        """Sentences that qualify the result: what is missing, what else was asked, and at which states."""
         remarks = []
-        if held := sum(record.as_expected for record in self.listed):
-            verb = "differs" if held == 1 else "differ"
-            remarks.append(f"{counted(held, 'pair')} {verb} for a known reason, see “Expected to differ”.")
         if self.missing:
             verb = "has" if len(self.missing) == 1 else "have"
             remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
-        if names := sorted({record.quantity for record in self.further}):
-            agree = sum(record.verdict == "agrees" for record in self.further)
-            remarks.append(f"Of {', '.join(names)}, {agree:,} of {counted(len(self.further), 'answer')} agree.")
+        if names := {record.quantity for record in self.further}:
+            agree, silent = (sum(record.verdict == verdict for record in self.further) for verdict in (Verdict.AGREES, Verdict.UNSUPPORTED))
+            others = counted(len(names), "other quantity").replace("ys", "ies")
+            remarks.append(f"Of {others} {agree:,} of {len(self.further):,} answers agree, and {silent:,} are not offered.")
         return [*remarks, *([f"{self.records.origins.capitalize()}."] if self.records.origins else [])]
 
+    def expectations(self, further: bool) -> dict[tuple[str, str, str], list[Record]]:
+        """(expected verdict, reason, link) to the records that are expected to differ for it, of accelerations or of ``further``."""
+        listed = [record for record in self.listed if record.is_further is further]
+        return grouped(((record.expected, record.expected_reason, record.expected_link), record) for record in listed)
+
     @property
-    def expectations(self) -> dict[tuple[str, str, str], list[Record]]:
-        """(expected verdict, reason, link) to the records that are expected to differ for it."""
-        return grouped(((record.expected, record.expected_reason, record.expected_link), record) for record in self.listed)
+    def changed(self) -> str:
+        """How much is other than in the last run, in a sentence; "" where there was none."""
+        if not self.earlier:
+            return ""
+        verdicts, versions = len(self.changed_verdicts()), len(self.changed_versions())
+        return f"Since the last run {counted(verdicts, 'verdict')} and {counted(versions, 'version')} changed."
 
     def of_system(self, system: str) -> Records:
         """The records of ``system``, by subject."""

@@ -144,12 +144,12 @@ class SubjectRecord:
 
     @property
     def tone(self) -> str:
-        """The looks of the outcome: explained as one that agrees; a refusal, lost digits and what is undecided as what they are."""
+        """The looks of the outcome; what readings explain has its own, for the answer is not that of the file."""
         if not self.explained or self.left_nothing:
             return "disagrees surprise"
         if self.lost_digits:
             return f"{Verdict.UNSTABLE} expected"
-        return "agrees expected" if self.verdict == Verdict.DISAGREES else f"{self.verdict} expected"
+        return f"{self.outcome} expected" if self.verdict == Verdict.DISAGREES else f"{self.verdict} expected"
 
     @property
     def marked_outcome(self) -> Annotated[Cell, Column("verdict")]:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Self
 from harness.results.detail import Detail
 from harness.results.readings import Effect, reading_lines
 from harness.results.table import Cell, Column, Table, TableOf, printable
-from harness.verdict import AGREEMENT, SOUND, Verdict
+from harness.verdict import AGREEMENT, DECLARED, SOFT, SOUND, Verdict, is_soft
 
 # Of a record that names none.
 ACCELERATIONS = "accelerations"
@@ -160,6 +160,16 @@ class Record:
         return self.verdict == self.expected and not self.beyond
 
     @property
+    def outcome(self) -> str:
+        """The verdict, or ``SOFT`` where constraints give as the engine documents."""
+        return SOFT if is_soft(self.verdict, self.from_rigid) else self.verdict
+
+    @property
+    def tone(self) -> str:
+        """The class of the style sheet for the outcome."""
+        return DECLARED if self.outcome == SOFT else self.verdict
+
+    @property
     def is_noteworthy(self) -> bool:
         """True where there is more to say than that it agrees, or that nobody claims to compute it."""
         return not self.as_expected or self.verdict not in (Verdict.AGREES, Verdict.UNSUPPORTED)
@@ -200,8 +210,8 @@ class Record:
     def marked_verdict(self) -> Annotated[Cell, Column("verdict")]:
         """The verdict, and the expected one where it is another."""
         if self.as_expected:
-            text = self.verdict if self.verdict in SOUND else f"{self.verdict} (as expected)"
-            return Cell(text, tone=f"{self.verdict} expected")
+            text = self.outcome if self.verdict in SOUND else f"{self.verdict} (as expected)"
+            return Cell(text, tone=f"{self.tone} expected")
         return Cell(f"{self.verdict} (expected {self.expected})", tone=f"{self.verdict} surprise")
 
     @property

@@ -56,9 +56,10 @@ class SiteCell:
     """One subject on one row; a pair without a cell was not asked.
 
     Attributes:
-        verdict, expected: values of ``harness.verdict.Verdict``. outcome: what the cell says: the verdict, and of a robot whether
-            the engine's documented reading of the file explains it.
-        agrees: whether the answer is right, or what the engine documents that it makes of the file.
+        verdict, expected: values of ``harness.verdict.Verdict``. outcome: what the cell says: the verdict, whether it is that of
+            constraints that give, and of a robot whether the engine's documented reading of the file explains it.
+        agrees: whether the answer is right; with constraints that give, right by the engine's documentation.
+        is_robot: whether the row is a robot's file. tone: class of the style sheet.
         quantity: what was compared. features: what this subject's file of the row asks of it.
         backward_error: the worst [data roundoffs]; median_backward_error, relative_error, from_rigid, seconds_per_state: as of ``Record``.
         reason, link: why another verdict than agreement is expected. message: what was said of it.
@@ -73,6 +74,8 @@ class SiteCell:
     as_expected: bool
     outcome: str
     agrees: bool
+    is_robot: bool
+    tone: str
     quantity: str
     features: list[str]
     states: int
@@ -148,13 +151,20 @@ class SiteFinding:
 
 @dataclass(frozen=True, kw_only=True)
 class SiteCount:
-    """How many cells of an engine's version agree: of those where it gave an answer, ``unsupported`` ones aside; with its badge."""
+    """How many cells of an engine's version agree: of those where it gave an answer, ``unsupported`` ones aside; with its badge.
+
+    Attributes:
+        tone: class of the style sheet for its gravest cell. line: what was found of it, in a sentence.
+    """
 
     engine: str
     version: str
     agrees: int
     asked: int
+    misreads: int
     unsupported: int
+    tone: str
+    line: str
     badge: str
 
 

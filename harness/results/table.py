@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 # Classes of the page's style sheet to styles of the terminal.
-_STYLES = {"surprise": "bold red", "misreads": "red", "expected": "green"}
+_STYLES = {"surprise": "bold red", "misreads": "red", "declared": "cyan", "explained": "cyan", "expected": "green"}
 # Characters that Markdown takes for markup; an underscore within a word is none.
 _MARKUP = re.compile(r"[\\`*\[\]|]|~(?=~)|(?<=~)~|(?<![^\W_])_|_(?![^\W_])")
 _Key = TypeVar("_Key")

@@ -278,6 +278,7 @@ def _headed(title: str, text: str) -> list[str]:
 def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str:
     """The exhibit as one offline page."""
     from harness.report.html import environment
+    from harness.report.markup import picture
 
     pictures: list[Markup] = []
     view = None
@@ -285,7 +286,8 @@ def render(exhibit: Exhibit, library: str, problems: Sequence[Exception]) -> str
         resting, moved = exhibit.placements
         gravity = exhibit.mechanism.gravity
         view = choose_view(exhibit.placements)
-        pictures = [Markup(draw(resting, [moved], view, gravity)), Markup(draw(moved, [resting], view, gravity, ghost=resting))]
+        drawn = [draw(resting, [moved], view, gravity), draw(moved, [resting], view, gravity, ghost=resting)]
+        pictures = list(filter(None, map(picture, drawn)))
     made = environment().overlay()
     made.filters = {**made.filters, "whereabouts": whereabouts}
     return made.from_string(files(__package__).joinpath("show.html").read_text("utf-8")).render(

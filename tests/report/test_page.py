@@ -21,7 +21,8 @@ from report.test_report import CARDS, CAUSE, SYSTEMS, night, run_on
 
 from harness import report
 from harness.report.figures import COLOURS, library
-from harness.report.html import equations, picture, sentence_case
+from harness.report.html import sentence_case
+from harness.report.markup import equations, picture
 from harness.report.sparkline import Sparkline
 from harness.results.benchmark import Benchmark
 from harness.results.cross_check import CrossCheckResult, Picture, SuperfluousPart
@@ -35,7 +36,7 @@ STYLE = (Path(report.__file__).parent / "style.css").read_text()
 # What stands on what, in text; every pair by the names of the style sheet.
 TEXT = [
     *((ink, paper) for ink in ("ink", "soft", "link", "bad") for paper in ("paper", "panel")),
-    *((f"{tone}", f"{tone}-back") for tone in ("good", "warn", "bad", "none")),
+    *((f"{tone}", f"{tone}-back") for tone in ("good", "declared", "warn", "bad", "none")),
 ]
 
 
@@ -76,7 +77,8 @@ def whole() -> dict[str, str]:
 
 # Every kind of page.
 KINDS = (
-    "index.html", "mechanisms/collar.html", "engines/mujoco.html", "benchmark.html", "hard.html", "robots.html", "robots/arm.urdf.html",
+    "index.html", "about.html", "differences.html", "changes.html", "mechanisms/collar.html", "engines/mujoco.html", "benchmark.html",
+    "hard.html", "robots.html", "robots/arm.urdf.html",
 )  # fmt: skip
 
 
@@ -148,7 +150,9 @@ def test_every_drawing_says_what_it_shows(full: Any) -> None:
     drawings = full.xpath("//*[local-name()='svg']")
     assert len(drawings) > len(SYSTEMS)
     for drawing in drawings:
-        assert drawing.get("role") == "img" and (drawing.get("aria-label") or drawing[0].tag == "title")
+        # What stands beside the name of its mechanism says nothing more.
+        is_named = drawing.get("role") == "img" and (drawing.get("aria-label") or drawing[0].tag == "title")
+        assert is_named or (drawing.get("aria-hidden") == "true" and drawing.getparent().text_content().strip())
     charts = full.xpath("//figure//div[@data-root-id]")
     assert charts
     for chart in charts:
@@ -248,7 +252,7 @@ def test_only_a_drawing_passes_as_one() -> None:
 def test_a_reason_why_several_pairs_differ_is_given_once() -> None:
     about = {"verdict": "unstable", "expected": "unstable", "expected_reason": "small pivots", "expected_link": "a book"}
     entries = [test_report.record(name, "lagrange", **about) for name in SYSTEMS]
-    page = lxml.html.fromstring(test_report.build(run_on(0), CARDS, entries)["index.html"])
+    page = lxml.html.fromstring(test_report.build(run_on(0), CARDS, entries)["differences.html"])
     [listed] = page.xpath("//h2[@id='expected']/following-sibling::ul[1]/li")
     assert " ".join(listed.text_content().split()).startswith("unstable Small pivots. Source: a book.")
     assert [link.text_content() for link in listed.xpath(".//a")] == [f"{name}, lagrange" for name in SYSTEMS]
@@ -278,15 +282,16 @@ def test_any_trend_can_be_drawn(values: list[float | None], changes: set[int]) -
     )
 
 
-def test_change_points_are_drawn_in_the_trend_of_their_cell_and_listed_on_the_index() -> None:
-    mechanism, index = (lxml.html.fromstring(whole()[name]) for name in ("mechanisms/collar.html", "index.html"))
+def test_change_points_are_drawn_in_the_trend_of_their_cell_and_listed_on_the_page_of_changes() -> None:
+    mechanism, changes = (lxml.html.fromstring(whole()[name]) for name in ("mechanisms/collar.html", "changes.html"))
     [row] = mechanism.xpath("//table[starts-with(caption, 'Trends of')]/tbody/tr[*[1]='lagrange']")
     # Worst, 99 % and median.
     assert [len(line.xpath(".//*[@class='change']")) for line in row.xpath(".//*[local-name()='svg']")] == [0, 0, 1]
     assert "Median backward error of each run" in mechanism.text_content()
-    told = test_report.changes_on(whole()["index.html"])
+    told = test_report.changes_on(whole()["changes.html"])
     assert [line[1:4] for line in told] == [["arm_2r", "heyoka float32", "cost"], ["collar", "lagrange", "median backward error"]]
-    assert index.xpath("//table[starts-with(caption, 'Changed in')]//a/@href") == ["mechanisms/arm_2r.html", "mechanisms/collar.html"]
+    assert "2 numbers changed in the trend of 13 runs" in whole()["index.html"]
+    assert changes.xpath("//table[starts-with(caption, 'Changed in')]//a/@href") == ["mechanisms/arm_2r.html", "mechanisms/collar.html"]
     assert len(lxml.html.fromstring(whole()["mechanisms/arm_2r.html"]).xpath("//*[@id='cost']/..//*[@class='change']")) == 1
 
 

@@ -139,18 +139,19 @@ def test_the_script_computes_changes_and_trends_from_the_values_of_the_runs(tmp_
     (tmp_path / "site.json").write_text(json.dumps(data))
     told = rebuild(tmp_path).stderr
     assert "says '0.200 to 3.00 in 4 runs, changed in run 4', computed '0.400 to 3.00 in 4 runs, changed in run 4'" in told
-    assert "index.html: table" in told and "says '0.200', computed '0.400'" in told
-    assert all(f"{page}: table" in told for page in ("index.html", "mechanisms/arm_2r.html", "mechanisms/collar.html"))
+    assert "changes.html: table" in told and "says '0.200', computed '0.400'" in told
+    assert all(f"{page}: table" in told for page in ("changes.html", "mechanisms/arm_2r.html", "mechanisms/collar.html"))
 
 
 def test_the_script_computes_verdicts_from_cells_alone(tmp_path: Path) -> None:
     write(tmp_path, whole())
     data = json.loads((tmp_path / "site.json").read_text())
-    cell = next(cell for cell in data["cells"] if cell["verdict"] == "agrees" and cell["column"] == "lagrange")
+    cell = next(cell for cell in data["cells"] if cell["verdict"] == "agrees" and cell["column"] == "mujoco/mjcf")
     cell |= {"verdict": "disagrees", "outcome": "disagrees", "agrees": False}
     (tmp_path / "site.json").write_text(json.dumps(data))
     told = rebuild(tmp_path).stderr
-    assert "index.html: table-1" in told and "engines/lagrange.html" in told and "badges/lagrange.svg" in told
+    assert all(f"index.html: {table}" in told for table in ("table-1", "table-2"))
+    assert "engines/mujoco.html" in told and "badges/mujoco-4.0.0.svg" in told
 
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -186,10 +187,53 @@ def test_versions_of_an_engine_are_columns_and_badges_of_their_own() -> None:
 
 
 def test_a_badge_says_its_counts_to_everybody() -> None:
-    drawn = badge(SiteCount(engine="a<b", version="1.0", agrees=2, asked=3, unsupported=1, badge="badges/x.svg"))
-    root = lxml.html.fromstring(drawn)
+    about: dict[str, Any] = {"agrees": 2, "asked": 3, "misreads": 0, "unsupported": 1, "line": "", "badge": "badges/x.svg"}
+    count = SiteCount(engine="a<b", version="1.0", tone="unstable", **about)
+    root = lxml.html.fromstring(badge(count))
     assert root.get("role") == "img" and root.get("aria-label") == "a<b 1.0: 2 of 3 agree"
     assert "a<b 1.0" in root.text_content() and "2 of 3 agree" in root.text_content()
+    misreads = badge(replace(count, misreads=1, tone="misreads"))
+    assert "2 of 3 agree, 1 misread<" in misreads and "#b3141d" in misreads and "#b3141d" not in badge(count)
+
+
+@pytest.mark.usefixtures("without_charts")
+def test_the_index_opens_with_a_line_for_each_engine_and_the_harness_own_code_is_none() -> None:
+    reason = {"expected_reason": "it passes over frames", "features": ["frames"]}
+    records = [
+        record("arm_2r", "lagrange"),
+        record("arm_2r", "mujoco/mjcf"),
+        record("bar_pendulum", "mujoco/mjcf", from_rigid=2.58, features=["loops"]),
+        record("collar", "mujoco/mjcf", verdict="unstable", expected="unstable", backward_error=654.0),
+        record("collar", "pinocchio/mjcf", verdict="misreads", expected="misreads", backward_error=1e12, **reason),
+    ]
+    files = build(replace(run_on(0), engines={"mujoco": "4.0.0"}), [card("collar")], records)
+    page = lxml.html.fromstring(files["index.html"])
+    lines = page.xpath("//header/h1/following-sibling::*[1]//table//tbody/tr")
+    assert [" ".join(line.text_content().split()) for line in lines] == [
+        "MuJoCo 4.0.0right on 2 of 3 MJCF mechanisms; loses digits on collar; loops soft, as documented (accelerations 258 % from rigid "
+        "ones, 1 mechanism)",
+        "Pinocchioright on 0 of 1 MJCF mechanism; misreads collar",
+    ]
+    assert [line.find(".//a").get("class") for line in lines] == ["verdict unstable", "verdict misreads"]
+    [told] = page.xpath("//p[contains(@class, 'result')]")
+    assert " ".join(told.text_content().split()) == (
+        "All 5 pairs of system and subject are as expected, 2 of which differ for a known reason. 1 misreads 1 unstable"
+    )
+    heads = [head.text_content() for head in page.xpath("//table[contains(@class, 'verdicts')]/thead//th")]
+    assert heads == ["mechanism or robot", "mujoco/mjcf (4.0.0)", "pinocchio/mjcf"]
+    assert "engines/lagrange.html" in page.xpath("//main//a/@href") and "0 of 1 agree, 1 misread" in files["badges/pinocchio.svg"]
+    cells = {cell.get("id"): (cell.get("class"), cell.text_content()) for cell in page.xpath("//table[contains(@class, 'verdicts')]//td")}
+    assert cells["cell-bar_pendulum--mujoco-mjcf"] == ("declared", "soft, as documented 258 % from rigid, 1.30")
+    assert cells["cell-collar--pinocchio-mjcf"] == ("misreads", "misreads 1.00e+12, as expected")
+    words = [item.text_content() for item in page.xpath("//ul[contains(@class, 'key')]/li/span")]
+    assert words == ["agrees", "soft, as documented", "unstable", "misreads"]
+
+
+def test_what_readings_explain_is_not_green_and_has_its_word_in_the_legend() -> None:
+    page = lxml.html.fromstring(whole()["index.html"])
+    explained = [cell for cell in page.xpath("//table[contains(@class, 'verdicts')]//td") if cell.text_content().startswith("explained")]
+    assert explained and all(cell.get("class") == "explained" and cell.get("data-agrees") == "no" for cell in explained)
+    assert "explained" in [item.text_content() for item in page.xpath("//ul[contains(@class, 'key')]/li/span")]
 
 
 def lines_of(*records: Record) -> dict[tuple[str, str], str]:
@@ -229,7 +273,10 @@ def test_other_quantities_have_a_table_of_their_own_on_the_page_of_their_mechani
     page = lxml.html.fromstring(files["mechanisms/collar.html"])
     [table] = [one for one in page.iter("table") if "Other quantities on collar" in one.text_content()]
     rows = [[" ".join(cell.text_content().split()) for cell in row] for row in table.find("tbody")]
-    assert rows == [["energy", "unsupported as expected", "agrees 1.30"], ["mass_matrix", "not asked", "✗ disagrees 1.30 expected: agrees"]]
+    assert rows == [
+        ["energy", "unsupported as expected", "agrees 1.30"],
+        ["mass_matrix", "not asked", "✗ disagrees 1.30, expected: agrees"],
+    ]
     assert "Farthest off is the entry." in files["mechanisms/collar.html"] and "Farthest off is the entry." in files["report.md"]
     index = lxml.html.fromstring(files["index.html"])
     assert "1 answer for other quantities is not as expected" in index.text_content()

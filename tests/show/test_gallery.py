@@ -9,7 +9,7 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed, harness, make_library
 
-from harness.report.html import picture
+from harness.report.markup import picture
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
 from harness.show.gallery import Gallery
@@ -33,7 +33,8 @@ def test_a_system_that_an_engine_can_place_has_a_picture() -> None:
     assert [drawn.system for drawn in found.pictures] == ["collar", "heavy_top"]
     for drawn in found.pictures:
         shown = picture(drawn.svg)
-        assert shown is not None and shown.count("<path") == drawn.svg.count("<path") and shown.count("style=") == drawn.svg.count("style=")
+        assert shown is not None and shown.count("<path") == drawn.svg.count("<path") and shown.count(" tint-") == drawn.svg.count("style=")
+        assert "style=" not in shown
         assert len(drawn.svg) < 20_000
 
 

@@ -1,0 +1,102 @@
+"""What was found of an engine, in one sentence for somebody who has seen no table of verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from harness.results.table import counted, grouped
+from harness.verdict import Verdict, is_soft
+
+# As their authors write them; any other engine is called by the name of its file.
+SPELLINGS = {
+    "adam": "ADAM", "dartpy": "DART", "drake": "Drake", "idyntree": "iDynTree", "mjx": "MJX", "mjx_float32": "MJX in float32",
+    "mujoco": "MuJoCo", "pinocchio": "Pinocchio", "pybullet": "PyBullet",
+}  # fmt: skip
+# Features by which constraints give.
+TIES = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling")
+# Of mechanisms that are named; of more the first are.
+_MOST_NAMED = 4
+_SAID = {
+    Verdict.ERROR.value: "fails on",
+    Verdict.DISAGREES.value: "wrong on",
+    Verdict.MISREADS.value: "misreads",
+    Verdict.UNSTABLE.value: "loses digits on",
+    Verdict.UNDECIDED.value: "not judged on",
+    Verdict.UNSUPPORTED.value: "cannot express or refuses",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """An engine's accelerations of one mechanism or robot.
+
+    Attributes:
+        name: of the mechanism or robot. format: of the file that the engine read; "" for the equations.
+        outcome: a value of ``Verdict``; of a robot's file as of ``SubjectRecord``. is_robot: True for one.
+        features: as of ``Record``. from_rigid: how far constraints that give, as the engine documents, are from rigid ones; None where
+            they do not give.
+    """
+
+    name: str
+    format: str
+    outcome: str
+    is_robot: bool = False
+    features: Sequence[str] = ()
+    from_rigid: float | None = None
+
+
+def shown_engine(engine: str, version: str = "") -> str:
+    """The engine as its authors write it, with its version: "MuJoCo 4.0.0"."""
+    return f"{SPELLINGS.get(engine, engine)} {version}".strip()
+
+
+def share_text(share: float) -> str:
+    """A share of 1 in percent, three digits: "25.8 %"."""
+    return f"{100 * share:.3g} %"
+
+
+def engine_line(answers: Iterable[Answer]) -> str:
+    """What an engine is right on, and what not: the gravest first, then what it documents, then what it cannot do."""
+    known = grouped((one.is_robot, one) for one in answers)
+    mechanisms, robots = known.get(False, []), known.get(True, [])
+    parts = _right(mechanisms)
+    for verdict, said in _SAID.items():
+        named = list(dict.fromkeys(one.name for one in mechanisms if one.outcome == verdict))
+        parts += [f"{said} {_listed(named)}"] if named else []
+        parts += _soft(mechanisms) if verdict == Verdict.UNSTABLE else []
+    outcomes = sorted(grouped((one.outcome, one) for one in robots).items())
+    parts += [f"of {counted(len(robots), 'robot file')} {_joined([f'{len(own)} {name}' for name, own in outcomes])}"] if robots else []
+    return "; ".join(parts) or "nothing was asked of it"
+
+
+def _right(answers: Sequence[Answer]) -> list[str]:
+    """How many of the answers are right, for each format; what the engine refused is no answer."""
+    asked = sorted(grouped((one.format, one.outcome) for one in answers if one.outcome != Verdict.UNSUPPORTED).items())
+    counts = []
+    for model_format, own in asked:
+        right, total = own.count(Verdict.AGREES), len(own)
+        counts.append(f"{f'all {total}' if 1 < right == total else f'{right} of {total}'} {model_format.upper()}".rstrip())
+    return [f"right on {_joined(counts)} mechanism{'' if max(len(own) for _, own in asked) == 1 else 's'}"] if counts else []
+
+
+def _soft(answers: Sequence[Answer]) -> list[str]:
+    soft = [one for one in answers if is_soft(one.outcome, one.from_rigid)]
+    if not soft:
+        return []
+    ties = [feature for feature in TIES if any(feature in one.features for one in soft)]
+    distances = [one.from_rigid or 0.0 for one in soft]
+    names = counted(len({one.name for one in soft}), "mechanism")
+    away = " to ".join(dict.fromkeys(share_text(bound) for bound in (min(distances), max(distances))))
+    return [f"{_joined(ties) or 'constraints'} soft, as documented (accelerations {away} from rigid ones, {names})"]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The names, or the first of them and how many more there are."""
+    if len(names) <= _MOST_NAMED:
+        return _joined(names)
+    return _joined([*names[: _MOST_NAMED - 1], f"{len(names) - _MOST_NAMED + 1} more"])
+
+
+def _joined(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
