@@ -25,6 +25,7 @@ from harness.report.hard_cases import HardSummary
 from harness.report.html import asset, badge, style_sheet
 from harness.report.markdown import render_markdown
 from harness.report.pages import Pages, Survey
+from harness.report.site_tables import lines_of_engines
 from harness.report.summary import Earlier, Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
@@ -73,9 +74,10 @@ def build(
     parts |= {"benchmark": {"run": measured.run} | vars(measured.benchmark)} if measured else {}
     parts |= {"atlas": {"run": hard.run} | vars(hard.atlas)} if hard else {}
     records, cards = ([*summary.records, *summary.further], summary.cards) if summary else ([], {})
+    pages = Pages(run, summary, measured, hard, robots)
     return {
-        **_site(Pages(run, summary, measured, hard, robots)),
-        "report.md": render_markdown(summary, measured, hard),
+        **_site(pages),
+        "report.md": render_markdown(summary, measured, hard, lines_of_engines(pages.site)),
         "report.json": to_json(run, records, [card for _, card in sorted(cards.items())], **parts),
     }
 

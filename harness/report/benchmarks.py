@@ -147,11 +147,11 @@ def best_motions(summary: BenchmarkSummary) -> Table:
     return Table(["system", "integrator", *orders_shown, *costs_shown], rows, "Order and smallest error of each integrator")
 
 
-def orders(summary: BenchmarkSummary, cell: Callable[[Order], Cell] | None = None) -> Table:
-    """System by integrator: the measured order of convergence, and a mark where it differs from theory; or another ``cell``."""
+def orders(summary: BenchmarkSummary) -> Table:
+    """System by integrator: the measured order of convergence, and a mark where it differs from theory."""
     orders = [(order, "any" if order.expected is None else f"{order.expected:g}") for order in summary.benchmark.orders]
     entries = {(order.system, f"{order.integrator} (order {expected})"): order for order, expected in orders}
-    return _matrix(entries, cell or _order_cell, "Measured order of convergence")
+    return _matrix(entries, _order_cell, "Measured order of convergence")
 
 
 def drift_matrix(summary: BenchmarkSummary) -> Table:

@@ -135,15 +135,6 @@ def rows_of(hard: HardSummary) -> Table:
     return _rows(row for family in hard.families for row in family.rows.values())
 
 
-def verdicts(hard: HardSummary) -> Table:
-    """Family by subject: how many points have which verdict."""
-    rows = [
-        [family.name, *(row.counts if (row := family.rows.get(subject)) else "not run" for subject in hard.subjects)]
-        for family in hard.families
-    ]
-    return Table(["family", *hard.subjects], rows, "Points of each verdict")
-
-
 def matrix(hard: HardSummary, anchors: Mapping[str, str]) -> Table:
     """Family by subject: gravest verdict, largest backward error and slope; ``anchors`` of the families on the page."""
     caption = (

@@ -241,14 +241,17 @@ def expectation(found: SiteCell | Record) -> list[str]:
 def engines(site: Site) -> Table:
     """A row for each engine and version, with what was found of it; its name leads to its page."""
     pages = {column.engine: column.page for column in asked_columns(site)}
-    return Table.of(
-        [count for count in site.counts if count.engine in pages],
-        {
-            "engine": lambda count: Cell(shown_engine(count.engine, count.version), tone=count.tone, link=pages[count.engine]),
-            "accelerations": "line",
-        },
-        "Engines: what was found of each",
-    )
+    rows = [
+        [Cell(shown_engine(count.engine, count.version), tone=count.tone, link=pages[count.engine]), count.line]
+        for count in site.counts
+        if count.engine in pages
+    ]
+    return Table(["engine", "accelerations"], rows, "Engines: what was found of each")
+
+
+def lines_of_engines(site: Site) -> dict[str, str]:
+    """The same as text."""
+    return dict(engines(site).texts())
 
 
 def subjects(site: Site, engine: str) -> Table:

@@ -125,6 +125,7 @@ class Summary:
     def expectations(self, further: bool) -> dict[tuple[str, str, str], list[Record]]:
         """(expected verdict, reason, link) to the records that are expected to differ for it, of accelerations or of ``further``."""
         listed = [record for record in self.listed if record.is_further is further]
+        listed.sort(key=lambda record: SEVERITY[record.expected], reverse=True)
         return grouped(((record.expected, record.expected_reason, record.expected_link), record) for record in listed)
 
     @property

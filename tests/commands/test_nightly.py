@@ -74,7 +74,7 @@ def test_a_median_that_rises_is_reported_that_night_and_changes_no_verdict(folde
     assert "changed in the trend" in done.stdout
     assert "## Changed in the trend" in (folder / "out" / "nightly.md").read_text()
     # The pages have the same rule.
-    rows = lxml.html.parse(folder / "out" / "index.html").xpath("//table[starts-with(caption, 'Changed in the trend')]/tbody/tr")
+    rows = lxml.html.parse(folder / "out" / "changes.html").xpath("//table[starts-with(caption, 'Changed in the trend')]/tbody/tr")
     assert sorted([cell.text_content() for cell in row[1:4]] for row in rows) == sorted(
         [one["system"], one["subject"], one["number"]] for one in changes
     )

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import lxml.html
 import mujoco
 import numpy as np
 import pinocchio
@@ -26,7 +27,7 @@ from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library, matching, orphaned_models
 from harness.programs.states import States
-from harness.report.markdown import render_markdown
+from harness.report import build
 from harness.report.summary import Summary
 from harness.results.records import Record
 
@@ -199,10 +200,10 @@ def test_a_report_counts_no_format_that_a_variant_does_not_stand_in_as_missing(r
     summary = Summary(describe_run(settings.library, 40, 0, "quick", ["harness", "report"], "1"), study.result())
     assert summary.systems == [NAME, VARIANT] and list(summary.cards) == [NAME]
     assert summary.missing == []
-    text = render_markdown(summary, None, None)
-    (row,) = (line for line in text.splitlines() if VARIANT in line and "not asked" in line)
-    assert row.count("not asked") == 3
-    assert f"### {VARIANT}" in text and "no record: not run" not in text
+    site = build(summary.run, study.result())
+    [row] = [line for line in lxml.html.fromstring(site["index.html"]).xpath("//tr") if line[0].text_content() == VARIANT]
+    assert [cell.text_content() for cell in row].count("not asked") == 2
+    assert f"mechanisms/{VARIANT}.html" in site and "no record: not run" not in site["report.md"]
 
 
 def test_every_shipped_variant_is_one_of_a_shipped_system() -> None:

@@ -164,7 +164,6 @@ def test_a_report_holds_hard_and_worst_cases_beside_its_verdicts() -> None:
         assert words in page.words, words
     assert "4.50e+03 data roundoffs" in page.words and "q = [0.1]" in page.words
     assert [case["subject"] for case in json.loads(built["report.json"])["worst_cases"]] == ["mujoco/mjcf", "lagrange"]
-    assert "### Worst cases of mujoco/mjcf" in built["report.md"]
     without = build(RUN, found())
     assert "Hard cases" not in site_of(without).words and "atlas" not in json.loads(without["report.json"])
 
@@ -178,4 +177,4 @@ def test_markdown_stays_the_same_while_verdicts_do() -> None:
     second = build(atlas=(replace(RUN, started="2026-02-01T02:00:00+00:00"), slower))["report.md"]
     assert first != second
     assert first.partition(VOLATILE)[0] == second.partition(VOLATILE)[0]
-    assert "| gimbal | agrees 2, disagrees 1, unstable 6 | agrees 7, undecided 1, unsupported 2 (not as expected) |" in first
+    assert "**not as expected**: gimbal" in first

@@ -277,7 +277,8 @@ def test_other_quantities_have_a_table_of_their_own_on_the_page_of_their_mechani
         ["energy", "unsupported as expected", "agrees 1.30"],
         ["mass_matrix", "not asked", "✗ disagrees 1.30, expected: agrees"],
     ]
-    assert "Farthest off is the entry." in files["mechanisms/collar.html"] and "Farthest off is the entry." in files["report.md"]
+    assert "Farthest off is the entry." in files["mechanisms/collar.html"]
+    assert "**collar, mujoco/mjcf, mass_matrix: disagrees**" in files["report.md"] and "Farthest off is the entry." in files["report.md"]
     index = lxml.html.fromstring(files["index.html"])
     assert "1 answer for other quantities is not as expected" in index.text_content()
     assert index.xpath('//ul[@class="unexpected"]//a/@href') == ["mechanisms/collar.html#quantities"]
