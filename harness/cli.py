@@ -182,7 +182,7 @@ def main() -> None:
 
     \b
     Examples:
-      harness list
+      harness compare robot.urdf
       harness check double_pendulum
       harness check double_pendulum --urdf edited.urdf
       harness new my_arm --library mine

@@ -38,7 +38,7 @@ class CheckOptions:
 @takes(CheckOptions)
 @computing(time_limit=60.0, scheduler=True, floating_base=True, aided=True, detail=True)
 def command(bracket: Bracket, asked: CheckOptions) -> None:
-    """Cross-check NAMEs, or all there are, and print a table.
+    """Check engines on NAMEs, or on a robot's FILE.
 
     NAME is a mechanism with its plain models, or a variant, MECHANISM.VARIANT;
     a pattern takes all that it fits. Without NAMEs it is all of both.

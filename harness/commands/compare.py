@@ -48,7 +48,8 @@ class CompareOptions:
             "--by",
             multiple=True,
             metavar="ENGINE/INTEGRATOR[@SECONDS]",
-            help="Who moves the first file, and who the second or the same one; with --steps, twice. SECONDS is the step length.",
+            help="Who moves the first file, and who the second or the same one; with --steps, twice. SECONDS is the step length. "
+            "Without it the first two engines, by the integrator that the file chooses.",
         ),
     ]
     start: Annotated[
@@ -85,6 +86,7 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
       harness compare robot.urdf with_gripper.urdf --without finger
       harness compare robot.urdf --subject mujoco@3.13.0/urdf
       harness compare robot.urdf --floating-base --html robot.html
+      harness compare robot.urdf --steps 100
       harness compare r.xml --steps 100 --by mujoco/Euler --by mujoco/RK4@0.001
     """
     renamed = _renamed(asked.renamed)
@@ -118,14 +120,17 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
 
 def _compare_motions(bracket: Bracket, asked: CompareOptions, steps: int, renamed: dict[str, str]) -> None:
     """Print the gap between two motions, and end the command."""
-    from harness.comparison.gap_study import By, GapSettings, GapStudy
+    from harness.comparison.gap_study import By, GapSettings, GapStudy, first_two
     from harness.report.comparison import gap_sections
 
-    if len(asked.files) > 2 or len(asked.by) != 2 or asked.html_path is not None:
-        raise click.UsageError("--steps takes one file or two, --by twice, and no --html")
+    if len(asked.files) > 2 or len(asked.by) not in (0, 2) or asked.html_path is not None:
+        raise click.UsageError("--steps takes one file or two, --by twice or not at all, and no --html")
+    if asked.subjects:
+        raise click.UsageError("--subject chooses whose accelerations are compared; with --steps, --by says who moves the files")
+    first, second = map(By.parsed, asked.by) if asked.by else first_two(asked.files)
     settings = GapSettings(
         (asked.files[0], asked.files[-1]),
-        (By.parsed(asked.by[0]), By.parsed(asked.by[1])),
+        (first, second),
         steps,
         bracket.floating_base,
         tuple(renamed.items()),

@@ -22,6 +22,7 @@ from harness.explain.changes.readings import find_readings
 from harness.explain.meant import fold, request_of
 from harness.files.document.xml import read_any
 from harness.files.joint_kinds import JointKind
+from harness.files.reading import format_of
 from harness.files.rules import StepRule
 from harness.library import Stance
 from harness.motion.trajectories import Start
@@ -41,10 +42,13 @@ _ALIKE = 1e-12
 
 @dataclass(frozen=True)
 class By:
-    """Who moves a file: an engine, its integrator, and the step length [s], None for that of the file."""
+    """Who moves a file: an engine, its integrator, and the step length [s].
+
+    The integrator is "" for the one that the file chooses, or the first that the engine has; the length None for that of the file.
+    """
 
     engine: str
-    integrator: str
+    integrator: str = ""
     length: float | None = None
 
     @classmethod
@@ -68,6 +72,22 @@ class By:
                 f"{form['engine']} is not installed beside the harness, where steps are taken; install {engine.requires[1]}"
             )
         return cls(form["engine"], form["integrator"], length)
+
+
+def first_two(paths: Sequence[Path]) -> tuple[By, By]:
+    """The first two engines beside the harness, by name: the first that reads the first file, and the next that reads the last one.
+
+    Raises:
+        InvalidModel: a file cannot be read, or is no robot.
+        InvalidRequest: there are no two.
+    """
+    beside = {name: one for name, one in engines_of_files().items() if not runs_elsewhere(one) and installed_version(one) is not None}
+    chosen: list[str] = []
+    for model_format in (format_of(paths[0]), format_of(paths[-1])):
+        chosen += [name for name, one in beside.items() if model_format in one.call and name not in chosen][:1]
+    if len(chosen) < 2:
+        raise InvalidRequest(f"{' and '.join(chosen) or 'no engine'} beside the harness reads the files; say by --by twice who moves them")
+    return By(chosen[0]), By(chosen[1])
 
 
 @dataclass(frozen=True)
@@ -179,7 +199,7 @@ def _given(text: str, nq: int, nv: int) -> tuple[Array, Array]:
 def _rule(robot: Robot, by: By) -> StepRule:
     own = engines_of_files()[by.engine].own_rules(read_any(robot.path, "a model").root, robot.format)
     noun = "integrator" if own else f"integrator of one's own by {by.engine}'s accelerations"
-    (rule,) = select([by.integrator], {rule.name: rule for rule in own or OWN_RULES}, noun)
+    rule, *_ = select(filter(None, [by.integrator]), {rule.name: rule for rule in own or OWN_RULES}, noun)
     return rule if by.length is None else replace(rule, length=by.length)
 
 

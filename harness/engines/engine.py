@@ -153,7 +153,7 @@ class Engine:
         return False
 
     def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
-        """The rules that the engine documents of its integrators, of a file; none of one that integrates nothing."""
+        """The rules that the engine documents of its integrators, of a file, first the file's own; none where it integrates nothing."""
         return ()
 
     def own_rules(self, root: Any, model_format: str) -> Sequence[StepRule]:

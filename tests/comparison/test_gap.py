@@ -236,7 +236,7 @@ def test_the_command_prints_the_shares_and_writes_them(two_links: Path, tmp_path
     (written,) = json.loads((tmp_path / "gap.json").read_text())["gaps"]
     assert written["start"] == {"q": [0.5, 0.1], "v": [0.0, 0.0]}
     assert sum(share["positions"] for share in written["shares"]) == pytest.approx(1.0, abs=ONE_PERCENT)
-    for wrong in (["--steps", "10"], [*by], ["--steps", "10", *by, "--by", "mujoco/RK4"]):
+    for wrong in ([*by], ["--steps", "10", *by, "--by", "mujoco/RK4"]):
         assert harness("compare", str(two_links), *wrong).returncode == 2
 
 
@@ -246,3 +246,14 @@ def test_every_rule_of_one_s_own_is_a_rule_that_an_engine_can_follow() -> None:
     assert {rule.name for rule in OWN_RULES} == {"Euler", "RK4"}
     assert all(np.isclose(sum(map(float, rule.weights)), 1.0) for rule in OWN_RULES if rule.stages)
     assert not engines_of_files()["pinocchio"].own_rules(None, "urdf")
+
+
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.parametrize(("option", "integrator"), [("", "Euler"), ('integrator="RK4" ', "RK4")])
+def test_without_by_the_first_two_engines_move_a_file_as_it_says(option: str, integrator: str, two_links: Path) -> None:
+    two_links.write_text(TWO_LINKS.replace("<option ", f"<option {option}"))
+    done = harness("compare", str(two_links), "--steps", "10")
+    assert done.returncode == 0, done.stderr
+    assert f"mujoco/{integrator}, 10 steps" in done.stdout and "pinocchio/Euler, 10 steps" in done.stdout
+    for wrong in (["--by", "mujoco/Euler"], ["--subject", "mujoco/mjcf"]):
+        assert harness("compare", str(two_links), "--steps", "10", *wrong).returncode == 2

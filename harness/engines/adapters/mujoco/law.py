@@ -110,10 +110,11 @@ def _weights(constraint: Equality) -> tuple[tuple[InverseWeight, ...], ...]:
 
 
 def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
-    """The rules of all integrators by the options of a file with this root element."""
+    """The rules of all integrators by the options of a file with this root element, first the one that the file chooses."""
     length = _time_step(root)
+    chosen = [option.get("integrator") for option in root.iterfind("option[@integrator]")][-1:]
     euler = frozenset({ImplicitPart.JOINT_DAMPERS} if is_on(root, "eulerdamp") else ())
-    return (
+    rules = (
         StepRule("Euler", length, euler),
         StepRule("RK4", length, stages=_STAGES, weights=_WEIGHTS),
         StepRule("implicit", length, _DAMPERS | {ImplicitPart.VELOCITY_TERMS}, along_branches=True),
@@ -124,3 +125,4 @@ def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
             _DAMPERS | _SPRINGS | {ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES},
         ),
     )
+    return tuple(sorted(rules, key=lambda rule: rule.name not in chosen))
