@@ -36,6 +36,14 @@ class InvalidRequest(Exception):
     """Something asked for that cannot be: a name nothing has, options that do not fit: exit status 2."""
 
 
+def message_of(error: BaseException) -> str:
+    """Message of an exception, also of one of somebody else's that cannot tell it."""
+    try:
+        return str(error)
+    except Exception as further:
+        return f"its message cannot be had: str() raises {type(further).__name__}"
+
+
 def shown_path(path: Path) -> str:
     """The path from the current directory where it lies below that."""
     relative = os.path.relpath(path)

@@ -25,6 +25,7 @@ import re
 import sys
 import traceback
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from importlib.machinery import ModuleSpec, PathFinder
@@ -32,7 +33,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from harness.errors import InvalidInput, InvalidRequest
+from harness.errors import InvalidInput, InvalidRequest, message_of
 
 
 class Stance(StrEnum):
@@ -322,7 +323,8 @@ def run_file(path: Path, name: str) -> ModuleType:
             raise CannotRun(path, None, f"is not Python: {error}") from error
         raise raised_in(path, error) from error
     finally:
-        sys.path.remove(str(path.parent))
+        with suppress(ValueError):
+            sys.path.remove(str(path.parent))
         # A helper must not answer for one of the same name in another library, nor for its own older text.
         for helper in set(sys.modules) - loaded_before:
             if Path(getattr(sys.modules[helper], "__file__", None) or "").parent == path.parent:
@@ -334,7 +336,7 @@ def run_file(path: Path, name: str) -> ModuleType:
 def raised_in(path: Path, error: BaseException) -> CannotRun:
     """``error`` with the line of ``path`` it came through."""
     line = next(reversed(_lines_run(path, error)), None)
-    return CannotRun(path, line, f"raises {type(error).__name__}: {str(error) or 'no message'}")
+    return CannotRun(path, line, f"raises {type(error).__name__}: {message_of(error) or 'no message'}")
 
 
 def _lines_run(path: Path, error: BaseException) -> list[int | None]:

@@ -21,7 +21,7 @@ from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, S
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from harness.errors import InvalidInput
+from harness.errors import InvalidInput, message_of
 from harness.workers import Outcome, Task, Workers
 from harness.workers.tasks import MORE_MEMORY
 
@@ -165,11 +165,13 @@ def is_out_of_memory(exception: BaseException | None) -> bool:
     # Of a library that Python imports it is an ImportError, of one that ctypes loads an OSError without a number, of which llvmlite
     # makes another that does not say why.
     if isinstance(exception, ImportError | OSError):
-        return any(words in str(exception) for words in ("failed to map segment", "bad_alloc", "Could not find/load shared object file"))
+        return any(
+            words in message_of(exception) for words in ("failed to map segment", "bad_alloc", "Could not find/load shared object file")
+        )
     return isinstance(exception, MemoryError)
 
 
 def sentence(exception: BaseException) -> str:
     """An exception as a sentence: kind and message, and what leaves more memory where that ran out."""
     remedy = MORE_MEMORY if is_out_of_memory(exception) else ""
-    return f"{type(exception).__name__}: {'; '.join(filter(None, [str(exception), remedy]))}"
+    return f"{type(exception).__name__}: {'; '.join(filter(None, [message_of(exception), remedy]))}"

@@ -128,9 +128,11 @@ def natives_among(library: Library, pairs: Pairs) -> list[Pair]:
 
 
 def led_together(library: Library, pairs: Pairs) -> list[list[Pair]]:
-    """The subjects of each search: those beside the harness together, and each that has an environment alone.
+    """The subjects of each search: the harness's own engines together, and each alone that has an environment or is a library's.
 
-    A search goes on where any of its subjects does badly. So the environments of a machine change no states of the others.
+    A search goes on where any of its subjects does badly. So the environments of a machine, and what a library's engines answer, change no
+    states of the others.
     """
-    beside = [pair for pair in pairs if is_beside(library, pair)]
-    return [*([beside] if beside else []), *([pair] for pair in pairs if not is_beside(library, pair))]
+    alone = [not (is_beside(library, pair) and engine_files(library)[pair.subject.engine].is_own) for pair in pairs]
+    together = [pair for pair, is_alone in zip(pairs, alone, strict=True) if not is_alone]
+    return [*([together] if together else []), *([pair] for pair, is_alone in zip(pairs, alone, strict=True) if is_alone)]

@@ -91,7 +91,7 @@ def superfluous(assignment: Assignment, is_sound: Callable[[], bool] = lambda: T
     if parts is None:
         if not is_sound():
             return []
-        examination = _Examination(load_engine(library, subject.engine), model, mechanism, _other_readers(library, subject))
+        examination = _Examination(load_engine(library, subject.engine), model, mechanism, _other_readers(subject))
         parts = sorted(examination.parts())
         write_entry(entry, msgspec.json.encode(parts).decode())
     return [SuperfluousPart(mechanism.name, str(subject), str(model.path), *part) for part in parts]
@@ -107,8 +107,9 @@ def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mech
     return cache_directory() / "superfluous" / f"{digest.hexdigest()[:40]}.json"
 
 
-def _other_readers(library: Library, subject: Subject) -> list[Engine]:
-    """The other engines that read the subject's format and are installed beside the harness."""
+def _other_readers(subject: Subject) -> list[Engine]:
+    """The harness's other engines that read the subject's format and are installed: those of a library change no other's record."""
+    library = Library.built_in()
     names = [name for name in engine_paths(library) if name != subject.engine]
     engines = [engine for name in names if subject.format in (engine := load_engine(library, name)).formats]
     return [engine for engine in engines if not runs_elsewhere(engine) and installed_version(engine) is not None]

@@ -16,7 +16,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from harness.arithmetic import KeptArithmetic
 from harness.arrays import Array
 from harness.engines.engine import Engine, require_model
 from harness.engines.files import (
@@ -30,8 +29,8 @@ from harness.engines.files import (
     file_engine,
     file_engines,
     installed_version,
-    left_behind,
     load_engine,
+    load_keeping_arithmetic,
     runs_elsewhere,
 )
 from harness.engines.interface import (
@@ -150,17 +149,13 @@ def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: 
         Unsupported: the engine cannot express the mechanism.
         InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
     """
-    source = mechanism if model is None else model
-    with KeptArithmetic() as arithmetic:
-        try:
-            loaded = load_engine(library, subject.engine).load(source, mechanism.joints, mechanism.gravity)
-        except ValueError as error:
-            if model is None:
-                raise
-            raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
-    if left := left_behind(library, subject.engine, arithmetic.left):
-        remedy = "a library that is linked with -ffast-math does that; link it without"
-        raise InvalidAnswer(f"loading it leaves {left} for everything behind it in the process: {remedy}")
+    source, engine = mechanism if model is None else model, load_engine(library, subject.engine)
+    try:
+        loaded: Model = load_keeping_arithmetic(engine, source, mechanism.joints, mechanism.gravity)
+    except ValueError as error:
+        if model is None:
+            raise
+        raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
     return loaded
 
 

@@ -8,7 +8,7 @@ import copy
 import functools
 import importlib
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -18,7 +18,8 @@ import msgspec
 
 from harness.arithmetic import KeptArithmetic
 from harness.engines.engine import Engine
-from harness.environments import environment_of, find_environments, split_name
+from harness.engines.interface import InvalidAnswer
+from harness.environments import Environment, environment_of, find_environments, split_name
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
@@ -57,12 +58,13 @@ class EngineFile(Description):
 
     Attributes:
         version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
-        elsewhere: whether it is run in an environment of its own.
+        elsewhere: whether it is run in an environment of its own. is_own: whether it is the harness's, and not a library's.
         outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
     """
 
     version: str | None = None
     elsewhere: bool = False
+    is_own: bool = True
     outcome: Outcome
 
     def too_old(self, version: str, model_format: str = "") -> str:
@@ -113,7 +115,9 @@ def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mappin
     files = {}
     for name, path in paths.items():
         described = outcomes[name].value or Description(formats=_spelt_formats(path))
-        files[name] = EngineFile(**vars(described), version=_version_beside(*described.requires), outcome=outcomes[name])
+        files[name] = EngineFile(
+            **vars(described), version=_version_beside(*described.requires), is_own=_is_own(path), outcome=outcomes[name]
+        )
     for environment in find_environments():
         # The newest comes last.
         if (file := files.get(environment.engine)) is not None and file.requires[1] == environment.distribution:
@@ -155,7 +159,7 @@ def _own_descriptions() -> dict[str, Description]:
 
 def _describe(library: Library, name: str, note: object = None) -> Description:
     """The description of an engine by its file, as a task for ``harness.workers``; raises as ``load_engine``."""
-    engine = _load_file(library, name)
+    engine = run_engine_file(_path_of(library, name), name)
     return Description(
         requires=(engine.requires[0], engine.requires[1]),
         formats=tuple(dict.fromkeys(engine.formats)),
@@ -186,34 +190,53 @@ def load_engine(library: Library, name: str) -> Engine:
         InvalidRequest: there is no such engine, or no environment of that version.
     """
     name, version = split_name(name)
-    engine = _load_file(library, name)
+    engine = _engine_of(library, name)
     if library.reads_files:
         engine = engine.for_files()
     if version or (installed_version(engine) is None and find_environments(name)):
-        # Imported late: most runs ask no such engine.
-        from harness.engines.elsewhere.interpreter import EngineElsewhere
-
-        path = _path_of(library, name)
-        module = _module_name(path) if _is_own(path) else ""
-        return cast("Engine", EngineElsewhere(engine, path, module, environment_of(name, version)))
+        return _elsewhere(engine, _path_of(library, name), environment_of(name, version))
     return engine
+
+
+def _elsewhere(engine: Any, path: Path, environment: Environment) -> Engine:
+    # Imported late: most runs ask no such engine.
+    from harness.engines.elsewhere.interpreter import EngineElsewhere
+
+    if isinstance(engine, EngineElsewhere):
+        return cast("Engine", engine.elsewhere(environment))
+    return cast("Engine", EngineElsewhere(engine, (), path, environment))
+
+
+def _engine_of(library: Library, name: str) -> Engine:
+    """The engine of a file: of the harness's own in this process, of one of a library in a process of its own."""
+    path = _path_of(library, name)
+    if _is_own(path):
+        return run_engine_file(path, name)
+    # Imported late: most runs ask no such engine.
+    from harness.engines.elsewhere.interpreter import engine_in_a_process_of_its_own
+
+    return cast("Engine", engine_in_a_process_of_its_own(path, name))
 
 
 def file_engines(library: Library) -> dict[str, Engine]:
     """The engines that files of users are handed to, by name, sorted."""
-    engines = {name: _load_file(library, name) for name in engine_paths(library)}
+    engines = {name: _engine_of(library, name) for name in engine_paths(library)}
     return {name: engine for name, engine in engines.items() if engine.call}
 
 
 def file_engine(library: Library, name: str) -> Engine:
     """Such an engine, or a version of it, ``engine@version``, by whose name it goes then; what it says of itself needs no environment."""
-    engine = copy.copy(_load_file(library, split_name(name)[0]))
+    engine = copy.copy(_engine_of(library, split_name(name)[0]))
     engine.name = name
     return engine
 
 
-def _load_file(library: Library, name: str) -> Engine:
-    path = _path_of(library, name)
+def run_engine_file(path: Path, name: str) -> Engine:
+    """``ENGINE`` of an engine file, which is run in this process, under that name.
+
+    Raises:
+        InvalidInput: the file raises, defines no ``ENGINE``, or one that is no ``Engine``.
+    """
     with KeptArithmetic() as arithmetic:
         module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
     engine: Engine | None = getattr(module, "ENGINE", None)
@@ -223,22 +246,28 @@ def _load_file(library: Library, name: str) -> Engine:
         raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
     assert engine is not None
     engine.name = name
-    left_behind(library, name, arithmetic.left)
+    _LEFT_BEHIND[name] = _LEFT_BEHIND.get(name) or arithmetic.left
     return engine
 
 
-# By engine file.
-_LEFT_BEHIND: dict[Path, str] = {}
+# What the file of an engine, or loading a model, has made of the arithmetic of this process, in words as ``KeptArithmetic`` has them. A
+# library changes it once in a process, when it is loaded itself.
+_LEFT_BEHIND: dict[str, str] = {}
 
 
-def left_behind(library: Library, name: str, now: str) -> str:
-    """What an engine's file, or loading a model, has made of the arithmetic of this process, in words as ``KeptArithmetic`` has them.
+def load_keeping_arithmetic(engine: Engine, source: Any, joints: Sequence[str], gravity: float) -> Any:
+    """What ``engine.load`` returns; raises what it raises.
 
-    ``now`` is the latest. A library changes it once in a process, when it is loaded itself.
+    Raises:
+        InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
     """
-    path = _path_of(library, split_name(name)[0])
-    _LEFT_BEHIND[path] = _LEFT_BEHIND.get(path) or now
-    return _LEFT_BEHIND[path]
+    with KeptArithmetic() as arithmetic:
+        loaded = engine.load(source, joints, gravity)
+    _LEFT_BEHIND[engine.name] = _LEFT_BEHIND.get(engine.name) or arithmetic.left
+    if left := _LEFT_BEHIND[engine.name]:
+        remedy = "a library that is linked with -ffast-math does that; link it without"
+        raise InvalidAnswer(f"loading it leaves {left} for everything behind it in the process: {remedy}")
+    return loaded
 
 
 def _path_of(library: Library, name: str) -> Path:

@@ -32,7 +32,7 @@ Vectors are along the world's axes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -222,11 +222,7 @@ def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[
     asked = getattr(model, method, None)
     if asked is None:
         raise NotOffered(f"the engine offers no {method.replace('_', ' ')}")
-    copies = [np.array(one) if isinstance(one, np.ndarray) else one for one in arguments]
-    with KeptArithmetic() as arithmetic:
-        answer: Any = asked(*copies)
-    if arithmetic.left:
-        raise InvalidAnswer(f"{method} leaves {arithmetic.left} for everything behind it in the process")
+    answer = called(method, asked, [np.array(one) if isinstance(one, np.ndarray) else one for one in arguments])
     if not isinstance(answer, np.ndarray):
         found = f"a {type(answer).__name__}"
     elif answer.shape != shape or not np.issubdtype(answer.dtype, np.floating):
@@ -234,6 +230,19 @@ def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[
     else:
         return np.asarray(answer)
     raise InvalidAnswer(f"{method} returned {found}; expected an array of shape {shape} of float64")
+
+
+def called(method: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+    """What a method of an engine or its model, which is called ``method``, returns.
+
+    Raises:
+        InvalidAnswer: it leaves other arithmetic behind.
+    """
+    with KeptArithmetic() as arithmetic:
+        answer = function(*arguments)
+    if arithmetic.left:
+        raise InvalidAnswer(f"{method} leaves {arithmetic.left} for everything behind it in the process")
+    return answer
 
 
 def audit(loaded: LoadedModel | None, model: ModelFile | None, mechanism: Mechanism) -> None:

@@ -108,7 +108,7 @@ def test_a_body_that_only_another_reader_needs_is_not_superfluous(tmp_path: Path
     monkeypatch.setattr(superfluous_parts, "write_entry", lambda path, text: None)
     assignment = four_bar(tmp_path, MUJOCO)
     assert superfluous(assignment) == []
-    monkeypatch.setattr(superfluous_parts, "_other_readers", lambda library, subject: [])
+    monkeypatch.setattr(superfluous_parts, "_other_readers", lambda subject: [])
     assert [part.why for part in superfluous(assignment)] == ["moves nothing; remove it and keep what is inside"]
 
 

@@ -16,7 +16,8 @@ from catalogue import PLAIN, TREES
 from studies import silent
 from support import completed
 
-from harness.engines import EQUATIONS, Subject, load_engine, select_subjects, subjects
+from harness.engines import EQUATIONS, Subject, engine_paths, load_engine, select_subjects, subjects
+from harness.engines.files import run_engine_file
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard.atlas import AtlasStudy, HardExpectation, Key, judged, load_hard_expectations
 from harness.hard.cases import hard_cases
@@ -176,7 +177,7 @@ def _judge_flipped(planted: Library, system: Sampled) -> None:
     states = system.states
     assert set(system.judge(planted, "sound").verdicts) <= {"agrees", "unstable"}
     verdicts = system.judge(planted, "flipped").verdicts
-    model = load_engine(planted, "flipped").load(system.mechanism, (), 0.0)
+    model = run_engine_file(engine_paths(planted)["flipped"], "flipped").load(system.mechanism, (), 0.0)
     scope = model.forward_dynamics.__globals__  # type: ignore[attr-defined]
     found = scope["coriolis_term"](system.mechanism, model.terms, states.q)  # type: ignore[attr-defined]
     if found is None:

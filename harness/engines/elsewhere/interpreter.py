@@ -1,18 +1,24 @@
-"""Engines in environments of their own: the interpreter of one, one for each process that asks it, and the models it holds.
+"""Engines in processes of their own: the interpreter of one, one for each process that asks it, and the models it holds.
+
+An engine of another version, or that is not installed beside the harness, is run by the interpreter of its environment. The engine file
+of a library is run by one of this Python's: whatever it does to its process, no other engine and no truth is asked there.
 
 No library does this: execnet hides the exit status and standard error of a process, which name its death; see ``harness.workers.local``.
 """
 
 from __future__ import annotations
 
+import copy
 import functools
 import os
 import signal
 import subprocess
+import sys
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from multiprocessing import Pipe
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 from harness.engines.elsewhere.transport import dumps, loads
@@ -22,7 +28,7 @@ from harness.files.model_file import ModelFile
 from harness.workers.program import is_worker
 
 if TYPE_CHECKING:
-    from harness.engines import Engine, Model
+    from harness.engines import Model
     from harness.programs.mechanisms.mechanism import Mechanism
 
 # Never imported here: it is a program of the environment's interpreter.
@@ -36,26 +42,32 @@ class EngineDied(Exception):
 
 
 class Interpreter:
-    """A process of an environment's own Python. What it writes to standard output and error goes to this process's standard error.
+    """A process of an environment's own Python, or of this one's. What it writes to standard output and error goes to this process's
+    standard error.
 
     Attributes:
         seconds: that it has spent on answers, without the way there and back.
+        said: attributes and methods of its engine, once they have been asked for.
     """
 
-    def __init__(self, environment: Environment) -> None:
+    def __init__(self, name: str, environment: Environment | None) -> None:
         self.seconds = 0.0
-        self._environment = environment
+        self.said: tuple[dict[str, Any], list[str]] | None = None
+        self._name = name
         self._forgotten: list[int] = []
         self._connection, theirs = Pipe()
-        variables = {name: value for name, value in os.environ.items() if name not in _LEFT_OUT}
+        variables = {name: value for name, value in os.environ.items() if environment is None or name not in _LEFT_OUT}
+        python = [sys.executable, "-P"] if environment is None else [environment.interpreter, "-P", "-s"]
         with theirs:
             self._process = subprocess.Popen(
-                [environment.interpreter, "-P", "-s", _SERVER, str(theirs.fileno())],
+                [*python, _SERVER, str(theirs.fileno())],
                 stdin=subprocess.DEVNULL,
                 stdout=2,
                 pass_fds=[theirs.fileno()],
                 env=variables,
             )
+        if environment is None:
+            self.ask("share", sys.path)
 
     def call(self, number: int, method: str, *arguments: Any) -> Any:
         """What a method of a model returns, or raises.
@@ -93,19 +105,19 @@ class Interpreter:
             os.kill(os.getpid(), -status)
         if is_worker():
             os._exit(status)
-        raise EngineDied(f"{self._environment.name} ended its process with status {status}")
+        raise EngineDied(f"{self._name} ended its process with status {status}")
 
 
-# By folder: another cache directory has other environments of the same names.
-_RUNNING: dict[Path, Interpreter] = {}
+# By the folder of an environment, of which another cache directory has others of the same names; or by an engine file and its time.
+_RUNNING: dict[object, Interpreter] = {}
 
 
-def interpreter_of(environment: Environment) -> Interpreter:
-    """The interpreter of an environment in this process, started at the first call."""
-    folder = environment.folder
-    if folder not in _RUNNING:
-        _RUNNING[folder] = Interpreter(environment)
-    return _RUNNING[folder]
+def _interpreter_of(path: Path, name: str, environment: Environment | None) -> Interpreter:
+    """The interpreter of an environment, or of this Python for an engine file, in this process; started at the first call."""
+    key = (path, path.stat().st_mtime_ns) if environment is None else environment.folder
+    if key not in _RUNNING:
+        _RUNNING[key] = Interpreter(name if environment is None else environment.name, environment)
+    return _RUNNING[key]
 
 
 class DistantModel:
@@ -135,25 +147,54 @@ class DistantModel:
 
 
 class EngineElsewhere:
-    """An ``Engine`` whose models are loaded by the interpreter of an environment; what else it says is said by its engine file here."""
+    """An ``Engine`` whose models are loaded by the interpreter of an environment, or by another one of this Python for None.
 
-    def __init__(self, engine: Engine, path: Path, module: str, environment: Environment) -> None:
-        self.requires, self.formats = engine.requires, engine.formats
-        self.environment = environment
-        self._engine, self._file = engine, (str(path), module, environment.engine)
+    Args:
+        said: what has the attributes of the engine. methods: those that are called there; the others are methods of ``said``.
+        path: of the engine file.
+    """
+
+    def __init__(self, said: Any, methods: Collection[str], path: Path, environment: Environment | None) -> None:
+        self.environment, self.linear_velocity_in_body = environment, said.linear_velocity_in_body
+        self._said, self._methods, self._path = said, methods, path
+
+    @property
+    def _interpreter(self) -> Interpreter:
+        return _interpreter_of(self._path, self._said.name, self.environment)
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
         """See ``harness.engines.Engine``; raises what the engine file raises."""
-        interpreter = interpreter_of(self.environment)
-        number, attributes, methods = interpreter.ask("load", *self._file, (handed_over(source), joints, gravity))
+        interpreter = self._interpreter
+        number, attributes, methods = interpreter.ask("load", str(self._path), self._said.name, (handed_over(source), joints, gravity))
         return cast("Model", DistantModel(interpreter, number, attributes, methods))
 
     def evaluate(self, method: str, *arguments: Any) -> Any:
-        """What a method of the engine file's ``ENGINE`` returns in the environment, or raises there."""
-        return interpreter_of(self.environment).ask("evaluate", *self._file, method, arguments)
+        """What a method of the engine file's ``ENGINE`` returns there, or raises."""
+        return self._interpreter.ask("evaluate", str(self._path), self._said.name, method, arguments)
+
+    def for_files(self) -> EngineElsewhere:
+        """See ``harness.engines.Engine``."""
+        other = copy.copy(self)
+        other.linear_velocity_in_body = False
+        return other
+
+    def elsewhere(self, environment: Environment) -> EngineElsewhere:
+        """The same, run by an environment."""
+        other = copy.copy(self)
+        other.environment = environment
+        return other
 
     def __getattr__(self, name: str) -> Any:
         # Copies and pickles ask before ``__init__`` has run.
         if name.startswith("_"):
             raise AttributeError(name)
-        return getattr(self._engine, name)
+        return functools.partial(self.evaluate, name) if name in self._methods else getattr(self._said, name)
+
+
+def engine_in_a_process_of_its_own(path: Path, name: str) -> EngineElsewhere:
+    """The engine of a library's engine file, of which this process runs nothing; raises as ``harness.engines.files.run_engine_file``."""
+    interpreter = _interpreter_of(path, name, None)
+    if interpreter.said is None:
+        interpreter.said = interpreter.ask("declared", str(path), name)
+    attributes, methods = interpreter.said
+    return EngineElsewhere(SimpleNamespace(**attributes), methods, path, None)

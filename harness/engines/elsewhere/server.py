@@ -1,13 +1,13 @@
-"""The program of an environment's interpreter: loads models into its engine and answers calls of their methods.
+"""The program of an engine's own interpreter: loads models into its engine and answers calls of their methods.
 
-The harness runs this file by its path. The environment has no harness installed; the folder that this file is in stands for the package.
+The harness runs this file by its path. An environment has no harness installed; the folder that this file is in stands for the package.
 
 Arguments: a file descriptor, on which requests come and answers go.
 """
 
 from __future__ import annotations
 
-import importlib
+import contextlib
 import importlib.util
 import sys
 import time
@@ -21,41 +21,78 @@ _PACKAGE = Path(__file__).resolve().parents[2]
 
 
 class Server:
-    """The models that are loaded, by number."""
+    """The engine of each file, and the models that are loaded, by number.
+
+    Attributes:
+        shares: whether the program of the engine is the one beside the harness, and no other version of it.
+    """
 
     def __init__(self) -> None:
+        self.shares = False
+        self._engines: dict[str, Any] = {}
         self._models: dict[int, Any] = {}
         self._loaded = 0
 
-    def load(self, path: str, module: str, name: str, arguments: Sequence[Any]) -> tuple[int, dict[str, Any], list[str]]:
-        """Number, plain attributes and methods of the model that ``ENGINE.load`` of an engine file returns.
+    def share(self, search_path: Sequence[str]) -> None:
+        """Find what the harness finds."""
+        self.shares = True
+        sys.path[:] = search_path
 
-        Args:
-            path: of the engine file. module: its name among the harness's own modules, "" for a file of a library.
-            name: of the engine.
-        """
-        model = self.evaluate(path, module, name, "load", arguments)
+    def declared(self, path: str, name: str) -> tuple[dict[str, Any], list[str]]:
+        """Plain attributes and methods of the ``ENGINE`` of an engine file."""
+        attributes, methods = _public(self._engine(path, name), object)
+        return {one: value for one, value in attributes.items() if _passes(value)}, methods
+
+    def load(self, path: str, name: str, arguments: Sequence[Any]) -> tuple[int, dict[str, Any], list[str]]:
+        """Number, plain attributes and methods of the model that ``ENGINE.load`` of the engine file of an engine returns."""
+        from harness.engines.files import load_keeping_arithmetic
+
+        model = load_keeping_arithmetic(self._engine(path, name), *arguments)
         self._loaded += 1
         self._models[self._loaded] = model
-        public = [name for name in dir(type(model)) if not name.startswith("_")]
-        plain = {name: value for name, value in vars(model).items() if isinstance(value, bool | int | float | str)}
-        plain |= {name: value for name in public if isinstance(value := getattr(type(model), name), bool | int | float | str)}
-        return self._loaded, plain, [name for name in public if callable(getattr(type(model), name))]
+        return self._loaded, *_public(model, bool | int | float | str)
 
-    def evaluate(self, path: str, module: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
-        """What a method of the ``ENGINE`` of an engine file returns; the file as of ``load``."""
-        from harness.library import run_file
-
-        engine = (importlib.import_module(module) if module else run_file(Path(path), f"_harness_engine_{name}")).ENGINE
-        engine.name = name
-        return getattr(engine, method)(*arguments)
+    def evaluate(self, path: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
+        """What a method of the ``ENGINE`` of an engine file returns."""
+        return getattr(self._engine(path, name), method)(*arguments)
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
-        return getattr(self._models[number], method)(*arguments)
+        from harness.engines.interface import called
+
+        return called(method, getattr(self._models[number], method), arguments)
 
     def forget(self, numbers: Collection[int]) -> None:
         for number in numbers:
             self._models.pop(number, None)
+
+    def _engine(self, path: str, name: str) -> Any:
+        from harness.engines.files import run_engine_file
+
+        if path not in self._engines:
+            self._engines[path] = run_engine_file(Path(path), name)
+        return self._engines[path]
+
+
+def _public(found: Any, kinds: Any) -> tuple[dict[str, Any], list[str]]:
+    """Public attributes of these kinds, and names of public methods; what cannot be had is left out."""
+    values = {}
+    for name in dir(found):
+        with contextlib.suppress(Exception):
+            if not name.startswith("_"):
+                values[name] = getattr(found, name)
+    methods = [name for name, value in values.items() if callable(value)]
+    return {name: value for name, value in values.items() if isinstance(value, kinds) and name not in methods}, methods
+
+
+def _passes(value: Any) -> bool:
+    """Whether a value can be passed on."""
+    from harness.engines.elsewhere.transport import dumps
+
+    try:
+        dumps(value)
+    except Exception:
+        return False
+    return True
 
 
 def main(descriptor: int) -> None:
@@ -78,7 +115,8 @@ def main(descriptor: int) -> None:
             value = getattr(server, method)(*arguments)
             answer = dumps((True, value, time.perf_counter() - started))
         except Exception as error:
-            answer = dumps((False, portable(_missing_interface(error) or error), 0.0))
+            missing = None if server.shares else _missing_interface(error)
+            answer = dumps((False, portable(missing or error), 0.0))
         connection.send_bytes(answer)
 
 

@@ -1,4 +1,4 @@
-"""What passes between the harness and the interpreter of an environment, as bytes that both can read.
+"""What passes between the harness and the interpreter of an engine, as bytes that both can read.
 
 Both have this package's sources, and may have different versions of NumPy, which do not read each other's pickles.
 """
@@ -6,11 +6,14 @@ Both have this package's sources, and may have different versions of NumPy, whic
 from __future__ import annotations
 
 import builtins
+import contextlib
 import io
 import pickle
 from typing import Any
 
 import numpy as np
+
+from harness.errors import message_of
 
 
 def dumps(value: Any) -> bytes:
@@ -26,18 +29,21 @@ def loads(content: bytes) -> Any:
 
 
 def portable(error: Exception) -> Exception:
-    """An exception that the other side can read: classes of an engine become the class of Python's own that they derive from."""
+    """An exception that the other side can read: a class of an engine becomes one of its name that derives from Python's own."""
     kind = type(error)
     if kind.__module__.partition(".")[0] == __name__.partition(".")[0] or kind.__module__ == builtins.__name__:
-        try:
+        with contextlib.suppress(Exception):
             loads(dumps(error))
-        except Exception:
-            return RuntimeError(f"{kind.__name__}: {error}")
-        return error
+            return error
     known = next(base for base in kind.__mro__ if base.__module__ == builtins.__name__)
     # The constructors of some take several arguments, as that of UnicodeDecodeError.
     made = known if known in (ValueError, TypeError, RuntimeError, MemoryError, ImportError, NotImplementedError) else RuntimeError
-    return made(f"{kind.__name__}: {error}")
+    return _raised(made, kind.__name__, message_of(error))
+
+
+def _raised(base: type[Exception], name: str, message: str) -> Exception:
+    found: Exception = type(name, (base,), {"__reduce__": lambda self: (_raised, (base, name, message))})(message)
+    return found
 
 
 class _Pickler(pickle.Pickler):
