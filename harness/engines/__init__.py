@@ -17,10 +17,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from harness.arrays import Array
-from harness.engines.engine import Engine, require_model
+from harness.engines.engine import EQUATIONS, FORMATS, Engine, load_keeping_arithmetic, require_model
 from harness.engines.files import (
-    EQUATIONS,
-    FORMATS,
     LOADING_SECONDS,
     EngineFile,
     describe_engines,
@@ -30,7 +28,6 @@ from harness.engines.files import (
     file_engines,
     installed_version,
     load_engine,
-    load_keeping_arithmetic,
     runs_elsewhere,
 )
 from harness.engines.interface import (

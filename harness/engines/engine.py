@@ -1,10 +1,13 @@
-"""The interface of an engine: what an engine file says of it, and how it loads a file."""
+"""The interface of an engine: what an engine file says of it, how it loads a file, and how an engine file is run."""
 
 from __future__ import annotations
 
 import copy
+import importlib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
+from weakref import WeakKeyDictionary
 
 from harness.arithmetic import KeptArithmetic
 from harness.engines.interface import CompiledNumber, InvalidAnswer, Unsupported
@@ -12,17 +15,24 @@ from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
+from harness.errors import InvalidInput
 from harness.files.equalities import Equality
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import ConstraintLaw, StepRule
+from harness.library import MODEL_SUFFIXES, run_file
 
 if TYPE_CHECKING:
     from harness.engines import Model
     from harness.environments import Environment
     from harness.programs.mechanisms.mechanism import Mechanism
 
+EQUATIONS = "equations"
+FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
 # Joints in a message.
 MOST_NAMED = 4
+_PACKAGE = Path(__file__).resolve().parents[1]
+# Of an engine that is a folder, the file that defines it.
+FOLDER = "__init__.py"
 
 
 class Engine:
@@ -178,3 +188,71 @@ def require_model(source: Any, engine: str) -> ModelFile:
     if not isinstance(source, ModelFile):
         raise TypeError(f"{engine} reads model files, not {type(source).__name__}")
     return source
+
+
+def is_own_file(path: Path) -> bool:
+    return path.is_relative_to(_PACKAGE)
+
+
+def _module_name(path: Path) -> str:
+    own = path.parent if path.name == FOLDER else path.with_suffix("")
+    return ".".join([_PACKAGE.name, *own.relative_to(_PACKAGE).parts])
+
+
+def run_engine_file(path: Path, name: str) -> Engine:
+    """``ENGINE`` of an engine file, which is run in this process, under that name.
+
+    Raises:
+        InvalidInput: the file raises, defines no ``ENGINE``, or one that is no ``Engine``.
+    """
+    with KeptArithmetic() as arithmetic:
+        module = importlib.import_module(_module_name(path)) if is_own_file(path) else run_file(path, f"_harness_engine_{name}")
+    engine: Engine | None = getattr(module, "ENGINE", None)
+    if problem := _problem_of(engine):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        line = next((number for number, text in enumerate(lines, start=1) if text.startswith("ENGINE")), None)
+        raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
+    assert engine is not None
+    engine.name = name
+    _left_behind(engine, arithmetic.left)
+    return engine
+
+
+_LEFT_BEHIND: WeakKeyDictionary[type, str] = WeakKeyDictionary()
+
+
+def _left_behind(engine: Engine, now: str) -> str:
+    """What the file of an engine, or loading a model, has made of the arithmetic of this process, in words as ``KeptArithmetic`` has them.
+
+    ``now`` is the latest. A library changes it once in a process, when it is loaded itself.
+    """
+    left = _LEFT_BEHIND[type(engine)] = _LEFT_BEHIND.get(type(engine)) or now
+    return left
+
+
+def load_keeping_arithmetic(engine: Engine, source: Any, joints: Sequence[str], gravity: float) -> Any:
+    """What ``engine.load`` returns; raises what it raises.
+
+    Raises:
+        InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
+    """
+    with KeptArithmetic() as arithmetic:
+        loaded = engine.load(source, joints, gravity)
+    if left := _left_behind(engine, arithmetic.left):
+        remedy = "a library that is linked with -ffast-math does that; link it without"
+        raise InvalidAnswer(f"loading it leaves {left} for everything behind it in the process: {remedy}")
+    return loaded
+
+
+def _problem_of(engine: Any) -> str:
+    """Why ``ENGINE`` is no ``Engine``; "" where it is one."""
+    if engine is None:
+        return "defines no ENGINE"
+    if not isinstance(engine, Engine):
+        return f"ENGINE is a {type(engine).__name__}, expected an object of a class that derives from harness.engines.Engine"
+    requires, formats = engine.requires, engine.formats
+    if not (isinstance(requires, tuple | list) and len(requires) == 2 and all(isinstance(name, str) and name for name in requires)):
+        return f'ENGINE has requires = {requires!r}; expected the names of the module and of the distribution, as ("mujoco", "mujoco")'
+    if not (isinstance(formats, tuple | list) and formats and all(name in FORMATS for name in formats)):
+        return f'ENGINE has formats = {formats!r}; expected one or more of {", ".join(FORMATS)}, as ("mjcf",)'
+    return ""

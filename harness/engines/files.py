@@ -8,7 +8,7 @@ import copy
 import functools
 import importlib
 import importlib.util
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -16,23 +16,16 @@ from typing import Any, cast
 
 import msgspec
 
-from harness.arithmetic import KeptArithmetic
-from harness.engines.engine import Engine
-from harness.engines.interface import InvalidAnswer
+from harness.engines.engine import FOLDER, FORMATS, Engine, is_own_file, run_engine_file
 from harness.environments import Environment, environment_of, find_environments, split_name
-from harness.errors import InvalidInput, InvalidRequest
-from harness.library import MODEL_SUFFIXES, Library, nearest, run_file
+from harness.errors import InvalidRequest
+from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 from harness.version import version_of
 from harness.workers import Outcome, Task, Workers
 
-EQUATIONS = "equations"
-FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
 # Longest that an engine file may take to be loaded, which is an import and no more, where a command's tasks may take hours.
 LOADING_SECONDS = 600.0
-_PACKAGE = Path(__file__).resolve().parents[1]
-# Of an engine that is a folder, the file that defines it.
-_FOLDER = "__init__.py"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +87,7 @@ def engine_paths(library: Library) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for folder in _folders_of(library):
         found |= {path.stem: path for path in folder.glob("*.py") if not path.stem.startswith("_")}
-        found |= {path.parent.name: path for path in folder.glob(f"*/{_FOLDER}")}
+        found |= {path.parent.name: path for path in folder.glob(f"*/{FOLDER}")}
     return dict(sorted(found.items()))
 
 
@@ -107,7 +100,7 @@ def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mappin
     paths = engine_paths(library)
     tasks = {name: Task(name, _describe, (library, name)) for name in paths}
     own = _own_descriptions()
-    outcomes = {name: Outcome(task, own[name]) for name, task in tasks.items() if _is_own(paths[name])}
+    outcomes = {name: Outcome(task, own[name]) for name, task in tasks.items() if is_own_file(paths[name])}
     if foreign := [task for name, task in tasks.items() if name not in outcomes]:
         made = workers()
         with replace(made, time_limit=min(made.time_limit, LOADING_SECONDS)) as loading:
@@ -116,7 +109,7 @@ def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mappin
     for name, path in paths.items():
         described = outcomes[name].value or Description(formats=_spelt_formats(path))
         files[name] = EngineFile(
-            **vars(described), version=_version_beside(*described.requires), is_own=_is_own(path), outcome=outcomes[name]
+            **vars(described), version=_version_beside(*described.requires), is_own=is_own_file(path), outcome=outcomes[name]
         )
     for environment in find_environments():
         # The newest comes last.
@@ -136,15 +129,6 @@ def engine_files(library: Library) -> Mapping[str, EngineFile]:
     if library.engines not in _DESCRIBED:
         describe_engines(library, Workers)
     return _DESCRIBED[library.engines]
-
-
-def _is_own(path: Path) -> bool:
-    return path.is_relative_to(_PACKAGE)
-
-
-def _module_name(path: Path) -> str:
-    own = path.parent if path.name == _FOLDER else path.with_suffix("")
-    return ".".join([_PACKAGE.name, *own.relative_to(_PACKAGE).parts])
 
 
 def _own_descriptions() -> dict[str, Description]:
@@ -210,7 +194,7 @@ def _elsewhere(engine: Any, path: Path, environment: Environment) -> Engine:
 def _engine_of(library: Library, name: str) -> Engine:
     """The engine of a file: of the harness's own in this process, of one of a library in a process of its own."""
     path = _path_of(library, name)
-    if _is_own(path):
+    if is_own_file(path):
         return run_engine_file(path, name)
     # Imported late: most runs ask no such engine.
     from harness.engines.elsewhere.interpreter import engine_in_a_process_of_its_own
@@ -231,45 +215,6 @@ def file_engine(library: Library, name: str) -> Engine:
     return engine
 
 
-def run_engine_file(path: Path, name: str) -> Engine:
-    """``ENGINE`` of an engine file, which is run in this process, under that name.
-
-    Raises:
-        InvalidInput: the file raises, defines no ``ENGINE``, or one that is no ``Engine``.
-    """
-    with KeptArithmetic() as arithmetic:
-        module = importlib.import_module(_module_name(path)) if _is_own(path) else run_file(path, f"_harness_engine_{name}")
-    engine: Engine | None = getattr(module, "ENGINE", None)
-    if problem := _problem_of(engine):
-        lines = path.read_text(encoding="utf-8").splitlines()
-        line = next((number for number, text in enumerate(lines, start=1) if text.startswith("ENGINE")), None)
-        raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
-    assert engine is not None
-    engine.name = name
-    _LEFT_BEHIND[name] = _LEFT_BEHIND.get(name) or arithmetic.left
-    return engine
-
-
-# What the file of an engine, or loading a model, has made of the arithmetic of this process, in words as ``KeptArithmetic`` has them. A
-# library changes it once in a process, when it is loaded itself.
-_LEFT_BEHIND: dict[str, str] = {}
-
-
-def load_keeping_arithmetic(engine: Engine, source: Any, joints: Sequence[str], gravity: float) -> Any:
-    """What ``engine.load`` returns; raises what it raises.
-
-    Raises:
-        InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
-    """
-    with KeptArithmetic() as arithmetic:
-        loaded = engine.load(source, joints, gravity)
-    _LEFT_BEHIND[engine.name] = _LEFT_BEHIND.get(engine.name) or arithmetic.left
-    if left := _LEFT_BEHIND[engine.name]:
-        remedy = "a library that is linked with -ffast-math does that; link it without"
-        raise InvalidAnswer(f"loading it leaves {left} for everything behind it in the process: {remedy}")
-    return loaded
-
-
 def _path_of(library: Library, name: str) -> Path:
     """The file of the engine called ``name``, without a look at the others: each question to an engine comes here.
 
@@ -278,27 +223,13 @@ def _path_of(library: Library, name: str) -> Path:
     """
     if name.isidentifier() and not name.startswith("_"):
         for folder in reversed(_folders_of(library)):
-            for path in (folder / f"{name}.py", folder / name / _FOLDER):
+            for path in (folder / f"{name}.py", folder / name / FOLDER):
                 if path.is_file():
                     return path
     paths = engine_paths(library)
     if name not in paths:
         raise InvalidRequest(f"no engine is called {name!r}; {nearest(name, paths)}")
     return paths[name]
-
-
-def _problem_of(engine: Any) -> str:
-    """Why ``ENGINE`` is no ``Engine``; "" where it is one."""
-    if engine is None:
-        return "defines no ENGINE"
-    if not isinstance(engine, Engine):
-        return f"ENGINE is a {type(engine).__name__}, expected an object of a class that derives from harness.engines.Engine"
-    requires, formats = engine.requires, engine.formats
-    if not (isinstance(requires, tuple | list) and len(requires) == 2 and all(isinstance(name, str) and name for name in requires)):
-        return f'ENGINE has requires = {requires!r}; expected the names of the module and of the distribution, as ("mujoco", "mujoco")'
-    if not (isinstance(formats, tuple | list) and formats and all(name in FORMATS for name in formats)):
-        return f'ENGINE has formats = {formats!r}; expected one or more of {", ".join(FORMATS)}, as ("mjcf",)'
-    return ""
 
 
 def runs_elsewhere(engine: Engine) -> bool:

@@ -17,7 +17,7 @@ from studies import silent
 from support import completed
 
 from harness.engines import EQUATIONS, Subject, engine_paths, load_engine, select_subjects, subjects
-from harness.engines.files import run_engine_file
+from harness.engines.engine import run_engine_file
 from harness.errors import InvalidInput, InvalidRequest
 from harness.hard.atlas import AtlasStudy, HardExpectation, Key, judged, load_hard_expectations
 from harness.hard.cases import hard_cases

@@ -192,7 +192,7 @@ class EngineElsewhere:
 
 
 def engine_in_a_process_of_its_own(path: Path, name: str) -> EngineElsewhere:
-    """The engine of a library's engine file, of which this process runs nothing; raises as ``harness.engines.files.run_engine_file``."""
+    """The engine of a library's engine file, of which this process runs nothing; raises as ``harness.engines.engine.run_engine_file``."""
     interpreter = _interpreter_of(path, name, None)
     if interpreter.said is None:
         interpreter.said = interpreter.ask("declared", str(path), name)

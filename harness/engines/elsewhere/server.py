@@ -45,7 +45,7 @@ class Server:
 
     def load(self, path: str, name: str, arguments: Sequence[Any]) -> tuple[int, dict[str, Any], list[str]]:
         """Number, plain attributes and methods of the model that ``ENGINE.load`` of the engine file of an engine returns."""
-        from harness.engines.files import load_keeping_arithmetic
+        from harness.engines.engine import load_keeping_arithmetic
 
         model = load_keeping_arithmetic(self._engine(path, name), *arguments)
         self._loaded += 1
@@ -66,7 +66,7 @@ class Server:
             self._models.pop(number, None)
 
     def _engine(self, path: str, name: str) -> Any:
-        from harness.engines.files import run_engine_file
+        from harness.engines.engine import run_engine_file
 
         if path not in self._engines:
             self._engines[path] = run_engine_file(Path(path), name)
