@@ -20,6 +20,8 @@ OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--remote-debugging-pipe",
 )  # fmt: skip
+REFUSALS = """window.refused = [];
+    document.addEventListener("securitypolicyviolation", event => refused.push([event.effectiveDirective, event.blockedURI]))"""
 # True in a page whose charts are all drawn.
 DRAWN = """(places => !places.length || window.Bokeh && Object.keys(Bokeh.index).length >= places.length)(
     document.querySelectorAll("[data-root-id]"))"""
@@ -44,6 +46,7 @@ class Browser:
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self._call("Page.enable")
+        self._call("Page.addScriptToEvaluateOnNewDocument", source=REFUSALS)
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -76,6 +79,10 @@ class Browser:
                     return
             time.sleep(0.05)
         raise TimeoutError(f"the page does not settle: {script}")
+
+    def refusals(self) -> list[list[str]]:
+        """Directive and source of everything that the policy of the page has refused so far."""
+        return list(self.run("window.refused"))
 
     def press(self, key: str, code: int) -> None:
         """Press and release a key, by its name and its Windows key code."""

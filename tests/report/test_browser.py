@@ -43,6 +43,12 @@ def page(request: pytest.FixtureRequest, folder: Path) -> Path:
     return folder / request.param
 
 
+@pytest.mark.nightly
+def test_a_page_does_nothing_that_its_policy_refuses(browser: Browser, page: Path) -> None:
+    browser.show(page, 1280, "light", DRAWN)
+    assert browser.refusals() == []
+
+
 # Whatever a click opens is looked at too.
 OPEN = "document.querySelectorAll('details').forEach(part => part.open = true)"
 
@@ -68,7 +74,10 @@ def test_a_page_can_be_read_by_everybody(browser: Browser, page: Path, width: in
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(("name", "least"), [("index.html", 2), ("mechanisms/collar.html", 5), ("benchmark.html", 2), ("hard.html", 2)])
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [("differences.html", 1), ("changes.html", 1), ("mechanisms/collar.html", 5), ("benchmark.html", 2), ("hard.html", 2)],
+)
 def test_charts_are_drawn_in_the_browser(browser: Browser, folder: Path, name: str, least: int) -> None:
     browser.show(folder / "whole" / name, 1400, "light", DRAWN)
     assert browser.run("document.querySelectorAll('[data-root-id]').length") >= least
@@ -115,15 +124,15 @@ def test_a_filter_stands_in_the_address_which_brings_it_back(browser: Browser, i
 
 @pytest.mark.nightly
 def test_arrow_keys_go_from_cell_to_cell_and_the_address_leads_back_to_it(browser: Browser, index: Path) -> None:
-    browser.run("document.querySelector('#cell-arm_2r--lagrange a').focus()")
+    browser.run("document.querySelector('#cell-arm_2r--mujoco-mjcf a').focus()")
     for key, code in (("ArrowDown", 40), ("ArrowRight", 39)):
         browser.press(key, code)
     focused = "document.activeElement.closest('td')?.id"
-    assert browser.run(focused) == "cell-bar_pendulum--mujoco-mjcf"
+    assert browser.run(focused) == "cell-bar_pendulum--pinocchio-urdf"
     fragment = browser.run("location.hash")
-    assert "cell=cell-bar_pendulum--mujoco-mjcf" in fragment
+    assert "cell=cell-bar_pendulum--pinocchio-urdf" in fragment
     browser.show(index, 390, "light", DRAWN, fragment)
-    assert browser.run(focused) == "cell-bar_pendulum--mujoco-mjcf"
+    assert browser.run(focused) == "cell-bar_pendulum--pinocchio-urdf"
     place = browser.run("(box => [box.top, box.bottom, innerHeight])(document.activeElement.getBoundingClientRect())")
     assert 0 <= place[0] < place[1] <= place[2]
     browser.press("ArrowLeft", 37)
@@ -142,14 +151,14 @@ def test_a_link_of_a_cell_leads_to_the_place_where_it_is_told(browser: Browser, 
 
 @pytest.mark.nightly
 def test_two_columns_are_compared(browser: Browser, index: Path) -> None:
-    browser.run(choose("a", "lagrange"))
+    browser.run(choose("a", "pinocchio/urdf"))
     assert not browser.run("document.getElementById('compared').innerText")
     browser.run(choose("b", "mujoco/mjcf"))
     told = browser.run("document.getElementById('compared').innerText")
-    assert "2 of 3 rows that were asked of both differ" in told
+    assert "3 of 3 rows that were asked of both differ" in told
     rows = browser.run("[...document.querySelectorAll('#compared tbody tr')].map(row => row.innerText.replace(/\\s+/g, ' ').trim())")
-    assert [row.split()[0] for row in rows] == ["arm_2r", "collar"] and all(row.endswith("verdict") for row in rows)
-    assert "unstable" in rows[0] and "654" in rows[0] and "error" in rows[1]
+    assert [row.split()[0] for row in rows] == ["arm_2r", "bar_pendulum", "collar"] and all(row.endswith("verdict") for row in rows)
+    assert "unstable" in rows[0] and "654" in rows[0] and "error" in rows[2]
     assert browser.run("document.documentElement.scrollWidth <= innerWidth")
     fragment = browser.run("location.hash")
     browser.show(index, 390, "dark", DRAWN, fragment)
@@ -164,8 +173,11 @@ def test_an_address_that_somebody_made_up_breaks_nothing(browser: Browser, index
 
 
 @pytest.mark.nightly
-def test_each_page_of_the_built_in_library_has_less_than_3_mb(tmp_path: Path) -> None:
+def test_each_page_of_the_built_in_library_has_less_than_3_mb_and_the_index_fits_seven_windows(tmp_path: Path, browser: Browser) -> None:
     harness("report", "--out", "out", cwd=tmp_path, isolated=True)
+    browser.show(tmp_path / "out" / "index.html", 1280, "light", DRAWN)
+    assert browser.run("document.documentElement.scrollHeight") <= 6000
+    assert len((tmp_path / "out" / "report.md").read_text().splitlines()) <= 60
     shared = sum((tmp_path / "out" / name).stat().st_size for name in ("bokeh.js", "charts.js", "site.js", "style.css"))
     sizes = {path: path.stat().st_size for path in (tmp_path / "out").rglob("*.html")}
     assert len(sizes) > 60 and max(sizes.values()) + shared < 3_000_000

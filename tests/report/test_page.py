@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import functools
+import hashlib
 import math
 import re
 from dataclasses import replace
@@ -20,6 +22,7 @@ from report import test_benchmark_report, test_hard_report, test_report
 from report.test_report import CARDS, CAUSE, SYSTEMS, night, run_on
 
 from harness import report
+from harness.report.comparison import render
 from harness.report.figures import COLOURS, library
 from harness.report.html import sentence_case
 from harness.report.markup import equations, picture
@@ -144,6 +147,24 @@ def test_nothing_that_can_be_clicked_stands_in_something_that_can(page: Any) -> 
 def test_what_scrolls_can_be_reached_by_keyboard_and_has_a_name(page: Any) -> None:
     for scrolling in page.xpath("//div[contains(@class, 'wide')] | //div[@class='equations']"):
         assert scrolling.get("tabindex") == "0" and scrolling.get("role") == "group" and scrolling.get("aria-label")
+
+
+def test_a_policy_allows_no_script_but_the_site_s_own_and_no_style_but_that_and_what_charts_compute(page: Any) -> None:
+    [policy] = page.xpath("//meta[@http-equiv='Content-Security-Policy']/@content")
+    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    has_charts = bool(page.xpath("//script[@class='packed']"))
+    own = "'self' file:"
+    styles = f"{own} 'unsafe-inline'" if has_charts else own
+    assert rules == {"default-src": "'none'", "script-src": own, "style-src": styles, "img-src": own}
+    assert all(script.get("src") or script.get("type") == "text/plain" for script in page.xpath("//script"))
+    assert not page.xpath("//style | //@style") and not page.xpath("//@*[starts-with(name(), 'on')]")
+
+
+def test_the_style_of_a_page_that_stands_alone_is_allowed_by_its_hash() -> None:
+    text = render(run_on(0), "two files", [])
+    style = text[text.index("<style>") + 7 : text.index("</style>")]
+    hashed = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    assert f"content=\"default-src 'none'; style-src 'sha256-{hashed}'\"" in text and "<script" not in text
 
 
 def test_every_drawing_says_what_it_shows(full: Any) -> None:
