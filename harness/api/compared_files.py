@@ -9,11 +9,11 @@ class ComparedFiles(FilesComparison):
     """Records of files, engines and pairs of files; it prints as ``harness compare`` does, and a notebook shows its tables."""
 
     def __repr__(self) -> str:
-        from harness.report.comparison import sections
+        from harness.report.comparison import answers
 
-        return "\n\n".join(map(str, sections(self)))
+        return "\n\n".join(map(str, answers(self)))
 
     def _repr_html_(self) -> str:
-        from harness.report.comparison import html_of, sections
+        from harness.report.comparison import answers, html_of
 
-        return html_of(sections(self))
+        return html_of(answers(self))

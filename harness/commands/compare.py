@@ -64,7 +64,7 @@ class CompareOptions:
 
 @click.command("compare")
 @takes(CompareOptions)
-@computing(time_limit=300.0, library=False, floating_base=True)
+@computing(time_limit=300.0, library=False, floating_base=True, detail=True)
 def command(bracket: Bracket, asked: CompareOptions) -> None:
     """Compare engines on a robot's FILE, or several FILEs.
 
@@ -100,7 +100,8 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     if asked.by or asked.start:
         raise click.UsageError("--by and --start are for motions; add --steps")
     from harness.comparison.study import ComparisonSettings, RobotComparison
-    from harness.report.comparison import sections
+    from harness.report.comparison import told
+    from harness.results.pair_conclusion import summary
 
     settings = ComparisonSettings(
         tuple(dict.fromkeys(asked.files)),
@@ -114,7 +115,7 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     study = RobotComparison(settings)
     title = ", ".join(path.name for path in settings.paths)
     bracket.begin(asked.states, "compare")
-    found = tell(bracket, study, sections, asked.html_path, title)
+    found = tell(bracket, study, told, summary, asked.html_path, title)
     bracket.finish(study.problems, study.crashed, found.as_expected)
 
 
@@ -138,7 +139,7 @@ def _compare_motions(bracket: Bracket, asked: CompareOptions, steps: int, rename
     )
     study = GapStudy(settings)
     bracket.begin(1, "gap")
-    found = tell(bracket, study, gap_sections)
+    found = tell(bracket, study, gap_sections, lambda found: found.summary)
     bracket.finish(study.problems, study.crashed, bool(found.gaps))
 
 

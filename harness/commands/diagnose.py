@@ -116,10 +116,11 @@ def _find_differing_lines(bracket: Bracket, path: Path, suspects: Iterable[Path]
     """Hold files against the robot at ``path``, print which of their lines differ, and end the command; no engine is asked."""
     from harness.comparison.study import ComparisonSettings, RobotComparison
     from harness.explain.meant import STATES
-    from harness.report.comparison import pair_sections
+    from harness.report.comparison import told
+    from harness.results.pair_conclusion import summary
 
     bracket.begin(states, "diagnose")
     settings = ComparisonSettings((path, *suspects), min(states, STATES), bracket.seed, bracket.floating_base, stances=())
     study = RobotComparison(settings, "diagnosis")
-    found = tell(bracket, study, pair_sections)
+    found = tell(bracket, study, told, summary)
     bracket.finish(study.problems, study.crashed, found.is_one_robot)

@@ -53,5 +53,5 @@ def _show_robot(bracket: Bracket, path: Path, html_path: str | None) -> None:
 
     study = RobotComparison(ComparisonSettings((path,), 1, floating_base=bracket.floating_base, stances=()), "reading")
     bracket.begin(1, "show")
-    tell(bracket, study, file_sections, html_path, path.name)
+    tell(bracket, study, lambda found, _: file_sections(found), html_path=html_path, title=path.name)
     bracket.finish(study.problems, study.crashed, True)

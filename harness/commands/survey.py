@@ -17,7 +17,7 @@ SECTION = ROBOT
 @click.argument("places", nargs=-1, required=True, metavar="FOLDER|PACKAGE...")
 @states_option(32, "file")
 @subjects_option
-@computing(time_limit=300.0, library=False, directory=True, floating_base=True)
+@computing(time_limit=300.0, library=False, directory=True, floating_base=True, detail=True)
 def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tuple[str, ...]) -> None:
     """Compare engines on every robot of a FOLDER or PACKAGE.
 
@@ -33,16 +33,17 @@ def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tu
     """
     from harness.comparison.collection import find_files
     from harness.comparison.study import ComparisonSettings, RobotComparison
-    from harness.report.comparison import survey_sections
     from harness.report.site_tables import ROBOTS
+    from harness.report.survey import survey_sections
     from harness.results.comparison import FilesComparison, survey_profile
+    from harness.results.survey_conclusion import survey_summary
 
     paths, floating = tuple(find_files(places)), bracket.floating_base
     study = RobotComparison(ComparisonSettings(paths, states, bracket.seed, floating, pairwise=False, subjects=subjects), "survey")
     profile = survey_profile(places, bracket.floating_base)
     before = bracket.history.latest(FilesComparison, bracket.library.name, profile)
     bracket.begin(states, profile, FilesComparison)
-    found = tell(bracket, study, lambda found: survey_sections(found, before))
+    found = tell(bracket, study, lambda found, detail: survey_sections(found, detail, before), survey_summary)
     write_page(bracket)
     say("", f"page: {bracket.directory / ROBOTS}")
     bracket.finish(study.faults, study.crashed, found.as_expected)

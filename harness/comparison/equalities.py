@@ -48,7 +48,7 @@ _UNEXPLAINED = "not judged: without them its answer is not what its readings mak
 def judge_equalities(meant: Meant, engine: str) -> EqualitiesRecord:
     """The record of a plain engine on a file with equalities."""
     robot, caller = meant.robot, engine_of(engine)
-    about: dict[str, Any] = {"path": str(robot.path), "engine": caller.name, "format": robot.format}
+    about: dict[str, Any] = {"path": str(robot.path), "engine": caller.name, "title": caller.title, "format": robot.format}
     if caller.why_no_equalities:
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=caller.why_no_equalities)
     read = read_as(meant, read_by(robot, caller.name, caller, Stance.PLAIN).robot)

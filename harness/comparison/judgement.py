@@ -85,6 +85,7 @@ def subject_of(meant: Meant, caller: Engine, stance: Stance) -> dict[str, Any]:
     return {
         "path": str(meant.robot.path),
         "engine": caller.name,
+        "title": caller.title,
         "format": model_format,
         "aided": stance == Stance.AIDED,
         "call": caller.call[model_format],

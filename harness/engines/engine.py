@@ -39,6 +39,7 @@ class Engine:
     """The ``ENGINE`` of an engine file derives from this class.
 
     Attributes:
+        title: the name of the program as its authors write it; "" where it is the engine's own.
         requires: importable module and distribution name of the program behind it.
         formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``. The first is its
             native one. What a reader of another passes over, the engine file supplies from the same file or refuses.
@@ -65,6 +66,7 @@ class Engine:
     """
 
     name = ""
+    title = ""
     requires: tuple[str, str] = ("", "")
     formats: tuple[str, ...] = ()
     optional = False

@@ -286,11 +286,13 @@ def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Readi
         every = read_as(few, fold(few.robot, readings).robot)
         others = read_as(few, fold(few.robot, [one for one in readings if one is not reading]).robot)
         beside = None if every.undetermined or others.undetermined else change(every, others)
+    count, places = reading.places(robot)
     return Effect(
         name=reading.name,
         sentence=reading.sentence,
         concerns=reading.concerns,
-        lines=tuple(place.line for place in reading.places(robot)),
+        lines=tuple(place.line for place in places),
+        count=count,
         alone=alone,
         source=reading.source,
         remedy=reading.remedy,

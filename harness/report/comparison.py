@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from harness.report.sparkline import Sparkline
 from harness.results.comparison import (
     EqualitiesRecord,
     FileRecord,
     FilesComparison,
     PairRecord,
     SubjectRecord,
-    changes,
     names_apart,
-    short_names,
-    trends,
 )
+from harness.results.conclusion import MORE, conclude
+from harness.results.detail import Detail
 from harness.results.gap import Gaps
+from harness.results.pair_conclusion import conclusions
 from harness.results.readings import MOST_LINES, by_effect, lines_text
 from harness.results.records import Run
 from harness.results.table import Cell, Column, Table, TableOf, counted, error_text
-from harness.verdict import AGREEMENT, Verdict
+from harness.verdict import AGREEMENT
 
-# Of which a trend is shown, this one among them.
-MOST_SURVEYS = 12
+# Said where every engine was asked and answered, and nothing is left to explain.
+NOTHING = "nothing: every answer agrees with the file, or with what the readings make of it"
 
 _subjects = TableOf(
     SubjectRecord,
@@ -40,15 +38,31 @@ _subjects = TableOf(
 class Section:
     """A heading with what stands below it: lines of text, the further ones of a paragraph indented, and tables.
 
-    ``anchor`` is its place on a page.
+    ``anchor`` is its place on a page. ``is_answer``: the heading is the sentence that answers what was asked.
     """
 
     title: str
     parts: Sequence[str | Table] = field(default_factory=list)
     anchor: str = ""
+    is_answer: bool = False
 
     def __str__(self) -> str:
         return "\n".join([self.title, *(str(part) if isinstance(part, Table) else f"  {part.rstrip()}" for part in self.parts)])
+
+
+def answers(found: FilesComparison, detail: Detail = Detail.BRIEF) -> Iterator[Section]:
+    """What was asked in a sentence each, with the rows that matter."""
+    for one in conclusions(found, detail):
+        yield Section(one.sentence, one.rows, is_answer=True)
+
+
+def told(found: FilesComparison, detail: Detail) -> Iterator[Section]:
+    """The answers, and where the rest is; with ``Detail.VERBOSE`` that follows."""
+    yield from answers(found, detail)
+    if detail < Detail.VERBOSE:
+        yield Section(MORE)
+    else:
+        yield from sections(found)
 
 
 def sections(found: FilesComparison) -> Iterator[Section]:
@@ -59,7 +73,7 @@ def sections(found: FilesComparison) -> Iterator[Section]:
         own = found.of(file.path)
         if own:
             yield Section(f"3. The engines on {names[file.path]}", [_subjects(own), *_readings(own), *_equalities(found, file)])
-    yield Section("4. The rest", _rest(found))
+    yield Section("4. The rest", rest(found) or [NOTHING])
     for section in pair_sections(found):
         yield replace(section, title=f"5. {section.title}")
 
@@ -78,87 +92,22 @@ def pair_sections(found: FilesComparison) -> Iterator[Section]:
         yield Section(" and ".join(_names_of(pair)), _pair(pair))
 
 
-def gap_sections(found: Gaps) -> Iterator[Section]:
-    """The gap between two motions: who computed them, and what it is made of."""
+def gap_sections(found: Gaps, detail: Detail = Detail.BRIEF) -> Iterator[Section]:
+    """The gap between two motions, who computed them, and what it is made of."""
     for gap in found.gaps:
+        yield Section(gap.sentence, is_answer=True)
         movers = [part for mover in (gap.first, gap.second) for part in (mover.title, *(f"  {reading}" for reading in mover.readings))]
-        yield Section("1. The motions", movers)
-        yield Section("2. What the gap is made of", [*gap.remarks, gap.table])
-
-
-def survey_sections(
-    found: FilesComparison,
-    before: tuple[Run, FilesComparison] | None = None,
-    pages: Mapping[str, str] | None = None,
-    earlier: Sequence[FilesComparison] = (),
-) -> Iterator[Section]:
-    """A table of all robots, what is not explained, what is other than in the survey ``before``, and the trend over surveys ``earlier``.
-
-    ``pages`` are those of the robots, by path. The earlier surveys stand oldest first.
-    """
-    compared = [subject for subject in found.subjects if not subject.aided]
-    unread, unmoved = sum(bool(file.problem) for file in found.files), sum(bool(file.remark) for file in found.files)
-    others = Counter(subject.outcome for subject in compared if not subject.is_answered)
-    losing = sum(bool(subject.lost_digits) for subject in compared)
-    count = counted(len(found.files), "file")
-    count += f", of which {unread} cannot be read" if unread else ""
-    count += f"{' and' if unread else ', of which'} {unmoved} {'holds' if unmoved == 1 else 'hold'} nothing that moves" if unmoved else ""
-    count += f"; of {len(compared)} plain answers {len(compared) - others.total()} agree or are explained"
-    count += f" ({losing} of them lose digits)" if losing else ""
-    count += "".join(f", {number} {'is' if number == 1 else 'are'} {outcome}" for outcome, number in others.items())
-    held = [one for one in found.equalities if one.verdict]
-    agreeing = sum(one.explained for one in held)
-    count += f"; of {counted(len(held), 'answer')} with the file's equalities {agreeing} agree with their engine's optimum" if held else ""
-    yield Section("Robots and engines", [count, _survey_table(found, pages or {})])
-    yield Section("The rest", _rest(found))
-    if before is not None:
-        yield Section(f"Since the survey of {before[0].started}", [*changes(before[1], found)] or ["nothing changed"])
-    if earlier:
-        yield Section("Trend", [_trend_table(earlier, found, pages or {})])
-
-
-def _survey_table(found: FilesComparison, pages: Mapping[str, str]) -> Table:
-    """A row for each robot, a column for each subject."""
-    engines = sorted({subject.engine for subject in found.subjects})
-    own = {(one.path, one.engine, one.aided): _survey_cell(one, pages.get(one.path, "")) for one in reversed(found.subjects)}
-    names, rows = short_names(found), list[list[object]]()
-    for file in found.files:
-        cells = [own.get((file.path, engine, aided), "") for engine in engines for aided in (False, True)]
-        impossible = counted(len(file.impossible), "link") if file.impossible else ""
-        rows.append([names[file.path], None if file.problem else file.degrees_of_freedom, *cells, impossible, file.problem])
-    heads = [head for engine in engines for head in (engine, f"{engine} aided")]
-    caption = (
-        "Each engine's verdict, plain and aided; the largest relative error of its accelerations where they differ, and below it the "
-        "reading that moves them most."
-    )
-    return Table(["robot", Column("dof", "count"), *heads, "unphysical", "problem"], rows, caption, "matrix")
-
-
-def _survey_cell(subject: SubjectRecord, page: str) -> Cell:
-    size = f" {subject.relative_error:.2g}" if subject.relative_error and subject.verdict == Verdict.DISAGREES else ""
-    notes = [subject.dominating] if subject.dominating and not subject.aided and subject.verdict == Verdict.DISAGREES else []
-    return Cell(f"{subject.outcome}{size}", notes, subject.tone, link=page)
-
-
-def _trend_table(earlier: Sequence[FilesComparison], found: FilesComparison, pages: Mapping[str, str]) -> Table:
-    """A row for each robot, a line for each subject."""
-    values, names = trends(earlier, found), short_names(found)
-    columns = sorted({(subject.engine, subject.aided) for subject in found.subjects})
-    rows = []
-    for file in found.files:
-        own = {(subject.engine, subject.aided): values[subject.path, subject.subject, subject.kind] for subject in found.of(file.path)}
-        if any(own.values()):
-            lines = [Sparkline(own[column]) if own.get(column) else "" for column in columns]
-            rows.append([Cell(names[file.path], link=pages[file.path]), *lines])
-    heads = [f"{engine} aided" if aided else engine for engine, aided in columns]
-    caption = f"The worst backward error after readings, in data roundoffs, over the last surveys, {len(earlier) + 1} with this one."
-    return Table(["robot", *heads], rows, caption)
+        yield Section("The motions", movers)
+        table, others = gap.table(detail)
+        yield Section("What the gap is made of", [*gap.remarks, table, *filter(None, [others])])
 
 
 def robot_sections(found: FilesComparison, file: FileRecord) -> Iterator[Section]:
     """One robot of a survey."""
     own = found.of(file.path)
     impossible = [*_impossible(FilesComparison(files=[file], subjects=own))]
+    answer = conclude(found, file, Detail.ALL)
+    yield Section(answer.sentence, answer.rows, is_answer=True)
     yield Section("What the file is", [*_descriptions([file])], "file")
     if impossible:
         yield Section("What no body can have", impossible, "impossible")
@@ -264,8 +213,10 @@ def subject_lines(subject: SubjectRecord) -> list[str]:
     return [*_readings([subject]), *_unexplained(FilesComparison(subjects=[subject]))]
 
 
-def _rest(found: FilesComparison) -> list[str]:
-    """What no reading explains, and who gave no answer; "nothing" is said where everybody was asked and answered."""
+def rest(found: FilesComparison, whole: bool = True) -> list[str]:
+    """What no reading explains, and, where the ``whole`` is asked for, who gave no answer."""
+    if not whole:
+        return [*_unexplained(found)]
     names = names_apart(file.path for file in found.files)
     said = {"refused": "refuses", "undecided": "is not judged on", "nothing left": "reads nothing that moves from"}
     silent = [one for one in found.subjects if one.explained and one.outcome in said]
@@ -275,7 +226,7 @@ def _rest(found: FilesComparison) -> list[str]:
     ]
     whys = {file.path: file.remark and f": {file.remark}" for file in found.unasked}
     lines += [f"no answer: no engine was asked about {names[path]}{why}" for path, why in whys.items()]
-    return [*_unexplained(found), *lines] or ["nothing: every answer agrees with the file, or with what the readings make of it"]
+    return [*_unexplained(found), *lines]
 
 
 def _unexplained(found: FilesComparison) -> Iterator[str]:
@@ -313,13 +264,3 @@ def _pair(pair: PairRecord) -> list[str | Table]:
         *(f"  {remark}" for remark in pair.remarks),
         *([table] if pair.differences else []),
     ]
-
-
-def published(found: FilesComparison, names: Mapping[str, str] | None = None) -> FilesComparison:
-    """A comparison whose files are named from the folder that all share: pages are published, and say nothing of this machine."""
-    short = names or short_names(found)
-    renamed = {
-        part: [replace(one, path=short.get(one.path, one.path)) for one in getattr(found, part)]
-        for part in ("files", "subjects", "equalities")
-    }
-    return FilesComparison(pairs=list(found.pairs), **renamed)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from harness.report import benchmark_charts, charts, comparison, site_tables
+from harness.report import survey as robots
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
@@ -17,6 +18,7 @@ from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
 from harness.results.comparison import FilesComparison, short_names
 from harness.results.cross_check import CrossCheckResult
+from harness.results.detail import Detail
 from harness.results.pareto import acceleration_front, motion_front, way_of
 from harness.results.records import Run
 from harness.results.site import SiteRow
@@ -220,11 +222,13 @@ class Pages:
         return draw("hard_page.html", site_tables.HARD, charts.hard_plots(hard), run=self.run, hard=hard, **about)
 
     def _robots(self, survey: Survey) -> Iterator[tuple[str, Drawn]]:
-        found, names = comparison.published(survey.found), short_names(survey.found)
+        found, names = robots.published(survey.found), short_names(survey.found)
         pages = {row.name: row.page for row in self.site.rows if row.kind == "robot"}
         places = {file.path: pages[file.path] for file in found.files}
-        before = survey.before and (survey.before[0], comparison.published(survey.before[1]))
-        sections = [*comparison.survey_sections(found, before, places, [comparison.published(one, names) for one in survey.earlier])]
+        before = survey.before and (survey.before[0], robots.published(survey.before[1]))
+        sections = [
+            *robots.survey_sections(found, Detail.VERBOSE, before, places, [robots.published(one, names) for one in survey.earlier])
+        ]
         title = f"Robots of {survey.run.profile.removeprefix('survey ')}"
         yield site_tables.ROBOTS, draw("robot.html", site_tables.ROBOTS, {}, title=title, run=survey.run, sections=sections, is_one=False)
         for file in found.files:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
-from harness.results.readings import FELT, Effect, effect_size
+from harness.results.readings import FELT, Effect, share_text
 from harness.results.records import StudyResult
 from harness.results.table import Cell, Column, counted, error_text
 from harness.verdict import Verdict
@@ -59,6 +59,7 @@ class SubjectRecord:
         lost_digits: at how many states, and why, the answer is beyond ``AGREEMENT`` though the engine and its readings hold the right
             numbers; "" where it is not.
         left_nothing: why the engine's reader leaves no robot with accelerations; "" where it leaves one.
+        title: the engine's name as its authors write it.
         expected, expected_reason: the outcome that ``expected_robots.toml`` names, and why; "" where it has no entry.
     """
 
@@ -80,6 +81,12 @@ class SubjectRecord:
     left_nothing: str = ""
     expected: str = ""
     expected_reason: str = ""
+    title: str = ""
+
+    @property
+    def program(self) -> str:
+        """The engine as its authors write it, with its version where it is asked for in one."""
+        return program_name(self.engine, self.title)
 
     @property
     def subject(self) -> Annotated[str, Column("subject")]:
@@ -122,6 +129,11 @@ class SubjectRecord:
         if not self.lost_digits:
             return "explained"
         return "explained, digits lost" if self.readings else "lost digits"
+
+    @property
+    def is_compared(self) -> bool:
+        """True where there are accelerations that can be judged."""
+        return self.verdict not in (Verdict.UNSUPPORTED, Verdict.UNDECIDED, Verdict.ERROR) and not self.left_nothing
 
     @property
     def is_answered(self) -> bool:
@@ -174,7 +186,7 @@ class EqualityPart:
         """The effect in words, as the engine itself has it."""
         if self.alone is None:
             return ""
-        return f"alone it moves the engine's qdd by {effect_size(self.alone)}" if self.alone > FELT else "alone it moves no acceleration"
+        return f"alone it moves the engine's qdd by {share_text(self.alone)}" if self.alone > FELT else "alone it moves no acceleration"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,6 +207,11 @@ class EqualitiesRecord:
     backward_error: float | None = None
     together: float | None = None
     message: str = ""
+    title: str = ""
+
+    @property
+    def program(self) -> str:
+        return program_name(self.engine, self.title)
 
     @property
     def subject(self) -> str:
@@ -321,6 +338,12 @@ class FilesComparison(StudyResult):
             pairs=self.pairs,
             equalities=sorted(self.equalities, key=lambda one: (one.path, one.engine)),
         )
+
+
+def program_name(engine: str, title: str) -> str:
+    """ "MuJoCo" of mujoco, "MuJoCo 3.13.0" of mujoco@3.13.0; the name itself where there is no title."""
+    name, _, version = engine.partition("@")
+    return f"{title or name} {version}".rstrip()
 
 
 def names_apart(paths: Iterable[str]) -> dict[str, str]:

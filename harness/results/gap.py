@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from harness.results.detail import Detail, telling
+from harness.results.readings import share_text
 from harness.results.records import StudyResult
-from harness.results.table import Column, Table, error_text
+from harness.results.table import Column, Table
 
 DYNAMICS, INTEGRATOR, STEP = "dynamics", "integrator", "step length"
 
@@ -62,24 +64,33 @@ class Gap:
     speed: float
     shares: tuple[Share, ...]
 
-    @property
-    def table(self) -> Table:
-        """A row for each share, and their sum."""
-        rows = [(one.name, one.positions, one.velocities) for one in self.shares]
-        rows.append(("all", *(sum(values) for values in list(zip(*rows, strict=True))[1:])))
+    def table(self, detail: Detail = Detail.BRIEF) -> tuple[Table, str]:
+        """A row for each share that matters, and their sum; and words that count the others."""
+        kept, others = telling(self.shares, lambda one: max(abs(one.positions), abs(one.velocities)), detail)
+        rows = [(one.name, one.positions, one.velocities) for one in kept]
+        rows.append(("all", sum(one.positions for one in self.shares), sum(one.velocities for one in self.shares)))
         cells = [[name, _percent(positions), _percent(velocities)] for name, positions, velocities in rows]
-        return Table(["share", Column("of the gap in positions", "plain"), Column("in velocities", "plain")], cells)
+        return Table(["share", Column("of the gap in positions", "plain"), Column("in velocities", "plain")], cells), others
+
+    @property
+    def sentence(self) -> str:
+        """How far apart the two motions end, and what the gap is made of."""
+        movers = (self.first, self.second)
+        files, (one, other) = dict.fromkeys(mover.path for mover in movers), (f"{mover.engine}/{mover.integrator}" for mover in movers)
+        parts = ((self.of_positions, self.moved, "positions"), (self.of_velocities, self.speed, "velocities"))
+        sizes = [f"{share_text(size / whole if whole else None)} of the motion in {name}" for size, whole, name in parts]
+        largest = sorted((share for share in self.shares if share.positions >= 0.01), key=lambda share: -share.positions)
+        due = [f"{share_text(share.positions)} to the {share.name}" for share in largest]
+        end = f"{one} and {other} end {' and '.join(sizes)} apart after {self.first.steps * self.first.length:g} s"
+        return f"{' and '.join(files)}: {end}{'; in positions that is due by ' if due else ''}{', '.join(due)}."
 
     @property
     def remarks(self) -> list[str]:
         """Sentences on what the table leaves out."""
-        parts = ((self.of_positions, self.moved, "positions"), (self.of_velocities, self.speed, "velocities"))
-        sizes = [f"{error_text(size / whole if whole else None)} of the motion in {name}" for size, whole, name in parts]
-        found = [f"gap: {' and '.join(sizes)}, by the kinetic-energy norm"]
         varying = max(self.shares, key=lambda one: one.by_order, default=None)
-        if varying is not None and varying.by_order > 0.01:
-            found.append(f"causes act together: the share of {varying.name} differs by up to {_percent(varying.by_order)} with their order")
-        return found
+        if varying is None or varying.by_order <= 0.01:
+            return []
+        return [f"causes act together: the share of {varying.name} differs by up to {_percent(varying.by_order)} with their order"]
 
 
 def _percent(part: float) -> str:
@@ -94,3 +105,7 @@ class Gaps(StudyResult):
     STUDY: ClassVar[str] = "gap"
 
     gaps: list[Gap] = field(default_factory=list)
+
+    @property
+    def summary(self) -> str:
+        return " ".join(gap.sentence for gap in self.gaps)

@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from harness.results.detail import Detail, telling
 from harness.results.table import error_text
 
 # The least relative change of accelerations that is one: less is rounding.
 FELT = 1e-12
-# Of a reading or of a part that is left out; the JSON has all lines.
-MOST_LINES = 8
+# Of a part that is left out, where all is told, and of a reading in a row; the JSON has all lines.
+MOST_LINES, FEW_LINES = 8, 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,7 @@ class Effect:
             relative in the energy norm; infinite where that takes a joint away, None where the tree that it gives has no certified truth.
         beside: the same beside all other readings, where it moves nothing alone; None where it does, or where there is no other.
         remedy: what the engine's user can do about it, an imperative.
+        count: number of the elements concerned, of which several may have one line; 0 in records that do not tell.
     """
 
     name: str
@@ -33,13 +35,23 @@ class Effect:
     source: str
     beside: float | None = None
     remedy: str = ""
+    count: int = 0
+
+    @property
+    def size(self) -> float | None:
+        """What it moves: alone, or beside the others where it moves nothing alone."""
+        return self.beside if self.beside is not None and (self.alone or 0.0) <= FELT else self.alone
+
+    def concerned(self, most_lines: int = MOST_LINES) -> str:
+        """The elements that it concerns: "9 joints, lines 48, 74, 100 and 6 more"."""
+        number, nouns = self.count or len(self.lines), self.concerns
+        one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
+        return f"{number} {one if number == 1 else nouns}, {lines_text(self.lines, most_lines)}"
 
     @property
     def statement(self) -> str:
         """Sentence, number and lines of the elements concerned, and effect."""
-        number, nouns = len(self.lines), self.concerns
-        one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
-        return f"{self.sentence}: {number} {one if number == 1 else nouns}, {lines_text(self.lines)}; {self.moves}"
+        return f"{self.sentence}: {self.concerned()}; {self.moves}"
 
     @property
     def moves(self) -> str:
@@ -49,33 +61,59 @@ class Effect:
         if self.alone == math.inf:
             return "alone it takes joints out of the robot"
         if self.alone > FELT:
-            return f"alone it moves qdd by {effect_size(self.alone)}"
+            return f"alone it moves qdd by {share_text(self.alone)}"
         if self.beside is None or self.beside <= FELT:
             return "alone it moves no acceleration"
-        felt = "takes joints out of the robot" if self.beside == math.inf else f"moves qdd by {effect_size(self.beside)}"
+        felt = "takes joints out of the robot" if self.beside == math.inf else f"moves qdd by {share_text(self.beside)}"
         return f"alone it moves no acceleration, and beside the others it {felt}"
 
 
-def effect_size(change: float) -> str:
-    """A relative change of accelerations in words."""
-    return f"{error_text(change)} times" if change >= 1 else f"{change:.2g} of its size"
+def share_text(change: float | None) -> str:
+    """A relative change of accelerations: "47 %", "3.3 times", "all" where joints are taken away; a number where no percent shows it."""
+    if change is None:
+        return "unknown"
+    if change == math.inf:
+        return "all"
+    if change >= 1:
+        return f"{change:.2g} times" if change < 1e3 else f"{change:.0e} times"
+    return f"{100 * change:.2g} %" if change >= 1e-4 else error_text(change)
 
 
 def by_effect(readings: Iterable[Effect]) -> list[Effect]:
     """Readings, the one that moves the accelerations most first."""
-    return sorted(readings, key=lambda one: -(one.alone or 0.0))
+    return sorted(readings, key=lambda one: -(one.size or 0.0))
 
 
-def reading_lines(readings: Iterable[Effect]) -> list[str]:
-    """A line on each reading, and one on what its user can do, the one that moves the accelerations most first."""
-    return [line for one in by_effect(readings) for line in (one.statement, f"  {one.remedy}") if line.strip()]
+def explanation(readings: Iterable[Effect], most: int | None = None) -> str:
+    """The readings that move accelerations, the largest first: "joint damping 47 %, mimic joints 14 %".
+
+    Those that matter less are counted, and those beyond ``most``.
+    """
+    felt = [one for one in by_effect(readings) if one.size is None or one.size > FELT]
+    kept = telling(felt, lambda one: one.size)[0][:most]
+    more = [f"{len(felt) - len(kept)} more"] if len(felt) > len(kept) else []
+    return ", ".join([*(f"{one.name} {share_text(one.size)}" for one in kept), *more])
 
 
-def lines_text(lines: Sequence[int]) -> str:
+def reading_lines(readings: Iterable[Effect], detail: Detail = Detail.BRIEF) -> list[str]:
+    """A line on each reading that matters, with what its user can do, the one that moves the accelerations most first.
+
+    The last one counts the others.
+    """
+    kept, others = telling(by_effect(readings), lambda one: one.size, detail)
+    return [*map(_line, kept), *([others] if others else [])]
+
+
+def _line(reading: Effect) -> str:
+    size = "no qdd" if reading.size is not None and reading.size <= FELT else share_text(reading.size)
+    return f"{size:>6}  {reading.sentence} ({reading.concerned(FEW_LINES)}): {reading.remedy}".removesuffix(": ")
+
+
+def lines_text(lines: Sequence[int], most: int = MOST_LINES) -> str:
     """ "line 3", "lines 3, 5 and 10 more"."""
     shown = sorted(dict.fromkeys(lines))
     if not shown:
         return "no line of the file"
-    if len(shown) <= MOST_LINES:
+    if len(shown) <= most:
         return f"line{'s' if len(shown) > 1 else ''} {', '.join(map(str, shown))}"
-    return f"lines {', '.join(map(str, shown[:MOST_LINES]))} and {len(shown) - MOST_LINES} more"
+    return f"lines {', '.join(map(str, shown[:most]))} and {len(shown) - most} more"

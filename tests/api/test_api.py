@@ -233,7 +233,8 @@ def test_robots_files_are_compared() -> None:
     assert [pair.same for pair in found.pairs] == [True] and found.as_expected
     assert {reading.name for subject in found.subjects for reading in subject.readings} >= {"joint damping"}
     printed, page = repr(found), found._repr_html_()
-    assert all(words in text for text in (printed, page) for words in ("arm.urdf", "mujoco/mjcf", "joint damping", "the same robot"))
-    assert "<table" in page and "<html" not in page and max(map(len, printed.split())) < 200
+    assert all(words in text for text in (printed, page) for words in ("arm.urdf", "MuJoCo", "joint damping", "the same robot"))
+    assert printed.startswith("arm.urdf and arm.xml are the same robot (")
+    assert "<strong>arm.urdf and arm.xml are the same robot" in page and "<html" not in page and max(map(len, printed.split())) < 200
     with pytest.raises(InvalidInput, match="there is no such file"):
         harness.compare("nothing.urdf", workers=1)

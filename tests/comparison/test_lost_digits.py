@@ -12,7 +12,8 @@ from harness.comparison.judgement import judge
 from harness.engines.request import EngineAnswers
 from harness.explain.meant import read_as
 from harness.library import Stance
-from harness.report.comparison import subject_lines, survey_sections
+from harness.report.comparison import subject_lines
+from harness.report.survey import survey_sections
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.trees.robot import read_robot
 from harness.truth.compare import compare
@@ -41,7 +42,7 @@ def test_digits_that_are_lost_beyond_the_readings_are_named(tmp_path: Path) -> N
     assert (record.outcome, [reading.name for reading in record.readings]) == ("explained, digits lost", ["joint damping"])
     assert "the condition of M" in record.lost_digits and any(record.lost_digits in line for line in subject_lines(record))
     found = FilesComparison(files=[FileRecord(path=record.path)], subjects=[record])
-    assert "1 of them lose digits" in str(next(iter(survey_sections(found))).parts[0])
+    assert "Pinocchio: explained, digits lost 1 (joint damping 1)" in str(next(iter(survey_sections(found))).parts[0])
 
 
 def test_an_answer_without_lost_digits_is_simply_explained(tmp_path: Path) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from harness.report.comparison import survey_sections
 from harness.report.sparkline import Sparkline
+from harness.report.survey import survey_sections
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord, trends
+from harness.results.detail import Detail
 from harness.verdict import Verdict
 
 
@@ -37,8 +38,10 @@ def test_trends_follow_what_is_left_after_readings() -> None:
 def test_a_survey_shows_a_trend_once_there_is_an_earlier_one() -> None:
     now = survey(arm=(1e9, 4.0), new=(None, None))
     pages = {file.path: f"robots/{file.path}.html" for file in now.files}
-    assert all(section.title != "Trend" for section in survey_sections(now, None, pages))
-    (section,) = [section for section in survey_sections(now, None, pages, [survey(arm=(2.0, None))]) if section.title == "Trend"]
+    assert all(section.title != "Trend" for section in survey_sections(now, Detail.VERBOSE, None, pages))
+    (section,) = [
+        section for section in survey_sections(now, Detail.VERBOSE, None, pages, [survey(arm=(2.0, None))]) if section.title == "Trend"
+    ]
     (table,) = section.parts
     ((robot, line),) = table.rows  # type: ignore[union-attr]
     assert robot.value == "arm.urdf" and robot.link == "robots/arm.urdf.html" and isinstance(line, Sparkline) and line.values == [2.0, 4.0]

@@ -97,6 +97,16 @@ def test_every_reading_says_where_it_is_known_from(engine: str) -> None:
             assert reading.engine == engine and len(reading.source) > 20 and reading.sentence[0].isupper()
 
 
+def test_joints_that_inherit_one_damping_are_counted_each(tmp_path: Path) -> None:
+    body = '<body name="{0}"><joint name="{0}" axis="0 1 0"/><inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/>{1}</body>'
+    bodies = body.format("one", body.format("two", body.format("three", "")))
+    path = tmp_path / "r.xml"
+    path.write_text(f'<mujoco>\n<default>\n<joint damping="0.5"/>\n</default>\n<worldbody>\n{bodies}</worldbody></mujoco>')
+    (found,) = record_of(path, "pinocchio").readings
+    assert (found.count, found.lines) == (3, (3,))
+    assert found.concerned() == "3 joints, line 3"
+
+
 # What a user is told to do begins with one of these.
 IMPERATIVES = {"add", "build", "call", "give", "keep", "leave", "load", "pass", "put", "reduce", "set", "turn", "write"}
 
@@ -260,4 +270,4 @@ def test_a_reading_is_that_of_versions() -> None:
     assert named["mujoco@3.14.0"] == named["mujoco"]
     robot = meant_by(FILES / "arm.urdf").robot
     [reading] = [one for one in find_readings("mujoco@3.13.0", "urdf") if one.name == "rotation of an inertial origin"]
-    assert [place.line for place in reading.places(robot)] == [line_of(FILES / "arm.urdf", 'rpy="0 0.5 0"')]
+    assert [place.line for place in reading.places(robot)[1]] == [line_of(FILES / "arm.urdf", 'rpy="0 0.5 0"')]

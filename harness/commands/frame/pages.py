@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from harness.commands.frame.terminal import print_sections, say
+from harness.results.detail import Detail
 from harness.storage import write_atomically
 
 if TYPE_CHECKING:
@@ -17,15 +18,29 @@ if TYPE_CHECKING:
     from harness.study import Study
 
 
-def tell(bracket: Bracket, study: Study, shown: Callable[[Any], Iterable[Section]], html_path: str | None = None, title: str = "") -> Any:
-    """Run a study of files or motions that has begun: progress, JSON, ``shown`` of its result on standard output, and the page of that."""
-    found = bracket.complete(study, lambda: vars(study.result()))
-    sections = list(shown(found))
-    print_sections(sections)
+def tell(
+    bracket: Bracket,
+    study: Study,
+    told: Callable[[Any, Detail], Iterable[Section]],
+    summary: Callable[[Any], str] | None = None,
+    html_path: str | None = None,
+    title: str = "",
+) -> Any:
+    """Run a study of files or motions that has begun: progress, JSON, its result on standard output, and the page of all that is known.
+
+    ``told`` are the sections of a result, as much as a ``Detail`` asks for; ``summary``, the answer in a sentence, stands in the JSON.
+    """
+
+    def document() -> dict[str, Any]:
+        found = study.result()
+        return {**({"summary": summary(found)} if summary else {}), **vars(found)}
+
+    found = bracket.complete(study, document)
+    print_sections(told(found, bracket.detail))
     if html_path is not None:
         from harness.report.comparison import render
 
-        leave_page(html_path, render(bracket.run, title, sections))
+        leave_page(html_path, render(bracket.run, title, told(found, Detail.VERBOSE)))
     return found
 
 
@@ -65,7 +80,7 @@ def write_page(bracket: Bracket, number: int | None = None) -> None:
 def _survey(history: History, library: str) -> Survey | None:
     """The latest survey of the library, with the earlier ones of the same places; None without any."""
     from harness.report import Survey
-    from harness.report.comparison import MOST_SURVEYS
+    from harness.report.survey import MOST_SURVEYS
     from harness.results.comparison import FilesComparison
 
     if (latest := history.latest(FilesComparison, library)) is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import sys
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -135,12 +136,23 @@ def print_titled(title: str, table: Table) -> None:
 def print_sections(sections: Iterable[Section]) -> None:
     """Each section below its title, with an empty line between two: lines of text, which a terminal wraps, and tables."""
     for number, section in enumerate(sections):
-        say(*([""] if number else []), section.title)
+        say_wrapped(*([""] if number else []), section.title)
         for part in section.parts:
             if isinstance(part, Table):
                 print_rows(part)
             else:
-                say(f"  {part.rstrip()}")
+                say_wrapped(f"  {part.rstrip()}")
+
+
+def say_wrapped(*lines: str) -> None:
+    """Lines of text, which a terminal has between words, further in from the second on; a pipe has each as it is."""
+    width = console().width if sys.stdout.isatty() else sys.maxsize
+    for line in map(printable, lines):
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        say(
+            *textwrap.wrap(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False, drop_whitespace=True)
+            or [""]
+        )
 
 
 def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:

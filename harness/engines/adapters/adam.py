@@ -64,6 +64,7 @@ def _plain(number: Any) -> Any:
 
 
 class AdamEngine(Engine):
+    title = "adam"
     requires = ("adam", "adam-robotics")
     formats = ("urdf",)
     optional = True

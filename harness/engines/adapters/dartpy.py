@@ -94,6 +94,7 @@ class DartModel(StateByState):
 
 
 class DartEngine(Engine):
+    title = "DART"
     requires = ("dartpy", "dartpy")
     formats = ("urdf",)
     optional = True

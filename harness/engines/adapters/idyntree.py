@@ -91,6 +91,7 @@ class IdyntreeModel(StateByState):
 
 
 class IdyntreeEngine(Engine):
+    title = "iDynTree"
     requires = ("idyntree", "idyntree")
     formats = ("urdf",)
     optional = True

@@ -120,6 +120,7 @@ def _turn(quaternion: Any) -> Array:
 
 
 class PybulletEngine(Engine):
+    title = "PyBullet"
     requires = ("pybullet", "pybullet")
     formats = ("urdf",)
     optional = True

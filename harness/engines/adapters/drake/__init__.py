@@ -179,6 +179,7 @@ _ACCELERATIONS = "p.Finalize(); p.get_generalized_acceleration_output_port().Eva
 
 
 class DrakeEngine(Engine):
+    title = "Drake"
     requires = ("pydrake", "drake")
     formats = ("urdf", "mjcf")
     optional = True

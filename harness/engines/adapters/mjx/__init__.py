@@ -29,6 +29,7 @@ FLOAT32 = 2.0**-24
 class MjxEngine(Engine):
     """The engine in float64, or else in float32."""
 
+    title = "MJX"
     requires = ("mujoco.mjx", "mujoco-mjx")
     formats = ("mjcf",)
     optional = True
@@ -49,7 +50,7 @@ class MjxEngine(Engine):
         self._in_float64 = in_float64
         if not in_float64:
             # No user's file is handed over in float32.
-            self.unit_roundoff, self.call = FLOAT32, {}
+            self.unit_roundoff, self.call, self.title = FLOAT32, {}, "MJX in float32"
 
     def read(self, request: Request) -> MjxFile:
         from harness.engines.adapters.mjx.device import read

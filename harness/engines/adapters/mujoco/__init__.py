@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 class MujocoEngine(Engine):
+    title = "MuJoCo"
     requires = ("mujoco", "mujoco")
     formats = ("mjcf", "urdf")
     oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")

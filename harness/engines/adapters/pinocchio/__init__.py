@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 
 class PinocchioEngine(Engine):
+    title = "Pinocchio"
     requires = ("pinocchio", "pin")
     formats = ("urdf", "mjcf")
     oldest: Mapping[str, str] = {"urdf": "2.7.0", "mjcf": "3.3.1"}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import graphlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -25,6 +25,7 @@ from harness.environments import split_name
 from harness.files.document.xml import read_any
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 from harness.registry import declared
+from harness.results.table import grouped
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
@@ -81,9 +82,10 @@ class Reading(Law):
         tree = self.tree(robot)
         return robot if tree == robot.tree else with_tree(robot, tree)
 
-    def places(self, robot: Robot) -> list[Place]:
-        """Where the elements stand that it concerns, in the order of the file."""
-        return changed_places(bounded(robot.tree), bounded(self.read(robot).tree))
+    def places(self, robot: Robot) -> tuple[int, list[Place]]:
+        """The number of elements that it concerns, and where they stand, in the order of the file and once each."""
+        parts = changed_parts(bounded(robot.tree), bounded(self.read(robot).tree))
+        return len(parts), list(dict.fromkeys(place for own in parts.values() for place in own))
 
 
 def law(
@@ -230,25 +232,31 @@ def _elements(path: Path) -> list[etree._Element]:
     return list(read_any(path, "a model").lines)
 
 
-def changed_places(before: Tree, after: Tree) -> list[Place]:
-    """Where the parts stand that differ: the number, or the element where the file does not give it. Once each."""
+def changed_parts(before: Tree, after: Tree) -> dict[tuple[str, ...], list[Place]]:
+    """Where the parts stand that differ, by their names: the number, or the element where the file does not give it.
+
+    Parts that inherit a number from one element have one place.
+    """
     others = {body.name: body for body in after.bodies}
-    found = [_changed(before, after)]
+    found: list[tuple[tuple[str, ...], Place | None]] = [((), _changed(before, after))]
     for one in before.bodies:
-        found += _changed_in_body(one, others[one.name]) if one.name in others else [one.place]
-    found += [spring.place for spring in before.springs if spring not in after.springs]
-    found += [coupling.place for coupling in before.couplings if coupling not in after.couplings]
-    return list(dict.fromkeys(place for place in found if place is not None))
+        found += _changed_in_body(one, others[one.name]) if one.name in others else [(("body", one.name), one.place)]
+    gone = [part for part in (*before.springs, *before.couplings) if part not in (*after.springs, *after.couplings)]
+    found += [(("spring", str(number)), part.place) for number, part in enumerate(gone)]
+    return grouped((part, place) for part, place in found if place is not None)
 
 
-def _changed_in_body(one: Body, other: Body) -> list[Place | None]:
+def _changed_in_body(one: Body, other: Body) -> Iterator[tuple[tuple[str, ...], Place | None]]:
     kept = {joint.name: joint for joint in other.joints}
-    found = [_changed(one, other), _changed(one.inertia or one, other.inertia if one.inertia else other)]
-    found += [_changed(joint, kept.get(joint.name)) for joint in one.joints]
+    yield ("body", one.name), _changed(one, other)
+    yield ("body", one.name), _changed(one.inertia or one, other.inertia if one.inertia else other)
+    for joint in one.joints:
+        yield ("joint", joint.name), _changed(joint, kept.get(joint.name))
     if len(one.solids) == len(other.solids):
-        return found + [_changed(solid, its_like) for solid, its_like in zip(one.solids, other.solids, strict=True)]
-    gone = [solid.place for solid in one.solids if solid not in other.solids]
-    return found + (gone or [one.place])
+        places = [_changed(solid, its_like) for solid, its_like in zip(one.solids, other.solids, strict=True)]
+    else:
+        places = [solid.place for solid in one.solids if solid not in other.solids] or [one.place]
+    yield from ((("solid", one.name, str(number)), place) for number, place in enumerate(places))
 
 
 def _changed(one: Any, other: Any) -> Place | None:

@@ -265,7 +265,7 @@ MUJOCO = readings_of(
                 _ONE_EXTENSION,
             ),
             _left_out.mimics: (
-                "MuJoCo makes a joint that mimics another a joint of its own under a soft equality constraint, which is off here",
+                "MuJoCo holds a mimic joint by a soft constraint, which is off here",
                 "keep that constraint on, and make its solref stiffer where it gives",
                 f"{_EXTENSIONS}, equality/joint",
             ),

@@ -62,7 +62,7 @@ READINGS = readings_of(
                 "Pinocchio 4.1, parsers/urdf/model.cpp, which reads the joints of URDF alone",
             ),
             _left_out.mimics: (
-                "Pinocchio's URDF reader takes a joint that mimics another for one that moves by itself",
+                "Pinocchio's reader of URDF leaves a mimic joint free",
                 "build the model with mimic=True, and solve with pin.crba and pin.nonLinearEffects",
                 "Pinocchio 4.1, parsers/urdf.hpp, buildModel: mimic is false unless the caller asks; aba refuses models with mimic joints",
             ),

@@ -177,7 +177,7 @@ READINGS = readings_of(
                 "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
             ),
             _boxes: (
-                "PyBullet passes over moments of inertia, and takes those of the box around the collision shapes of a link, 1 mm wider",
+                "PyBullet takes the inertia of the box around a link's collision shapes, 1 mm wider, and not that of the file",
                 "load the file with flags=p.URDF_USE_INERTIA_FROM_FILE",
                 "PyBullet Quickstart Guide, loadURDF, URDF_USE_INERTIA_FROM_FILE; bullet3, btCompoundShape::calculateLocalInertia",
             ),
@@ -198,7 +198,7 @@ READINGS = readings_of(
             ),
             _left_out.springs: ("PyBullet reads no springs of joints", _left_out.ADD_SPRINGS, _READER),
             _left_out.rotors: ("PyBullet reads no rotor inertias", _left_out.ADD_ROTORS, _READER),
-            _left_out.mimics: ("PyBullet takes a joint that mimics another for one that moves by itself", _left_out.LEAD, _READER),
+            _left_out.mimics: ("PyBullet leaves a mimic joint free", _left_out.LEAD, _READER),
             _left_out.point_springs: ("PyBullet reads no springs between points", _left_out.ADD_POINT_SPRINGS, _READER),
         },
     },

@@ -47,7 +47,7 @@ ADAM = readings_of(
             _left_out.dampers: ("The computations of adam apply no joint damping", _left_out.ADD_DAMPING, _ADAM),
             _left_out.springs: ("The parser of adam reads no springs", _left_out.ADD_SPRINGS, _ADAM),
             _left_out.rotors: ("The parser of adam reads no rotor inertias", _left_out.ADD_ROTORS, _ADAM),
-            _left_out.mimics: ("The parser of adam takes a joint that mimics another for one that moves by itself", _left_out.LEAD, _ADAM),
+            _left_out.mimics: ("The parser of adam leaves a mimic joint free", _left_out.LEAD, _ADAM),
             _left_out.point_springs: ("The parser of adam reads no springs between points", _left_out.ADD_POINT_SPRINGS, _ADAM),
             _gravity: (
                 "The computations of adam take 9.80665 m/s^2 along -z for gravity, rounded to float32",
@@ -69,7 +69,7 @@ DART = readings_of(
             _left_out.springs: ("DART's loader reads no springs", _left_out.ADD_SPRINGS, _DART),
             _left_out.rotors: ("DART knows no rotor inertias of joints", _left_out.ADD_ROTORS, _DART),
             _left_out.mimics: (
-                "DART has a joint that mimics another follow it by a constraint of its world, which computeForwardDynamics does not ask",
+                "DART holds a mimic joint by a constraint of its World, which computeForwardDynamics leaves out",
                 "add the skeleton to a World, and step that",
                 "DART, dart/utils/urdf/DartLoader.cpp, and dart/constraint/MimicMotorConstraint.cpp",
             ),
@@ -107,7 +107,7 @@ IDYNTREE = readings_of(
                 _IDYNTREE,
             ),
             _left_out.mimics: (
-                "The parser of iDynTree takes a joint that mimics another for one that moves by itself, without a message",
+                "The parser of iDynTree leaves a mimic joint free, without a message",
                 _left_out.LEAD,
                 "iDynTree, src/model_io/codecs/src/URDFParsingUtils and JointElement.cpp, which know no <mimic>",
             ),

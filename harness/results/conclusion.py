@@ -1,0 +1,244 @@
+"""The answer of a comparison: a sentence, the few rows that matter, and where the rest is.
+
+Terminal, page, JSON and notebook have it from here; it is made of records alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord, names_apart
+from harness.results.detail import Detail
+from harness.results.readings import FELT, by_effect, explanation, reading_lines, share_text
+from harness.results.table import Table, counted, error_text, grouped
+from harness.verdict import AGREEMENT, Verdict
+
+# Rows of a file, and of each of several files; further ones are counted.
+MOST_ROWS, MOST_ROWS_OF_SEVERAL = 11, 3
+# Subjects of which the first sentence says why, and letters of an engine's message.
+MOST_REASONS, MOST_LETTERS = 3, 160
+_Row = TypeVar("_Row")
+MORE = "More: --verbose (sources, lines, every number), --all (every row), --html FILE, --json FILE"
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """The answer to what a command was asked.
+
+    Attributes:
+        sentence: the answer. rows: what it rests on, a sentence each, the weightiest first.
+    """
+
+    sentence: str
+    rows: Sequence[str | Table] = ()
+
+
+def conclude(found: FilesComparison, file: FileRecord, detail: Detail = Detail.BRIEF, most: int = MOST_ROWS) -> Conclusion:
+    """What engines make of a file, with at most ``most`` rows unless all are asked for, and with none for 0."""
+    [conclusion] = conclude_alike(found, [file], detail, most)
+    return conclusion
+
+
+def conclude_alike(found: FilesComparison, files: Sequence[FileRecord], detail: Detail, most: int) -> list[Conclusion]:
+    """The same of several files; those of which the same is to be said have one conclusion."""
+    names = names_apart(one.path for one in found.files)
+    told = grouped((_told(found, file, detail, most), names[file.path]) for file in files)
+    return [Conclusion(f"{_listed(own)}{sentence}", rows) for (sentence, rows), own in told.items()]
+
+
+def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -> tuple[str, tuple[str, ...]]:
+    """The sentence on a file without its name, and the rows."""
+    if file.problem:
+        return f" cannot be read: {file.problem}", ()
+    subjects = [one for one in found.of(file.path) if not one.aided]
+    if not subjects:
+        return f": no engine was asked{file.remark and f', for {file.remark}'}.", tuple(_facts(file))
+    held = [one for one in found.equalities if one.path == file.path]
+    subjects = sorted(subjects, key=lambda one: -_weight(one))
+    reasons = [*filter(None, map(_reason, subjects)), *(_reason_of_equalities(one) for one in held if not one.explained)]
+    sentences = [_who_agrees(subjects), *_with_remedy(reasons[:MOST_REASONS])]
+    rows = [*_rows(found.of(file.path), file, detail), *filter(None, map(_equalities, held)), *_facts(file)]
+    shown, others = at_most(rows, detail, most) if most else ([], "")
+    return f": {'. '.join(sentences)}.", (*shown, *filter(None, [others]))
+
+
+@dataclass(frozen=True)
+class _Reason:
+    """Why a subject's answer is not that of the file, in a clause; how much of qdd it is, "" where there is no number; a remedy."""
+
+    clause: str
+    share: str = ""
+    remedy: str = ""
+
+
+def _with_remedy(reasons: Sequence[_Reason]) -> Iterator[str]:
+    """A sentence for each; the first number says of what it is a part, and the first remedy is told."""
+    is_first, is_told = True, False
+    for one in reasons:
+        of_what = (" of qdd" if one.share.endswith("%") else " qdd") if is_first else ""
+        share = f" ({one.share}{of_what})" if one.share else ""
+        is_first = is_first and not one.share
+        yield f"{one.clause}{share}" + (f": {one.remedy}" if one.remedy and not is_told else "")
+        is_told = is_told or bool(one.remedy)
+
+
+def _who_agrees(subjects: Sequence[SubjectRecord]) -> str:
+    """Who agrees with the file and with whom, of plain engines."""
+    agreeing = [one for one in subjects if one.outcome == Verdict.AGREES]
+    losing = [one for one in subjects if one.outcome == "lost digits"]
+    differing = [one for one in subjects if one.is_compared and one not in agreeing and one not in losing]
+    if not differing:
+        right = [*agreeing, *losing]
+        if not right:
+            return "no engine gives an answer that can be judged"
+        worst = max((one.backward_error or 0.0 for one in agreeing), default=0.0)
+        to = f" ({error_text(worst)} data roundoffs at most, {AGREEMENT:g} are allowed)" if agreeing and not losing else ""
+        return f"{_names(right)} agree{_s(right)} with the file{to}"
+    if agreeing or losing:
+        return f"{_names([*agreeing, *losing])} agree{_s([*agreeing, *losing])} with the file, and {_names(differing)} {_do(differing)} not"
+    if len(differing) == 1:
+        return f"{_names(differing)} does not agree with the file"
+    if all(one.explained and _felt(one) == _felt(differing[0]) for one in differing):
+        return f"{_names(differing)} agree with each other, and not with the file"
+    return f"{_names(differing)} disagree with each other and with the file"
+
+
+def _felt(subject: SubjectRecord) -> set[tuple[str, float | None]]:
+    """The readings that move something, of which equal ones make equal answers."""
+    return {(one.name, one.alone) for one in subject.readings if one.alone is None or one.alone > FELT or (one.beside or 0.0) > FELT}
+
+
+def _reason(subject: SubjectRecord) -> _Reason | None:
+    """Why an answer is not that of the file; None where it is."""
+    program, message = subject.program, _short(subject.message)
+    if subject.verdict == Verdict.UNSUPPORTED:
+        return _Reason(f"{program} refuses the file: {message}")
+    if subject.left_nothing:
+        return _Reason(f"{program} reads nothing that moves: {_short(subject.left_nothing)}")
+    if subject.verdict == Verdict.ERROR:
+        return _Reason(f"{program} fails on the file: {message}")
+    if subject.verdict == Verdict.UNDECIDED:
+        return _Reason(f"{program} cannot be judged: {message}")
+    if not subject.explained:
+        return _Reason(f"No known reading explains {program}", share_text(subject.relative_error))
+    if subject.outcome == "lost digits":
+        return _Reason(f"{program} loses digits", share_text(subject.relative_error))
+    if subject.verdict == Verdict.AGREES or not subject.readings:
+        return None
+    largest = by_effect(subject.readings)[0]
+    return _Reason(largest.sentence, share_text(largest.size), largest.remedy)
+
+
+def _reason_of_equalities(record: EqualitiesRecord) -> _Reason:
+    return _Reason(f"With the file's equalities {record.program} {_of_optimum(record)}")
+
+
+def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -> Iterator[str]:
+    """What the engines make of the file, the largest effect first, and what no body can have."""
+    plain = [one for one in subjects if not one.aided]
+    # Versions of one engine have readings in common, and those are told once.
+    yield from reading_lines({reading.sentence: reading for one in plain for reading in one.readings}.values(), detail)
+    for one in plain:
+        yield from _further(one)
+    yield from _when_supplied(subjects)
+    yield from _impossible(file)
+
+
+def _further(subject: SubjectRecord) -> Iterator[str]:
+    """What is to be said of a subject besides its readings."""
+    program = subject.program
+    if subject.verdict in (Verdict.UNSUPPORTED, Verdict.ERROR) and len(subject.message) > MOST_LETTERS:
+        yield f"{program} says: {subject.message}"
+    if subject.expected:
+        yield f"{program}: {subject.marked}"
+    yield from (f"{program}: {sentence}" for sentence in subject.rest)
+    if subject.lost_digits:
+        yield f"{program}: {subject.lost_digits}"
+    if subject.cancels:
+        yield f"{program}: {explanation(subject.readings)} cancel one another, and the answer is that of the file"
+    yield from (f"{program}: {note.partition(': ')[0]}" for note in subject.notes)
+
+
+def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
+    """How far the readings account for the answers, and what aided engines answer."""
+    accounted = [one for one in subjects if not one.aided and one.explained and one.left is not None and not one.cancels]
+    aided = [one for one in subjects if one.aided]
+    right = [one for one in aided if one.outcome == Verdict.AGREES]
+    if accounted:
+        left = error_text(max(one.left or 0.0 for one in accounted))
+        also = f"; so {'does' if len(right) == 1 else 'do'} {_names(right)}, supplied with what the reader leaves out" if right else ""
+        yield f"With these readings {_names(accounted)} agree{_s(accounted)} to {left} data roundoffs{also}"
+    for one in aided:
+        if one not in right and one.outcome not in ("refused", "lost digits"):
+            why = explanation(one.readings) or one.message or "; ".join(one.rest)
+            yield f"{one.program}, supplied with what its reader leaves out: {one.outcome}{why and f', {why}'}"
+
+
+def _impossible(file: FileRecord) -> Iterator[str]:
+    if file.impossible:
+        first, *others = file.impossible
+        more = f", and {len(others)} more" if others else ""
+        what = f"{first.body}, line {first.line}, {first.what}{more}"
+        yield f"{counted(len(file.impossible), 'inertia')} that no body can have: {what}"
+
+
+def _equalities(record: EqualitiesRecord) -> str:
+    return f"With the file's equalities {record.program} {_of_optimum(record)}" if record.verdict else ""
+
+
+def _of_optimum(record: EqualitiesRecord) -> str:
+    moved = f", {share_text(record.together)} of qdd away from the file without them" if record.together else ""
+    verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
+    return f"{verb} the optimum that it documents{moved}" if record.verdict else record.message or "cannot be judged"
+
+
+def _facts(file: FileRecord) -> Iterator[str]:
+    """What the file holds, and what of it was not compared."""
+    mimics = f" ({file.followers} of them mimic{'s' * (file.followers == 1)} another)" if file.followers else ""
+    what = f"{file.bodies} bodies, {counted(file.joints, 'joint')}{mimics}, {file.degrees_of_freedom} degrees of freedom"
+    undecided = f", of which {file.undecided} have no certain accelerations" if file.undecided else ""
+    yield f"{what}, {file.total_mass:.6g} kg; {counted(file.states, 'state')}{undecided}"
+    felt = [f"{one.what} ({len(one.lines)})" for one in file.left_out if one.bears_on_motion]
+    others = sum(len(one.lines) for one in file.left_out if not one.bears_on_motion)
+    if felt or others:
+        yield f"Not compared: {', '.join([*felt, *([f'{others} elements that move nothing'] if others else [])])}"
+
+
+def at_most(rows: Sequence[_Row], detail: Detail, most: int) -> tuple[list[_Row], str]:
+    """So many rows, and words that count the others; all of them where more is asked for."""
+    if detail > Detail.BRIEF or len(rows) <= most:
+        return list(rows), ""
+    return list(rows[: most - 1]), f"{len(rows) - most + 1} more (--all)"
+
+
+def _weight(subject: SubjectRecord) -> float:
+    """By which subjects are told: what nobody explains first, then by what their readings move."""
+    if not subject.explained:
+        return math.inf
+    return max((one.size or 0.0 for one in subject.readings), default=0.0)
+
+
+def _names(subjects: Iterable[SubjectRecord]) -> str:
+    return _listed(sorted(one.program for one in subjects))
+
+
+def _listed(names: Sequence[str]) -> str:
+    """ "MuJoCo", "MuJoCo and Pinocchio", "adam, MuJoCo and Pinocchio"."""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def _s(subjects: Sequence[SubjectRecord]) -> str:
+    return "s" if len(subjects) == 1 else ""
+
+
+def _do(subjects: Sequence[SubjectRecord]) -> str:
+    return "does" if len(subjects) == 1 else "do"
+
+
+def _short(message: str) -> str:
+    """A message of an engine, as much of it as a sentence bears."""
+    return message if len(message) <= MOST_LETTERS else f"{message[:MOST_LETTERS].rsplit(' ', 1)[0]} ..."

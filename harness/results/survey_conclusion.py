@@ -1,0 +1,83 @@
+"""The answer of a survey: how many robots every engine agrees on, and a line for each engine."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
+from harness.results.conclusion import Conclusion
+from harness.results.readings import explanation, share_text
+from harness.results.table import counted, grouped
+from harness.verdict import Verdict
+
+# Reasons in a cell and in the line of an engine.
+MOST_REASONS, MOST_COUNTED = 2, 4
+# What is said of so many robots, the gravest first; of one, and of several.
+_UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES = (
+    ("{} cannot be read", "{} cannot be read"),
+    ("{} has an answer that no known reading explains", "{} have an answer that no known reading explains"),
+    ("{} has no answer of some engine", "{} have no answer of some engine"),
+    ("{} is read otherwise than written, for a known reason", "{} are read otherwise than written, for a known reason"),
+    ("{} holds nothing that moves", "{} hold nothing that moves"),
+    ("every engine agrees on {}", "every engine agrees on {}"),
+)
+_ORDER = (_UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES)
+
+
+def conclude_survey(found: FilesComparison) -> Conclusion:
+    """What engines make of many robots, and a line for each engine."""
+    counts = Counter(_state(found, file) for file in found.files)
+    parts = [state[counts[state] > 1].format(counts[state]) for state in _ORDER if counts[state]]
+    return Conclusion(f"{counted(len(found.files), 'robot')}: {'; '.join(parts) or 'no file is one'}.", [*_engines(found)])
+
+
+def survey_summary(found: FilesComparison) -> str:
+    return conclude_survey(found).sentence
+
+
+def is_agreed(found: FilesComparison, file: FileRecord) -> bool:
+    """True where every engine that was asked agrees with a file in which nothing is impossible."""
+    return _state(found, file) == _AGREES and not file.impossible
+
+
+def outcome_text(subject: SubjectRecord) -> str:
+    """The outcome of a subject in a cell: "agrees", "explained: joint damping 47 %, mimic joints 14 %", "unexplained 6 %"."""
+    if subject.explained and subject.readings and subject.verdict != Verdict.AGREES:
+        return f"{subject.outcome}: {explanation(subject.readings, MOST_REASONS)}".removesuffix(": ")
+    is_sized = subject.outcome in ("unexplained", "lost digits") and subject.relative_error is not None
+    return f"{subject.outcome} {share_text(subject.relative_error)}" if is_sized else subject.outcome
+
+
+def _state(found: FilesComparison, file: FileRecord) -> tuple[str, str]:
+    plain = [one for one in found.of(file.path) if not one.aided]
+    if file.problem:
+        return _UNREAD
+    held = [one for one in found.equalities if one.path == file.path]
+    if not all(one.explained for one in plain) or not all(one.explained for one in held):
+        return _UNEXPLAINED
+    if file.remark and not plain:
+        return _STILL
+    if any(not one.is_answered for one in plain):
+        return _REFUSED
+    return _OTHERWISE if any(one.verdict != Verdict.AGREES for one in plain) else _AGREES
+
+
+def _engines(found: FilesComparison) -> Iterator[str]:
+    """A line for each engine: how often it has which outcome, and the readings that most often matter most."""
+    plain = grouped((one.program, one) for one in sorted(found.subjects, key=lambda one: one.program) if not one.aided)
+    for program, own in plain.items():
+        outcomes = Counter(one.outcome for one in own).most_common()
+        said = [f"{outcome} {count}{_reasons([one for one in own if one.outcome == outcome])}" for outcome, count in outcomes]
+        yield f"{program}: {', '.join(said)}"
+    held = [one for one in found.equalities if one.verdict]
+    if held:
+        agreeing = sum(one.explained for one in held)
+        yield f"With the equalities of files, {agreeing} of {len(held)} answers agree with the optimum that the engine documents"
+
+
+def _reasons(subjects: Sequence[SubjectRecord]) -> str:
+    """The readings that move accelerations most, with the number of robots on which each does."""
+    reasons = Counter(one.dominating for one in subjects if one.dominating and one.verdict != Verdict.AGREES)
+    named = [f"{name} {count}" for name, count in reasons.most_common(MOST_COUNTED)]
+    return f" ({', '.join(named)})" if named else ""

@@ -1,0 +1,235 @@
+"""The answer of a comparison in a sentence, with the rows that matter: what it says, and how long it is at worst."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from harness.commands.frame.terminal import print_sections
+from harness.files.findings import Impossible, LeftOut
+from harness.report.comparison import told
+from harness.results.comparison import (
+    EqualitiesRecord,
+    FileDifference,
+    FileRecord,
+    FilesComparison,
+    LockedJoint,
+    PairRecord,
+    SubjectRecord,
+)
+from harness.results.conclusion import conclude
+from harness.results.detail import Detail
+from harness.results.pair_conclusion import conclude_pair, summary
+from harness.results.readings import Effect, explanation, share_text
+from harness.results.survey_conclusion import conclude_survey, outcome_text
+
+FILE = FileRecord(path="/robots/r.urdf", format="urdf", bodies=3, joints=2, degrees_of_freedom=2, total_mass=5.0, states=64)
+
+
+def effect(name: str = "joint damping", alone: float | None = 0.47, **given: Any) -> Effect:
+    about = {"sentence": f"Pinocchio applies no {name}", "remedy": "add -d v to tau", "lines": (9, 25), "concerns": "joints", "source": "s"}
+    return Effect(name=name, alone=alone, **{**about, **given})
+
+
+def subject(engine: str, title: str, verdict: str = "agrees", explained: bool = True, **given: Any) -> SubjectRecord:
+    about: dict[str, Any] = {"path": FILE.path, "format": "urdf", "aided": False, "call": "call()", "backward_error": 2.5}
+    return SubjectRecord(engine=engine, title=title, verdict=verdict, explained=explained, **{**about, **given})
+
+
+MIMIC = effect("mimic joints", 0.14, sentence="MuJoCo holds a mimic joint by a soft constraint", remedy="keep it on", lines=(3,))
+AGREES = subject("mujoco", "MuJoCo")
+DAMPED = subject("pinocchio", "Pinocchio", "disagrees", readings=[effect()], left=0.6, relative_error=0.71)
+MIMICS = subject("mujoco", "MuJoCo", "disagrees", readings=[MIMIC], left=3.5)
+ALSO = subject("pinocchio", "Pinocchio", "disagrees", readings=[MIMIC], left=1.5)
+SAID = "Pinocchio applies no joint damping (47 % of qdd): add -d v to tau."
+SENTENCES = {
+    "all agree": ([AGREES, subject("pinocchio", "Pinocchio")], "MuJoCo and Pinocchio agree with the file (2.50 data roundoffs at most"),
+    "one agrees": ([AGREES, DAMPED], f"MuJoCo agrees with the file, and Pinocchio does not. {SAID}"),
+    "none agrees": (
+        [MIMICS, DAMPED],
+        f"MuJoCo and Pinocchio disagree with each other and with the file. {SAID} MuJoCo holds a mimic joint by a soft constraint (14 %).",
+    ),
+    "alike": ([MIMICS, ALSO], "MuJoCo and Pinocchio agree with each other, and not with the file. MuJoCo holds"),
+    "one engine": ([DAMPED], f"Pinocchio does not agree with the file. {SAID}"),
+    "unexplained": (
+        [AGREES, subject("pinocchio", "Pinocchio", "disagrees", False, relative_error=0.06)],
+        "MuJoCo agrees with the file, and Pinocchio does not. No known reading explains Pinocchio (6 % of qdd).",
+    ),
+    "refused": (
+        [subject("mujoco", "MuJoCo", "unsupported", message="mass is 0"), subject("pinocchio", "Pinocchio")],
+        "Pinocchio agrees with the file (2.50 data roundoffs at most, 64 are allowed). MuJoCo refuses the file: mass is 0.",
+    ),
+    "died": (
+        [subject("mujoco", "MuJoCo", "error", False, message="it aborted")],
+        "no engine gives an answer that can be judged. MuJoCo fails on the file: it aborted.",
+    ),
+    "undecided": (
+        [subject("mujoco", "MuJoCo", "undecided", message="M is singular")],
+        "no engine gives an answer that can be judged. MuJoCo cannot be judged: M is singular.",
+    ),
+    "nothing left": (
+        [subject("pinocchio", "Pinocchio", "disagrees", left_nothing="it drops every joint")],
+        "no engine gives an answer that can be judged. Pinocchio reads nothing that moves: it drops every joint.",
+    ),
+    "digits lost": (
+        [AGREES, subject("pinocchio", "Pinocchio", "unstable", lost_digits="at 3 of 64 states", relative_error=1e-9)],
+        "MuJoCo and Pinocchio agree with the file. Pinocchio loses digits (1.00e-09 qdd).",
+    ),
+    "a version": (
+        [subject("mujoco@3.13.0", "MuJoCo", "disagrees", readings=[MIMIC])],
+        "MuJoCo 3.13.0 does not agree with the file. MuJoCo holds a mimic joint by a soft constraint (14 % of qdd): keep it on.",
+    ),
+    "nobody asked": ([], "no engine was asked."),
+}
+
+
+@pytest.mark.parametrize("case", SENTENCES)
+def test_the_first_sentence_answers_whether_the_engines_agree(case: str) -> None:
+    subjects, sentence = SENTENCES[case]
+    found = FilesComparison(files=[FILE], subjects=subjects)
+    assert conclude(found, FILE).sentence.startswith(f"r.urdf: {sentence}")
+    assert summary(found) == conclude(found, FILE).sentence
+
+
+def test_equalities_that_nobody_explains_stand_in_the_first_sentence() -> None:
+    about: dict[str, Any] = {"path": FILE.path, "engine": "mujoco", "title": "MuJoCo", "format": "urdf", "parts": []}
+    wrong = EqualitiesRecord(**about, verdict="disagrees", explained=False, backward_error=1e9, together=0.5)
+    right = replace(wrong, verdict="agrees", explained=True, backward_error=2.0)
+    for record, is_first in ((wrong, True), (right, False)):
+        told = conclude(FilesComparison(files=[FILE], subjects=[AGREES], equalities=[record]), FILE)
+        assert ("1.00e+09 data roundoffs away from the optimum" in told.sentence) == is_first
+        assert any("the optimum that it documents, 50 % of qdd away" in str(row) for row in told.rows)
+
+
+def test_a_row_has_effect_lines_and_remedy() -> None:
+    tiny = [effect(f"reading {number}", 1e-4, sentence=f"Pinocchio does {number}") for number in range(5)]
+    found = FilesComparison(files=[FILE], subjects=[replace(DAMPED, readings=[*tiny, effect()])])
+    rows = conclude(found, FILE).rows
+    assert rows[0] == "  47 %  Pinocchio applies no joint damping (2 joints, lines 9, 25): add -d v to tau"
+    assert rows[1] == "5 more below 0.001 of the largest (--all)"
+    assert sum("Pinocchio does" in str(row) for row in conclude(found, FILE, Detail.ALL).rows) == 5
+
+
+def test_readings_in_a_cell() -> None:
+    readings = [effect("a", 0.14), effect("b", 0.47), effect("c", 1e-5), effect("d", 0.0)]
+    assert explanation(readings) == "b 47 %, a 14 %, 1 more"
+    assert explanation(readings, 1) == "b 47 %, 2 more"
+    assert outcome_text(replace(DAMPED, readings=readings)) == "explained: b 47 %, a 14 %, 1 more"
+    assert outcome_text(subject("mujoco", "MuJoCo", "disagrees", False, relative_error=0.06)) == "unexplained 6 %"
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [(0.47, "47 %"), (0.00123, "0.12 %"), (5e-9, "5.00e-09"), (1.0, "1 times"), (37.9, "38 times"), (math.inf, "all"), (None, "unknown")],
+)
+def test_a_share_is_a_percentage_where_that_says_something(change: float | None, text: str) -> None:
+    assert share_text(change) == text
+
+
+def difference(kind: str, owner: str, alone: float | None, first: str = "10", second: str = "0.1") -> FileDifference:
+    return FileDifference(
+        what=f"{kind} of {owner}", first=first, second=second, first_place="r.urdf:12", second_place="r.urdf:34", alone=alone
+    )
+
+
+PAIR = PairRecord(first="/old/r.urdf", second="/new/r.urdf", same=False, alike=False, backward_error=1e12, relative_error=0.5)
+
+
+def test_equal_kinds_of_differences_are_one_row() -> None:
+    dampings = [difference("damping", f"joint j{number}", 0.4 / (number + 1)) for number in range(7)]
+    masses = [difference("mass", f"link l{number}", 0.1, str(number)) for number in range(3)]
+    tiny = [difference("armature", "joint j1", 1e-5)]
+    pair = replace(PAIR, differences=[*dampings, *masses, *tiny])
+    found = conclude_pair(pair)
+    said = "damping of 7 joints, 10 (old/r.urdf:12) against 0.1 (new/r.urdf:34), changes qdd by 40 % (in all 50 %)"
+    assert found.sentence == f"old/r.urdf and new/r.urdf differ: {said}."
+    table, others = found.rows
+    assert [row[0] for row in table.rows] == ["damping of 7 joints", "mass of link l0 and 2 more"]  # type: ignore[union-attr]
+    assert others == "1 more below 0.001 of the largest (--all)"
+    assert len(conclude_pair(pair, Detail.ALL).rows[0].rows) == 11  # type: ignore[union-attr]
+
+
+def test_two_files_of_one_robot() -> None:
+    same = replace(PAIR, same=True, alike=True, backward_error=2.0, relative_error=0.0)
+    assert conclude_pair(same).sentence == "old/r.urdf and new/r.urdf are the same robot (2.00 data roundoffs apart, 64 are allowed)."
+    unfelt = replace(same, differences=[difference("mass", "link foot", 0.0)])
+    assert "they differ in numbers that no acceleration feels, most in mass of link foot, 10" in conclude_pair(unfelt).sentence
+    joint = LockedJoint(name="finger", why="only new/r.urdf moves it", asked=False, first_place="", second_place="r.urdf:7")
+    but = conclude_pair(replace(same, same=False, locked=[joint]))
+    assert "are the same robot but for 1 joint that the files do not share" in but.sentence
+    assert but.rows[0] == "finger (r.urdf:7) stands still in what is compared: only new/r.urdf moves it"
+    assert "cannot be compared: why." in conclude_pair(replace(PAIR, problem="why")).sentence
+
+
+def test_a_survey_counts_robots_by_what_is_to_be_done() -> None:
+    others = [replace(FILE, path=f"/robots/{name}.urdf") for name in "abc"]
+    bad = FileRecord(path="/robots/bad.urdf", problem="line 3: no")
+    subjects = [AGREES, replace(DAMPED, path=others[0].path), replace(DAMPED, path=others[1].path, explained=False), AGREES]
+    subjects[3] = subject("mujoco", "MuJoCo", "unsupported", path=others[2].path)
+    found = conclude_survey(FilesComparison(files=[FILE, *others, bad], subjects=subjects))
+    assert found.sentence == (
+        "5 robots: 1 cannot be read; 1 has an answer that no known reading explains; 1 has no answer of some engine; "
+        "1 is read otherwise than written, for a known reason; every engine agrees on 1."
+    )
+    assert found.rows == ["MuJoCo: agrees 1, refused 1", "Pinocchio: explained 1 (joint damping 1), unexplained 1 (joint damping 1)"]
+
+
+def worst(path: str) -> FilesComparison:
+    """A file of which there is as much to say as can be."""
+    readings = [effect(f"reading {number}", 0.5, sentence=f"Pinocchio does {number}") for number in range(50)]
+    impossible = [Impossible(f"link {number}", number, "A + B < C", (1.0,), 0.1, (1.0,)) for number in range(99)]
+    file = replace(
+        FILE, path=path, impossible=impossible, left_out=[LeftOut(f"part {number}", (1, 2), number % 2 == 0) for number in range(30)]
+    )
+    about: dict[str, Any] = {
+        "path": path,
+        "rest": ["a sentence of the rest"] * 9,
+        "notes": ("one: note", "two: notes"),
+        "lost_digits": "at 3",
+    }
+    subjects = [
+        subject(f"engine{number}", f"Engine {number}", "disagrees", number % 2 == 0, readings=readings, aided=aided, **about)
+        for number in range(8)
+        for aided in (False, True)
+    ]
+    subjects.append(subject("last", "Last", "unsupported", path=path, message="because " * 500))
+    held = [EqualitiesRecord(path=path, engine=f"engine{number}", format="urdf", parts=[], explained=False) for number in range(8)]
+    return FilesComparison(files=[file], subjects=subjects, equalities=held)
+
+
+def printed(found: FilesComparison, detail: Detail, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    print_sections(told(found, detail))
+    return capsys.readouterr().out.splitlines()
+
+
+def test_one_file_is_told_in_15_lines_at_worst(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = printed(worst(FILE.path), Detail.BRIEF, capsys)
+    assert len(lines) <= 15 and len(lines[0]) < 1000
+    assert lines[0].startswith("r.urdf: ") and "--verbose" in lines[-1]
+    assert len(printed(worst(FILE.path), Detail.ALL, capsys)) > 60
+    assert len(printed(worst(FILE.path), Detail.VERBOSE, capsys)) > 300
+
+
+@pytest.mark.parametrize("files", [2, 3])
+def test_a_pair_is_told_in_30_lines_at_worst(files: int, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [f"/{number}/r.urdf" for number in range(files)]
+    found = FilesComparison()
+    for path in paths:
+        one = worst(path)
+        one.files[0] = replace(one.files[0], total_mass=len(found.files))
+        found.extend(one)
+    locked = [
+        LockedJoint(name=f"joint {number}", why=f"why {number % 2}", asked=False, first_place="", second_place="r.urdf:1")
+        for number in range(40)
+    ]
+    differences = [difference(f"kind {number % 40}", f"joint {number}", 0.5) for number in range(400)]
+    for path in paths[1:]:
+        pair = replace(PAIR, first=paths[0], second=path, locked=locked, differences=differences, remarks=["joint a is b by place"] * 30)
+        found.pairs.append(pair)
+    lines = printed(found, Detail.BRIEF, capsys)
+    assert len(lines) <= 30 * (files - 1)
+    assert lines[0].startswith("0/r.urdf and 1/r.urdf differ: kind 0 of 10 joints, 10 (0/r.urdf:12) against 0.1 (1/r.urdf:34)")
+    assert max(map(len, lines)) < 1000
