@@ -79,12 +79,14 @@ def add(bracket: Bracket, engine: str, version: str) -> str:
         InvalidRequest: it cannot be installed.
     """
     from harness.engines import engine_files
-    from harness.environments import find_environments, install
+    from harness.environments import find_environments, install, the_version
 
     file = engine_files(bracket.library)[engine]
+    there = {one.version: one for one in find_environments(engine)}
+    found = the_version(version, there) if version else None
     if why := file.too_old(version):
         raise InvalidRequest(why)
-    known = [one for one in find_environments(engine) if one.version == version]
+    known = [] if found is None else [there[found]]
     made = known[0] if known else install(engine, file.requires[1], file.requires[0], version, file.requirements(version))
     if not known:
         bracket.describe_engines()

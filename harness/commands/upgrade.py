@@ -3,42 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from harness.commands import ENGINES
 from harness.commands.frame.bracket import Bracket, computing
-from harness.commands.frame.options import states_option
-from harness.commands.frame.terminal import print_titled, say
+from harness.commands.frame.options import states_option, takes
+from harness.commands.frame.terminal import say
 from harness.errors import InvalidRequest
 from harness.library import matching
-from harness.results.trend import TIME, RunChange
-from harness.results.trend import changes_between as changes_table
+from harness.results.upgrade import Asked, Upgraded
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.results.records import Record
+    from harness.results.trend import RunChange
+    from harness.upgrade.study import Portraits
 
 
 SECTION = ENGINES
 
 
+@dataclass(frozen=True, kw_only=True)
+class UpgradeOptions:
+    """Versions that are held against each other."""
+
+    engine: Annotated[str, click.argument("engine")]
+    names: Annotated[tuple[str, ...], click.argument("names", nargs=-1, metavar="[OLD NEW] [NAME|FILE]...")]
+    span: Annotated[
+        str | None,
+        click.option("--bisect", "span", metavar="GOOD..BAD", help="Find the first version between these two that changed something."),
+    ]
+    allows_left_out: Annotated[
+        bool,
+        click.option(
+            "--allow-uncompared",
+            "allows_left_out",
+            is_flag=True,
+            help="End with 0 although actuators, contacts or the like were not compared.",
+        ),
+    ]
+    states: Annotated[int, states_option()]
+
+
 @click.command("upgrade")
-@click.argument("engine")
-@click.argument("names", nargs=-1, metavar="[OLD NEW] [NAME|FILE]...")
-@click.option("--bisect", "span", metavar="GOOD..BAD", help="Find the first version between these two that changed something.")
-@states_option()
-@computing(time_limit=60.0, scheduler=True, floating_base=True)
-def command(bracket: Bracket, engine: str, names: tuple[str, ...], span: str | None, states: int) -> None:
-    """Say what changed between two versions of an engine.
+@takes(UpgradeOptions)
+@computing(time_limit=60.0, scheduler=True, floating_base=True, detail=True)
+def command(bracket: Bracket, asked: UpgradeOptions) -> None:
+    """Say whether a new version of an engine changes robots.
 
-    Nothing else is printed.
+    Both versions are asked about the same mechanisms, or robots' FILEs, at the same states, as their user calls them. Compared are
+    verdicts and errors, what each version makes of the file, the numbers that it holds after loading, those of actuators and contacts
+    among them, and the accelerations without these. What is not compared is said; --verbose tells what it costs, too.
 
-    Both versions are asked about the same mechanisms, or robots' FILEs, at the same states: verdicts, errors, refusals, what is read
-    from a file, terms of the equations, and cost. A version that is not installed beside the harness is one of `harness engines add`.
+    A version that is not installed beside the harness is one of `harness engines add`; 3.13 is 3.13.0.
     With --bisect, the versions in between that the package index offers are installed as they are needed.
 
     \b
@@ -47,92 +69,109 @@ def command(bracket: Bracket, engine: str, names: tuple[str, ...], span: str | N
       harness upgrade mujoco 3.13.0 4.0.0 robot.urdf
       harness upgrade mujoco --bisect 3.3.0..4.0.0 four_bar
 
-    \b
-    Exit status: 1 if something became worse. A change of cost is no such thing.
+    Exit status: 1 if something became worse, or changed where no truth says which version is right, or moves a robot and was not
+    compared.
     """
     from harness.crosscheck.settings import Settings
 
-    if span is None and len(names) < 2:
+    if asked.span is None and len(asked.names) < 2:
         raise click.UsageError("name two versions, as `harness upgrade mujoco 3.13.0 4.0.0`, or --bisect GOOD..BAD")
-    versions, systems = (names[:2], names[2:]) if span is None else (tuple(span.split("..")), names)
+    versions, systems = (asked.names[:2], asked.names[2:]) if asked.span is None else (tuple(asked.span.split("..")), asked.names)
     if len(versions) != 2 or not all(versions):
-        raise click.UsageError(f"--bisect {span}: expected two versions as 3.3.0..4.0.0")
-    bracket.choose_library(systems)
-    settings = Settings(library=bracket.library, names=matching(bracket.library, systems), states=states, seed=bracket.seed, examples=None)
-    bracket.begin(states, "upgrade")
-    if span is None:
-        _upgrade(bracket, settings, engine, versions)
-    else:
-        _bisect(bracket, settings, engine, versions)
+        raise click.UsageError(f"--bisect {asked.span}: expected two versions as 3.3.0..4.0.0")
+    bracket.choose_library(systems, anywhere=True)
+    settings = Settings(
+        library=bracket.library, names=matching(bracket.library, systems), states=asked.states, seed=bracket.seed, examples=None
+    )
+    bracket.begin(asked.states, "upgrade")
+    (_upgrade if asked.span is None else _bisect)(bracket, settings, asked, versions)
 
 
-def _upgrade(bracket: Bracket, settings: Settings, engine: str, versions: Sequence[str]) -> None:
+@dataclass(frozen=True)
+class _Answers:
+    """What versions answered.
+
+    Attributes:
+        name: of a version, as of ``version_name``. study: that asked; records of it. portraits: of the same subjects.
+    """
+
+    study: CrossCheck
+    records: Sequence[Record]
+    portraits: Portraits
+
+
+def _upgrade(bracket: Bracket, settings: Settings, asked: UpgradeOptions, versions: Sequence[str]) -> None:
+    from harness.engines import engine_files
     from harness.upgrade.study import version_name
 
-    before, after = (version_name(bracket.library, engine, version) for version in versions)
-    if before == after:
+    before, now = (version_name(bracket.library, asked.engine, version) for version in versions)
+    if before == now:
         raise InvalidRequest(f"{before} is one version; name two")
-    study = _ask(bracket, settings, before, after)
-    is_worse = _tell(bracket, settings, study.result().records, (before, after), versions)
-    crashed = any(subject is not None and subject.startswith(f"{after}/") for _, subject in study.crashes)
-    bracket.finish(study.problems, crashed, not is_worse, study.faults)
+    found = _ask(bracket, settings, before, now)
+    files = engine_files(bracket.library)
+    upgraded = _explained(bracket, settings, asked, found, (before, now), [str(files[name].version) for name in (before, now)])
+    say(*upgraded.lines(asked.allows_left_out, bracket.detail))
+    crashed = any(subject is not None and subject.startswith(f"{now}/") for _, subject in found.study.crashes)
+    bracket.finish(found.study.problems, crashed, upgraded.is_fine(asked.allows_left_out), found.study.faults)
 
 
-def _bisect(bracket: Bracket, settings: Settings, engine: str, ends: Sequence[str]) -> None:
+def _bisect(bracket: Bracket, settings: Settings, asked: UpgradeOptions, ends: Sequence[str]) -> None:
     from harness.commands.engines import add, requested
     from harness.engines import engine_files
     from harness.environments import versions_between
-    from harness.upgrade.study import changes_between, first_changed
+    from harness.upgrade.study import first_changed, held_against
 
-    ((engine, _),) = requested(bracket, [engine])
+    ((engine, _),) = requested(bracket, [asked.engine])
     versions = versions_between(engine_files(bracket.library)[engine].requires[1], *ends)
-    asked: dict[str, tuple[str, list[Record]]] = {}
+    answers: dict[str, tuple[str, _Answers]] = {}
 
-    def ask(version: str) -> tuple[str, list[Record]]:
+    def ask(version: str) -> tuple[str, _Answers]:
         name = add(bracket, engine, version)
-        found = _ask(bracket, settings, name).result().records
-        say(*(f"  {one.system} {one.subject}: {one.verdict}" for one in sorted(found, key=attrgetter("system", "subject"))))
-        asked[version] = name, found
-        return asked[version]
+        found = _ask(bracket, settings, name)
+        say(*(f"  {one.system} {one.subject}: {one.verdict}" for one in sorted(found.records, key=attrgetter("system", "subject"))))
+        answers[version] = name, found
+        return answers[version]
 
-    def changed(one: tuple[str, list[Record]], other: tuple[str, list[Record]]) -> bool:
-        found = changes_between([*one[1], *other[1]], one[0], other[0])
-        return any(change.what != TIME for change in found)
+    def held(one: tuple[str, _Answers], other: tuple[str, _Answers]) -> list[Asked]:
+        records = [*one[1].records, *other[1].records]
+        return held_against(records, {**one[1].portraits, **other[1].portraits}, one[0], other[0])
+
+    def changed(one: tuple[str, _Answers], other: tuple[str, _Answers]) -> bool:
+        return any(pair.is_changed for pair in held(one, other))
 
     found = first_changed(versions, ask, changed)
-    records = [record for _, those in asked.values() for record in those]
-    is_worse = _tell(bracket, settings, records, [asked[version][0] for version in found or ()], found)
-    first = f"first changed by {engine} {found[1]}; {found[0]} is as {ends[0]}" if found else f"nothing changed from {ends[0]} to {ends[1]}"
-    say("", f"{first}; asked: {', '.join(asked)} of {len(versions)} versions")
-    bracket.finish([], False, not is_worse)
+    count = f"asked: {', '.join(answers)} of {len(versions)} versions"
+    if found is None:
+        say(f"nothing changed from {versions[0]} to {versions[-1]}; {count}")
+        bracket.finish([], False, True)
+        return
+    (before, old), (now, new) = (answers[version] for version in found)
+    both = _Answers(new.study, [*old.records, *new.records], {**old.portraits, **new.portraits})
+    upgraded = _explained(bracket, settings, asked, both, (before, now), found)
+    say("", f"first changed by {engine} {found[1]}; {found[0]} is as {versions[0]}; {count}")
+    say(*upgraded.lines(asked.allows_left_out, bracket.detail))
+    bracket.finish([], False, upgraded.is_fine(asked.allows_left_out))
 
 
-def _ask(bracket: Bracket, settings: Settings, *versions: str) -> CrossCheck:
+def _ask(bracket: Bracket, settings: Settings, *names: str) -> _Answers:
     from harness.crosscheck.run import CrossCheck
-    from harness.upgrade.study import settings_of
+    from harness.upgrade.study import PortraitStudy, settings_of
 
-    study = CrossCheck(settings_of(settings, versions))
-    bracket.complete(study, kept=False)
-    return study
+    study = CrossCheck(settings_of(settings, names))
+    records = bracket.complete(study, kept=False).records
+    return _Answers(study, records, bracket.complete(PortraitStudy(settings, records), kept=False))
 
 
-def _tell(bracket: Bracket, settings: Settings, records: Sequence[Record], names: Sequence[str], versions: Sequence[str] | None) -> bool:
-    """Write and print what changed from one of two ``names`` of engines to the other; True where something became worse.
+def _explained(
+    bracket: Bracket, settings: Settings, asked: UpgradeOptions, found: _Answers, names: tuple[str, str], versions: Sequence[str]
+) -> Upgraded:
+    """What changed from one of two versions, by their names as engines, to the other; the JSON file has it."""
+    from harness.upgrade.study import Explanations, held_against
 
-    Without ``versions`` nothing changed.
-    """
-    from harness.upgrade.study import Explanations, changes_between
-
-    changes: list[RunChange] = []
-    if versions is not None:
-        explained = bracket.complete(Explanations(settings, records, *names), kept=False)
-        changes = sorted([*changes_between(records, *names), *explained], key=attrgetter("system", "subject"))
-    bracket.write_json(sorted(records, key=attrgetter("system", "subject")), changes=changes)
-    if versions is None:
-        return False
-    print_titled(f"what changed from {versions[0]} to {versions[1]}", changes_table(changes))
-    pairs = {(one.system, one.subject.partition("/")[2]) for one in records}
-    changed = {(one.system, one.subject) for one in changes}
-    worse = {(one.system, one.subject) for one in changes if one.is_worse}
-    say("", f"{len(pairs) - len(changed)} of {len(pairs)} unchanged, {len(worse)} worse; errors count data roundoffs")
-    return bool(worse)
+    changes: list[RunChange] = bracket.complete(Explanations(settings, found.records, *names), kept=False)
+    pairs = held_against(found.records, found.portraits, *names, changes)
+    noun = "file" if bracket.library.reads_files else "mechanism"
+    upgraded = Upgraded(engine=names[0].partition("@")[0], before=versions[0], now=versions[1], noun=noun, asked=pairs)
+    records = sorted(found.records, key=attrgetter("system", "subject"))
+    bracket.write_json(records, changes=[one for pair in pairs for one in pair.changes], **upgraded.plain)
+    return upgraded

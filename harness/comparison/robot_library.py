@@ -22,7 +22,6 @@ from harness.engines import (
     file_engines,
     installed_version,
     load_engine,
-    runs_elsewhere,
     select_subjects,
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
@@ -34,6 +33,7 @@ from harness.files.text.joint_table import systems_with_joints_of
 from harness.library import ROBOTS, Library, Stance, is_file
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
+from harness.results.comparison import names_apart
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot
 
@@ -65,14 +65,13 @@ def ask_engine(engine: str, question: EngineQuestion) -> EngineAnswers:
 
     What its version has no interface for is a refusal, and so is an engine that is installed nowhere.
     """
-    found: Any = load_engine(RobotLibrary.without_files(), engine)
+    found = load_engine(RobotLibrary.without_files(), engine)
     if installed_version(found) is None:
         return EngineAnswers(refusal=f"{found.requires[1]} is not installed; harness engines add {engine}")
     try:
-        answers: EngineAnswers = found.evaluate("ask", question) if runs_elsewhere(found) else found.ask(question)
+        return found.ask(question)
     except Unsupported as missing:
         return EngineAnswers(refusal=str(missing))
-    return answers
 
 
 def robot_at(path: Path, floating_base: bool = False) -> Robot:
@@ -144,15 +143,17 @@ class RobotLibrary(Library):
         return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
 
     @classmethod
-    def of(cls, paths: Iterable[str], floating_base: bool = False, stance: Stance = Stance.PLAIN) -> RobotLibrary:
-        """The library of the files at ``paths``.
+    def of(cls, paths: Iterable[str], floating_base: bool = False, stance: Stance = Stance.PLAIN, anywhere: bool = False) -> RobotLibrary:
+        """The library of the files at ``paths``; of those ``anywhere`` nothing is expected, and no state is stored.
 
         Raises:
             InvalidModel: a file cannot be read, or is no robot.
-            InvalidRequest: they lie in several folders.
+            InvalidRequest: they lie in several folders, and not anywhere.
         """
         formats = {path: format_of(Path(path)) for path in dict.fromkeys(paths)}
         folders = {Path(path).resolve().parent: Path(path).parent for path in formats}
+        if anywhere:
+            return replace(cls.without_files(), name=_title(formats), formats=formats, floating_base=floating_base, stance=stance)
         if len(folders) > 1:
             where = ", ".join(str(folder) for folder in folders.values())
             raise InvalidRequest(
@@ -161,7 +162,7 @@ class RobotLibrary(Library):
         (folder,) = folders.values()
         return replace(
             cls.without_files(),
-            name=", ".join(Path(path).name for path in formats),
+            name=_title(formats),
             systems=folder,
             models=folder,
             expected_verdicts=folder / "expected_verdicts.toml",
@@ -196,7 +197,8 @@ class RobotLibrary(Library):
         return []
 
     def label(self, name: str) -> str:
-        return Path(name).name
+        # Of a label, as mechanisms bear it, it is that.
+        return names_apart(self.formats).get(name, name)
 
     def validated_models(self, name: str) -> dict[str, Path]:
         """None: a robot's file holds much that a model of a mechanism may not, and each engine reads it by itself."""
@@ -231,6 +233,10 @@ class RobotLibrary(Library):
         return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, self.stance))
 
 
+def _title(paths: Iterable[str]) -> str:
+    return ", ".join(Path(path).name for path in paths)
+
+
 def _likenesses(formats: Mapping[str, str]) -> Iterator[str]:
     for path, model_format in formats.items():
         similar: list[str] = []
@@ -242,7 +248,7 @@ def _likenesses(formats: Mapping[str, str]) -> Iterator[str]:
             yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
 
 
-def resolved(library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False) -> Library:
+def resolved(library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False) -> Library:
     """The library that ``names`` are of: that of robots' files where they are files, else ``library``.
 
     Raises:
@@ -260,4 +266,4 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
         raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")
     if library != Library.built_in():
         raise InvalidRequest(f"{files[0]} is a robot's file, which no library has to do with; leave --library {library.name} out")
-    return RobotLibrary.of(files, floating_base, Stance.AIDED if aided else Stance.PLAIN)
+    return RobotLibrary.of(files, floating_base, Stance.AIDED if aided else Stance.PLAIN, anywhere)

@@ -225,13 +225,15 @@ def select_subjects(library: Library, names: Sequence[str], native_only: bool = 
         InvalidRequest: a name no subject has; the message gives the nearest one, or how to make its environment.
     """
     known = {str(subject): subject for subject in _all_subjects(library)}
+    asked = []
     for name in names:
+        engine, version = split_name(name.partition("/")[0])
+        if name not in known and version and engine in engine_files(library):
+            name = f"{environment_of(engine, version).name}/{name.partition('/')[2]}"
         if name not in known:
-            engine, version = split_name(name.partition("/")[0])
-            if version and engine in engine_files(library):
-                environment_of(engine, version)
             raise InvalidRequest(f"no subject is called {name!r}; {nearest(name, known)}")
-    chosen = [known[name] for name in dict.fromkeys(names)]
+        asked.append(name)
+    chosen = [known[name] for name in dict.fromkeys(asked)]
     if chosen or not native_only:
         return chosen or subjects(library)
     return [one for one in subjects_beside(library) if is_native(library, one)]

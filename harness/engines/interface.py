@@ -171,8 +171,8 @@ class HeldModel:
     springs: tuple[HeldSpring, ...] = ()
 
 
-# Parts of a number by whose sign the same orientation is meant, and of one that is an inertia, with their places in the matrix.
-QUATERNION = ("w", "x", "y", "z")
+# Parts of a vector; of a quaternion, of which each sign is the same orientation; and of an inertia, with their places in the matrix.
+AXES, QUATERNION = ("x", "y", "z"), ("w", "x", "y", "z")
 _MOMENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
@@ -182,7 +182,8 @@ class CompiledNumber:
 
     Attributes:
         quantity: the engine's own name, as "dof_damping". owner: name of the joint, body or other object; "" for the whole model.
-        values: in the engine's units; a word for a value of an enumeration. parts: their names, none where they are counted.
+        values: in the engine's units; a word for a value of an enumeration. parts: their names, of what is one vector, quaternion or
+            inertia; none where values are counted, each a number by itself.
         felt: whether an acceleration without constraints, actuators and fluid may feel it.
     """
 

@@ -22,7 +22,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,6 +90,21 @@ def split_name(name: str) -> tuple[str, str]:
     return engine, version
 
 
+def the_version(wanted: str, among: Iterable[str]) -> str | None:
+    """The one of several versions that is ``wanted``, as 3.13.0 is 3.13; None where none is.
+
+    Raises:
+        InvalidRequest: ``wanted`` is no version.
+    """
+    # Imported late: an environment's interpreter imports this module and has no such package.
+    from packaging.version import InvalidVersion, Version
+
+    try:
+        return next((one for one in among if Version(one) == Version(wanted)), None)
+    except InvalidVersion as error:
+        raise InvalidRequest(f"{wanted!r} is no version; expected one as 3.13.0") from error
+
+
 def environments_directory() -> Path:
     """Where environments are kept, whoever made them."""
     return cache_directory() / "environments"
@@ -128,7 +143,10 @@ def environment_of(engine: str, version: str = "") -> Environment:
     Raises:
         InvalidRequest: there is none; the message says how to make it.
     """
-    found = [one for one in find_environments(engine) if version in ("", one.version)]
+    found = find_environments(engine)
+    if version:
+        chosen = the_version(version, [one.version for one in found])
+        found = [one for one in found if one.version == chosen]
     if not found:
         wanted = f"{engine}=={version}" if version else engine
         others = ", ".join(one.version for one in find_environments(engine))
@@ -191,10 +209,13 @@ def versions_between(distribution: str, first: str, last: str) -> list[str]:
     """
     from packaging.version import Version
 
-    offered = [one for one in available_versions(distribution) if not Version(one).is_prerelease or one in (first, last)]
-    if missing := [end for end in (first, last) if end not in offered]:
+    available = available_versions(distribution)
+    ends = [the_version(end, available) for end in (first, last)]
+    offered = [one for one in available if not Version(one).is_prerelease or one in ends]
+    if missing := [name for name, end in zip((first, last), ends, strict=True) if end is None]:
         raise InvalidRequest(f"no package index offers {distribution} {missing[0]}; they offer {', '.join(offered)}")
-    between = offered[offered.index(first) : offered.index(last) + 1]
+    start, end = (offered.index(str(end)) for end in ends)
+    between = offered[start : end + 1]
     if len(between) < 2:
         raise InvalidRequest(f"{distribution} {first} is not older than {last}; expected the older version first")
     return between

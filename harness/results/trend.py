@@ -26,7 +26,7 @@ from harness.results.records import Record, Run
 from harness.results.table import Cell as TableCell
 from harness.results.table import Column, Table, TableOf, grouped
 from harness.results.trend_numbers import COST, MEDIAN, PERCENTILE_99, WORST, logarithm_of, number_of
-from harness.verdict import SEVERITY
+from harness.verdict import SEVERITY, Verdict
 
 # Least noise of the logarithm that is assumed of a number: of quantiles, of largest values, and of costs.
 QUANTILE_NOISE, WORST_NOISE, COST_NOISE = 0.05, 0.25, 0.1
@@ -38,7 +38,6 @@ MOST_NIGHTS = 60
 Cell = tuple[str, str, str]
 _Found = TypeVar("_Found")
 VERDICT, MESSAGE, TIME, CAME, WENT = "verdict", "message", "time per state", "came", "went"
-READING, TERMS = "reading", "terms"
 # A cost against those of all others, as a factor: less is the noise of a machine.
 LEAST_COST_RATIO = 2.0
 _NUMBER = re.compile(r"[-+]?\d[\d,.]*(?:e[-+]?\d+)?%?")
@@ -174,8 +173,9 @@ class RunChange:
     Attributes:
         system, subject: of the record, the subject with the quantity where it is not the usual one.
         what: "verdict", "message", "came", "went", "time per state" or the name of a backward error; of two versions of an engine also
-            "reading", of a file, and "terms" of the equations. before, now: as text.
+            one of ``harness.results.upgrade``. before, now: as text.
         is_worse: whether it counts against the second run. A cost and a worst error alone do not, nor does what was not asked.
+        is_better: whether it counts for the second run. size: of the change where it has one, relative.
     """
 
     system: Annotated[str, Column("system")]
@@ -184,6 +184,8 @@ class RunChange:
     before: Annotated[str, Column("before")]
     now: Annotated[str, Column("now")]
     is_worse: bool = False
+    is_better: bool = False
+    size: float | None = None
 
     @property
     def marked(self) -> Annotated[TableCell, Column("what")]:
@@ -223,15 +225,16 @@ def run_changes(before: Iterable[Record], now: Iterable[Record], in_one_run: boo
 changes_between = TableOf(RunChange, "system subject marked before now worse", "Changes")
 
 
-def _change(key: Key, what: str, before: str, now: str, is_worse: bool = False) -> RunChange:
-    return RunChange(system=key[0], subject=key[1], what=what, before=before, now=now, is_worse=is_worse)
+def _change(key: Key, what: str, before: str, now: str, is_worse: bool = False, is_better: bool = False) -> RunChange:
+    return RunChange(system=key[0], subject=key[1], what=what, before=before, now=now, is_worse=is_worse, is_better=is_better)
 
 
 def _of_record(key: Key, before: Record, now: Record) -> Iterator[RunChange]:
     """The verdict, or that it is no longer the expected one, and the message."""
     if (before.verdict, before.as_expected) != (now.verdict, now.as_expected):
-        is_worse = SEVERITY[now.verdict] > SEVERITY[before.verdict] or (before.as_expected and not now.as_expected)
-        yield _change(key, VERDICT, _verdict(before), _verdict(now), is_worse)
+        by = SEVERITY[now.verdict] - SEVERITY[before.verdict]
+        is_worse = by > 0 or (before.as_expected and not now.as_expected)
+        yield _change(key, VERDICT, _verdict(before), _verdict(now), is_worse, by < 0 and not is_worse)
     if _NUMBER.sub("#", before.message) != _NUMBER.sub("#", now.message):
         yield _change(key, MESSAGE, before.message, now.message)
 
@@ -246,10 +249,15 @@ def _errors(before: Mapping[Key, Record], now: Mapping[Key, Record]) -> Iterator
     old, new = readings_of_records(before.values()), readings_of_records(now.values())
     chart = Chart(len(old.keys() & new.keys()))
     for cell in sorted(old.keys() & new.keys()):
+        verdicts = {before[cell[:2]].verdict, now[cell[:2]].verdict}
+        if len(verdicts) > 1 and Verdict.EXPLAINED in verdicts:
+            # The errors are those of answers to different questions: what is read of the file, and the file.
+            continue
         first, second = old[cell], new[cell]
         by = second.value - first.value
         if abs(by) > chart.limit() * math.hypot(first.noise, second.noise):
-            yield _change(cell[:2], cell[2], f"{first.measured:.3g}", f"{second.measured:.3g}", by > 0 and cell[2] != WORST)
+            counts = cell[2] != WORST
+            yield _change(cell[:2], cell[2], f"{first.measured:.3g}", f"{second.measured:.3g}", by > 0 and counts, by < 0 and counts)
 
 
 def _costs(before: Mapping[Key, Record], now: Mapping[Key, Record], in_one_run: bool) -> Iterator[RunChange]:

@@ -41,7 +41,13 @@ def upgraded(library: Path, *arguments: str) -> tuple[Done, list[dict[str, objec
 def test_two_versions_that_do_alike_have_no_changes(library: Path) -> None:
     done, changes = upgraded(library, "toy", "1.0", "1.1")
     assert (done.returncode, [one for one in changes if one["what"] != "time per state"]) == (0, [])
-    assert "1 of 1 unchanged, 0 worse" in done.stdout or changes
+    assert done.stdout == "No: toy 1.1 does not change bar_pendulum against 1.0; accelerations are the same to rounding\n"
+    assert json.loads((library / "out.json").read_text())["conclusion"] == done.stdout.strip()
+
+
+def test_a_version_without_its_zeros_is_that_version(library: Path) -> None:
+    done, _ = upgraded(library, "toy", "1", "1.1.0")
+    assert done.stdout.startswith("No: toy 1.1 does not change bar_pendulum against 1.0")
 
 
 def test_a_changed_term_is_told_apart_and_named(library: Path) -> None:
@@ -52,7 +58,13 @@ def test_a_changed_term_is_told_apart_and_named(library: Path) -> None:
     assert "median backward error" in by_kind
     [terms] = [one for one in changes if one["what"] == "terms"]
     assert "gravity: force on pin is wrong at every state" in str(terms["now"]) and str(terms["before"]).startswith("gravity: agrees")
-    assert "0 of 1 unchanged, 1 worse" in done.stdout
+    first, *others = done.stdout.splitlines()
+    assert re.fullmatch(
+        r"Yes, for the worse: toy 1\.2 changes bar_pendulum against 1\.1: accelerations by up to \S+ of their size", first
+    ), first
+    assert "bar_pendulum, toy/urdf: worse" in others
+    assert any(line.startswith("  1.2 is off by up to ") and "; 1.1 agrees (worst " in line for line in others)
+    assert "  new: gravity: force on pin is wrong at every state" in done.stdout
 
 
 def test_what_becomes_better_is_told_and_ends_well(library: Path) -> None:
@@ -60,6 +72,8 @@ def test_what_becomes_better_is_told_and_ends_well(library: Path) -> None:
     assert done.returncode == 0
     assert {"verdict", "terms"} <= {one["what"] for one in changes}
     assert not any(one["is_worse"] for one in changes)
+    assert done.stdout.startswith("Yes, for the better: toy 1.0 changes bar_pendulum against 1.2")
+    assert "  no longer: gravity: force on pin is wrong" in done.stdout
 
 
 def test_a_refusal_is_a_change(library: Path) -> None:
@@ -69,14 +83,23 @@ def test_a_refusal_is_a_change(library: Path) -> None:
     done, changes = upgraded(library, "toy", "1.0", "1.3")
     assert done.returncode == 1
     assert [one["now"] for one in changes if one["what"] == "verdict"] == ["unsupported"]
+    assert "1.3 refuses it: " in done.stdout
+
+
+def test_where_nobody_answers_nothing_was_compared(library: Path) -> None:
+    done, _ = upgraded(library, "toy", "1.3", "1.5")
+    assert done.returncode == 1
+    assert done.stdout.startswith("Nothing was compared: neither toy 1.3 nor 1.5 answers about bar_pendulum\n")
 
 
 @pytest.mark.ci
-def test_a_cost_is_told_and_counts_against_nobody(library: Path) -> None:
+def test_a_cost_is_told_where_it_is_asked_for_and_counts_against_nobody(library: Path) -> None:
     done, changes = upgraded(library, "toy", "1.0", "1.4")
-    assert done.returncode == 0
+    assert (done.returncode, done.stdout.count("\n")) == (0, 1)
     [cost] = [one for one in changes if one["what"] == "time per state"]
     assert not cost["is_worse"] and float(str(cost["now"]).split()[0]) > 100
+    done, _ = upgraded(library, "toy", "1.0", "1.4", "--verbose")
+    assert done.returncode == 0 and "\n  time per state: " in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -84,7 +107,9 @@ def test_a_cost_is_told_and_counts_against_nobody(library: Path) -> None:
     [
         (("toy", "1.0"), "name two versions"),
         (("toy", "1.0", "1.0"), "toy@1.0 is one version; name two"),
+        (("toy", "1.0", "1.0.0"), "toy@1.0 is one version; name two"),
         (("toy", "1.0", "7.7"), "make one: harness engines add toy==7.7"),
+        (("toy", "1.0", "latest"), "'latest' is no version; expected one as 3.13.0"),
         (("tay", "1.0", "1.1"), "no engine is called 'tay'"),
         (("toy", "--bisect", "1.0"), "expected two versions as 3.3.0..4.0.0"),
         (("mujoco", "4.0.0", "0.1"), "mujoco 0.1 is in no environment"),
@@ -105,7 +130,7 @@ def test_a_planted_wheel_is_bisected_among_five(library: Path, tmp_path: Path, m
     for number in range(5):
         toy_engine.write_wheel(wheels, f"5.{number}", toy_engine.HEAVIER if number >= 3 else toy_engine.RIGHT)
     monkeypatch.setenv("PIP_FIND_LINKS", " ".join([str(wheels), *filter(None, [toy_engine.links()])]))
-    done, changes = upgraded(library, "toy", "--bisect", "5.0..5.4")
+    done, changes = upgraded(library, "toy", "--bisect", "5..5.4.0")
     assert done.returncode == 1, done.stdout + done.stderr
     assert re.search(
         r"^first changed by toy 5\.3; 5\.2 is as 5\.0; asked: 5\.0, 5\.4, 5\.2, 5\.3 of 5 versions$", done.stdout, re.MULTILINE

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from harness.engines.elsewhere.transport import dumps, loads
 from harness.engines.engine import handed_over
+from harness.engines.interface import CompiledNumber
+from harness.engines.request import EngineAnswers, EngineQuestion, Request
 from harness.environments import Environment
 from harness.files.model_file import ModelFile
 from harness.workers.program import is_worker
@@ -167,6 +169,16 @@ class EngineElsewhere:
         interpreter = self._interpreter
         number, attributes, methods = interpreter.ask("load", str(self._path), self._said.name, (handed_over(source), joints, gravity))
         return cast("Model", DistantModel(interpreter, number, attributes, methods))
+
+    def ask(self, question: EngineQuestion) -> EngineAnswers:
+        """See ``harness.engines.Engine``."""
+        answers: EngineAnswers = self.evaluate("ask", question)
+        return answers
+
+    def compiled(self, request: Request) -> tuple[CompiledNumber, ...]:
+        """See ``harness.engines.Engine``."""
+        numbers: tuple[CompiledNumber, ...] = self.evaluate("compiled", request)
+        return numbers
 
     def evaluate(self, method: str, *arguments: Any) -> Any:
         """What a method of the engine file's ``ENGINE`` returns there, or raises."""

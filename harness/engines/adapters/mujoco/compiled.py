@@ -16,7 +16,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.coordinates import rotations
-from harness.engines.interface import QUATERNION, CompiledNumber
+from harness.engines.interface import AXES, QUATERNION, CompiledNumber
 
 # Arrays begin with these; what the objects of each are called.
 _OBJECTS = {"body": "body", "jnt": "joint", "geom": "geom", "pair": "pair", "site": "site", "tendon": "tendon", "eq": "equality"}
@@ -33,6 +33,7 @@ _FELT = {
 _LEFT_OUT = frozenset(
     "user rgba group aabb rbound sameframe simple castshadow width M0 subtreemass acc0 length0 length iquat".split()  # noqa: SIM905
 )
+_VECTORS = frozenset({"pos", "ipos", "axis", "gravity", "wind", "magnetic"})
 _COUNTED = frozenset({"contype", "conaffinity", "condim", "dim", "priority"})
 _WORDS = {
     "jnt_type": ("mjtJoint", "mjJNT_"),
@@ -85,7 +86,8 @@ def _number(quantity: str, owner: str, values: Array) -> CompiledNumber:
         return CompiledNumber(quantity, owner, (_switches(*_SWITCHES[quantity], int(values[0])),), felt=is_felt)
     if quantity == "body_inertia":
         return CompiledNumber.of_inertia(quantity, owner, values)
-    return CompiledNumber(quantity, owner, tuple(values.astype(float).tolist()), QUATERNION if name == "quat" else (), is_felt)
+    parts = QUATERNION if name == "quat" else AXES if name in _VECTORS else ()
+    return CompiledNumber(quantity, owner, tuple(values.astype(float).tolist()), parts, is_felt)
 
 
 def _owners(model: Any, prefix: str, count: int) -> Callable[[int], str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio
 
-from harness.engines.interface import QUATERNION, CompiledNumber
+from harness.engines.interface import AXES, QUATERNION, CompiledNumber
 
 # By positions and by velocities of joints; those that no acceleration of ``aba`` feels.
 _BY_POSITION = ("lowerPositionLimit", "upperPositionLimit")
@@ -25,13 +25,13 @@ _FELT = ("armature",)
 
 def compiled(model: Any) -> Iterator[CompiledNumber]:
     """Every such number of a model; what a version does not have is none of its."""
-    yield CompiledNumber("gravity.linear", "", tuple(model.gravity.linear.tolist()))
+    yield CompiledNumber("gravity.linear", "", tuple(model.gravity.linear.tolist()), AXES)
     for number, name in enumerate(model.names):
         inertia, placement = model.inertias[number], model.jointPlacements[number]
         yield CompiledNumber("inertias.mass", name, (inertia.mass,))
-        yield CompiledNumber("inertias.lever", name, tuple(inertia.lever.tolist()))
+        yield CompiledNumber("inertias.lever", name, tuple(inertia.lever.tolist()), AXES)
         yield CompiledNumber.of_inertia("inertias.inertia", name, inertia.inertia)
-        yield CompiledNumber("jointPlacements.translation", name, tuple(placement.translation.tolist()))
+        yield CompiledNumber("jointPlacements.translation", name, tuple(placement.translation.tolist()), AXES)
         x, y, z, w = pinocchio.Quaternion(placement.rotation).coeffs().tolist()
         yield CompiledNumber("jointPlacements.rotation", name, (w, x, y, z), QUATERNION)
         if number:

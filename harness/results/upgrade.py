@@ -1,0 +1,304 @@
+"""What a new version of an engine changes, as plain data, and in sentences: whether it changes anybody's robot comes first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated
+
+from harness.files.findings import LeftOut
+from harness.results.comparison import names_apart
+from harness.results.detail import LEAST_SHARE, Detail, telling
+from harness.results.records import Record
+from harness.results.table import Column, TableOf, counted, error_text, grouped, number_text, share_text
+from harness.results.trend import MESSAGE, TIME, VERDICT, RunChange
+from harness.results.trend_numbers import MEDIAN, PERCENTILE_99, WORST
+from harness.verdict import AGREEMENT, SOUND, Verdict
+
+ACCELERATIONS, READING, TERMS, NUMBERS = "accelerations", "reading", "terms", "compiled numbers"
+# Kinds of changes that say nothing of a motion by themselves.
+_ERRORS, _MINOR = (MEDIAN, PERCENTILE_99, WORST), (TIME, WORST, MESSAGE)
+# Objects, lines and systems that are named; the others are counted.
+_MOST_NAMED, _MOST_ROWS = 4, 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledChange:
+    """A number that two versions of an engine hold otherwise after loading the same file.
+
+    Attributes:
+        quantity, part: the engine's own names, as "actuator_biasprm" and "[2]". owners: the objects of which all this is so.
+        before, now: None where a version has no such object. size: of the difference, relative to the larger, or to the length of what
+            it is a component of; infinite where a word changed, or an object came or went.
+        felt: whether accelerations without constraints, actuators and fluid may feel it.
+    """
+
+    system: str
+    subject: str
+    quantity: str
+    part: str
+    owners: list[str]
+    before: float | str | None
+    now: float | str | None
+    size: float
+    felt: bool
+
+    @property
+    def name(self) -> Annotated[str, Column("compiled number")]:
+        """The quantity with its part and its owners."""
+        return " ".join(filter(None, [f"{self.quantity}{self.part}", "of" * any(self.owners), named(self.owners)]))
+
+    @property
+    def old(self) -> Annotated[str, Column("before", "plain")]:
+        return self._text(self.before)
+
+    @property
+    def new(self) -> Annotated[str, Column("now", "plain")]:
+        return self._text(self.now)
+
+    @property
+    def change(self) -> Annotated[str, Column("change", "plain")]:
+        return share_text(self.size) if math.isfinite(self.size) else ""
+
+    def _text(self, value: float | str | None) -> str:
+        """A value with as many digits as show the change."""
+        if not isinstance(value, float):
+            return value or "nothing"
+        digits = 3 - math.floor(math.log10(self.size)) if 0 < self.size < 1 else 3
+        return min(number_text(value), f"{value:.{digits}g}", key=len)
+
+
+compiled_table = TableOf(CompiledChange, "name old new change", "Compiled numbers")
+
+
+def _by_up_to(size: float) -> str:
+    return f"by up to {share_text(size)}{'' if size >= LEAST_SHARE else ' of their size'}"
+
+
+def named(names: Sequence[str]) -> str:
+    """The first of several names, and how many more there are."""
+    more = len(names) - _MOST_NAMED
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:_MOST_NAMED])} and {more} more"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """One mechanism or file in one format, as both versions answer for it.
+
+    Attributes:
+        before, now: the records of the versions. changes, numbers: from the one to the other. left_out: what of the file no version was
+            asked about. has_numbers: whether the numbers that both hold are known.
+    """
+
+    before: Record
+    now: Record
+    changes: Sequence[RunChange] = ()
+    numbers: Sequence[CompiledChange] = ()
+    left_out: Sequence[LeftOut] = ()
+    has_numbers: bool = False
+
+    @property
+    def is_compared(self) -> bool:
+        """True where a version answered."""
+        return any(one.verdict not in (Verdict.UNSUPPORTED, Verdict.ERROR) for one in (self.before, self.now))
+
+    @cached_property
+    def _felt(self) -> Sequence[RunChange]:
+        """The changes that are more than cost, words and rounding: errors of answers that agree before and now are that."""
+        agrees = self.before.verdict == self.now.verdict and self.now.verdict in SOUND
+        return [change for change in self.changes if change.what not in (*_MINOR, *(_ERRORS if agrees else ()))]
+
+    @property
+    def rounding(self) -> Sequence[RunChange]:
+        """How the median error changed of answers that agree before and now."""
+        return [change for change in self.changes if change.what == MEDIAN and change not in self._felt]
+
+    @property
+    def is_worse(self) -> bool:
+        return any(change.is_worse for change in self._felt)
+
+    @property
+    def is_better(self) -> bool:
+        """True where what the accelerations feel became better, and nothing became worse."""
+        return not self.is_worse and any(change.is_better for change in self._felt)
+
+    @property
+    def is_changed(self) -> bool:
+        return bool(self.numbers or self._felt)
+
+    @property
+    def is_open(self) -> bool:
+        """True where something changed of which no truth says whether it is right now."""
+        unjudged = any(not number.felt for number in self.numbers)
+        return unjudged or (self.is_changed and not self.is_worse and not self.is_better)
+
+    @property
+    def moved(self) -> float:
+        """The largest relative change of accelerations; 0 where they are the same to rounding."""
+        return max((change.size or 0.0 for change in self.changes if change.what == ACCELERATIONS), default=0.0)
+
+    @property
+    def size(self) -> float:
+        """By which pairs are sorted: the largest relative change of anything."""
+        return max([self.moved, *(number.size for number in self.numbers if math.isfinite(number.size))], default=0.0)
+
+
+@dataclass(kw_only=True)
+class Upgraded:
+    """Two versions of an engine on the same mechanisms or files.
+
+    Attributes:
+        engine: its name. before, now: the versions. noun: of what was asked about, "mechanism" or "file". asked: by system and format.
+    """
+
+    engine: str
+    before: str
+    now: str
+    noun: str
+    asked: Sequence[Asked] = field(default_factory=list)
+
+    @cached_property
+    def _names(self) -> Mapping[str, str]:
+        return names_apart(one.now.system for one in self.asked)
+
+    @property
+    def is_worse(self) -> bool:
+        return any(one.is_worse for one in self.asked)
+
+    @property
+    def left_out(self) -> Mapping[str, Sequence[tuple[str, LeftOut]]]:
+        """What bears on motion and was not asked about, with the name of each file that has it."""
+        found = dict.fromkeys((self._names[one.now.system], part) for one in self.asked for part in one.left_out)
+        return grouped((part.what, (name, part)) for name, part in found)
+
+    def is_fine(self, allows_left_out: bool) -> bool:
+        """True where something was compared, nothing became worse or otherwise without a judge, and nothing was left out unasked."""
+        compared = any(one.is_compared for one in self.asked)
+        changed = any(one.is_worse or one.is_open for one in self.asked)
+        return compared and not changed and (allows_left_out or not self.left_out)
+
+    @property
+    def plain(self) -> dict[str, object]:
+        """The answer as plain data, for a JSON file."""
+        left_out = [{"name": name, "what": part.what, "lines": part.lines} for those in self.left_out.values() for name, part in those]
+        numbers = [number for one in self.asked for number in one.numbers]
+        return {"conclusion": self.headline, "compiled": numbers, "not_compared": left_out}
+
+    @property
+    def headline(self) -> str:
+        """Whether the new version changes what was asked about, in a sentence."""
+        compared, engine = [one for one in self.asked if one.is_compared], f"{self.engine} {self.now}"
+        if not compared:
+            about = named(list(dict.fromkeys(self._names[one.now.system] for one in self.asked)))
+            return f"Nothing was compared: neither {self.engine} {self.before} nor {self.now} answers about {about}"
+        of = grouped((one.now.system, one) for one in compared)
+        changed = {system: those for system, those in of.items() if any(one.is_changed for one in those)}
+        if not changed:
+            same = "accelerations and compiled numbers are" if self._has_numbers else "accelerations are"
+            none = f"does not change {self._names[next(iter(of))]}" if len(of) == 1 else f"changes none of {counted(len(of), self.noun)}"
+            return f"No: {engine} {none} against {self.before}; {same} the same to rounding"
+        those = [one for found in changed.values() for one in found]
+        how = ", for the worse" if any(one.is_worse for one in those) else ", for the better" if all(one.is_better for one in those) else ""
+        names = named([self._names[system] for system in changed])
+        which = f"{names} against {self.before}"
+        if len(of) > 1:
+            which = f"{len(changed)} of {counted(len(of), self.noun)} against {self.before} ({names})"
+        return f"Yes{how}: {engine} changes {which}: {self._what(those)}"
+
+    @property
+    def _has_numbers(self) -> bool:
+        return all(one.has_numbers for one in self.asked)
+
+    def _what(self, changed: Sequence[Asked]) -> str:
+        """What changed, the largest of each kind."""
+        moved = max(one.moved for one in changed)
+        numbers = [number for one in changed for number in one.numbers]
+        parts = [f"accelerations {_by_up_to(moved)}"] if moved else []
+        if numbers:
+            largest = max(numbers, key=lambda one: one.size)
+            by = f" {_by_up_to(largest.size)}" if math.isfinite(largest.size) else ""
+            parts.append(f"compiled numbers{by} ({largest.quantity})")
+        if not parts:
+            verdicts = {f"{change.before} to {change.now}" for one in changed for change in one.changes if change.what == VERDICT}
+            parts = [f"from {named(sorted(verdicts))}"] if verdicts else ["what stands below"]
+        unfelt = "; accelerations without constraints, actuators and fluid are the same to rounding" if numbers and not moved else ""
+        return f"{' and '.join(parts)}{unfelt}"
+
+    @property
+    def not_compared(self) -> str:
+        """What no version was asked about, in a sentence; "" where there is nothing."""
+        parts = []
+        for what, where in self.left_out.items():
+            if self._is_of_one:
+                lines = sorted(line for _, part in where for line in part.lines)
+                parts.append(f"{what}, {'line' if len(lines) == 1 else 'lines'} {named([str(line) for line in lines])}")
+            else:
+                parts.append(f"{what} of {named([name for name, _ in where])}")
+        return f"not compared: {'; '.join(parts)}" if parts else ""
+
+    @property
+    def _is_of_one(self) -> bool:
+        return len(self._names) == 1
+
+    def lines(self, allows_left_out: bool, detail: Detail = Detail.BRIEF) -> Iterator[str]:
+        """The whole answer: whether anything changed, what was not compared, and each change, what became worse first."""
+        yield self.headline
+        if self.left_out:
+            exit_status = "" if allows_left_out else " (exit status 1; --allow-uncompared accepts it)"
+            yield f"{self.not_compared}{exit_status}"
+        for one in sorted(self.asked, key=lambda one: (not one.is_worse, not one.is_open, -one.size, one.now.system)):
+            if one.is_changed or (detail > Detail.BRIEF and one.changes):
+                yield ""
+                yield from self._of(one, detail)
+        grown = [change for one in self.asked for change in one.rounding if change.is_worse]
+        if grown:
+            most = max(grown, key=lambda change: float(change.now) / float(change.before))
+            said = f"{most.system} from {most.before} to {most.now} data roundoffs; up to {AGREEMENT:g} agrees"
+            yield from ("", f"rounding: the median error of {len(grown)} of {len(self.asked)} grew, most that of {said}")
+
+    def _of(self, one: Asked, detail: Detail) -> Iterator[str]:
+        how = "worse" if one.is_worse else "changed" if one.is_open else "better" if one.is_better else "unchanged"
+        yield f"{self._names[one.now.system]}, {one.now.subject}: {how}"
+        if one.before.verdict != one.now.verdict or one.before.verdict not in SOUND:
+            yield f"  {self.now} {_outcome(one.now)}; {self.before} {_outcome(one.before)}"
+        yield from (f"  {line}" for change in one.changes for line in self._told(change, detail))
+        if one.numbers:
+            rows = sorted(one.numbers, key=lambda row: -row.size)
+            if detail == Detail.BRIEF:
+                # Of an object the part that changed most stands for the others.
+                most = [those[0] for those in grouped(((row.quantity, *row.owners), row) for row in rows).values()]
+                rows = telling(most, lambda row: row.size)[0][:_MOST_ROWS]
+            yield from (f"  {line}" for line in str(compiled_table(rows)).split("\n"))
+            if fewer := len(one.numbers) - len(rows):
+                yield f"  {fewer} more that changed less (--all)"
+
+    def _told(self, change: RunChange, detail: Detail) -> Iterator[str]:
+        if change.what == ACCELERATIONS:
+            yield f"accelerations move {_by_up_to(change.size or 0.0)}"
+        elif change.what == NUMBERS:
+            yield f"{change.what} {change.now}"
+        elif change.what in (READING, TERMS) and change.is_better:
+            yield f"no longer: {change.before}"
+        elif change.what in (READING, TERMS):
+            yield f"new: {change.now}"
+        elif change.what in (VERDICT, *_ERRORS) and detail == Detail.BRIEF:
+            return
+        elif (change.what == TIME and detail == Detail.VERBOSE) or (change.what in (*_ERRORS, MESSAGE) and detail > Detail.BRIEF):
+            yield f"{change.what}: {change.now}, it was {change.before}"
+
+
+def _outcome(record: Record) -> str:
+    """What a version does, in a few words."""
+    error = f" by up to {error_text(record.backward_error)} data roundoffs" if record.backward_error is not None else ""
+    said = {
+        Verdict.AGREES: f"agrees (worst {error_text(record.backward_error)} data roundoffs)" if error else "agrees",
+        Verdict.UNSTABLE: f"loses digits{error}",
+        Verdict.DISAGREES: f"is off{error}",
+        Verdict.EXPLAINED: "answers as its reader reads the file, not as the file says",
+        Verdict.UNDECIDED: "answers, and the truth is undecided",
+        Verdict.UNSUPPORTED: f"refuses it: {record.message}",
+        Verdict.ERROR: f"fails: {record.message}",
+    }
+    return said.get(Verdict(record.verdict), f"{record.verdict}{error}")

@@ -1,0 +1,181 @@
+"""What one version of an engine makes of one mechanism or file: the numbers that it holds, and its accelerations; and two held together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.crosscheck.assignment import Assignment, load_audited
+from harness.crosscheck.held import SOUND, held_by
+from harness.engines import HeldModel, Subject, Unsupported, load_engine
+from harness.engines.interface import AXES, QUATERNION, CompiledNumber
+from harness.engines.request import Refused
+from harness.engines.tree_request import model_request
+from harness.explain.meant import meant, question_of
+from harness.files.findings import LeftOut
+from harness.library import Library
+from harness.results.table import grouped, share_text
+from harness.results.trend import RunChange
+from harness.results.upgrade import ACCELERATIONS, NUMBERS, CompiledChange
+from harness.study import Note
+from harness.trees.mechanism import RobotMechanism
+from harness.truth.compare import Certified
+from harness.truth.sampling import generic_sample
+from harness.verdict import AGREEMENT
+
+# States at which two versions are held against each other.
+STATES = 16
+# Of two sound compilers, relative to the largest component of what a number is one of.
+ROUNDED = SOUND * 2.0**-52
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """What a version makes of a system.
+
+    Attributes:
+        numbers: that it holds. accelerations: (n, nv) in the kinetic-energy metric, as shares of the certified ones; roundoff: (n,) data
+            roundoff in the same measure; both empty where there are none. left_out: what of a file nobody is asked about. failure: of what
+            gives the portrait, a sentence.
+    """
+
+    numbers: Sequence[CompiledNumber] = ()
+    accelerations: Array = field(default_factory=lambda: np.empty((0, 0)))
+    roundoff: Array = field(default_factory=lambda: np.empty(0))
+    left_out: Sequence[LeftOut] = ()
+    failure: str = ""
+
+
+def portray(library: Library, system: str, subject: Subject, seed: int, note: Note) -> Portrait:
+    """The portrait that a subject, of a version, gives of a system; records hold why one refuses.
+
+    Raises:
+        Exception: whatever else an engine raises.
+    """
+    one = Assignment.of(library, system, subject)
+    found, robot = Portrait(), None
+    if isinstance(one.mechanism, RobotMechanism) and library.reads_files:
+        robot = one.mechanism.robot
+        found = Portrait(left_out=tuple(part for part in robot.left_out if part.bears_on_motion))
+    with suppress(Refused, Unsupported, ValueError, KeyError):
+        note(f"numbers of {subject}")
+        found = replace(found, numbers=tuple(_numbers_of(one)))
+        note(f"accelerations of {subject}")
+        if robot is None:
+            states = generic_sample(one.mechanism, STATES, seed)
+            truth, answers = one.truth.evaluate(states), one.answers(states)
+        else:
+            of_file = meant(robot, STATES, seed)
+            question = question_of(of_file, library.stance)
+            truth, answers = of_file.truth, load_engine(library, subject.engine).ask(question).of(robot.joints)
+        shares, roundoff = _in_metric(truth, answers)
+        found = replace(found, accelerations=shares, roundoff=roundoff)
+    return found
+
+
+def _numbers_of(one: Assignment) -> Iterable[CompiledNumber]:
+    """The numbers that an engine holds of a file as its user loads it; of a model that it is given more of, those of what it is given."""
+    engine, mechanism = load_engine(one.library, one.subject.engine), one.mechanism
+    found: Iterable[CompiledNumber] = ()
+    with suppress(Refused):
+        if one.library.reads_files:
+            found = engine.compiled(mechanism.handed_to_engines)
+        elif one.model is not None:
+            found = engine.compiled(model_request(one.model, mechanism.joints, mechanism.gravity))
+    if found or one.library.reads_files or (held := held_by(load_audited(one))) is None:
+        return found
+    return _of_held(held)
+
+
+def _of_held(held: HeldModel) -> Iterator[CompiledNumber]:
+    yield CompiledNumber("gravity", "", tuple(held.gravity.tolist()), AXES)
+    for name, joint in held.joints.items():
+        yield CompiledNumber("kind", name, (str(joint.kind),))
+        yield CompiledNumber("parent", name, (joint.parent,))
+        for quantity in ("anchor", "axis"):
+            yield CompiledNumber(quantity, name, tuple(getattr(joint, quantity).tolist()), AXES)
+        for quantity in ("armature", "damping", "stiffness", "spring_reference"):
+            yield CompiledNumber(quantity, name, (float(getattr(joint, quantity)),))
+    for name, body in held.bodies.items():
+        yield CompiledNumber("mass", name, (float(body.mass),))
+        yield CompiledNumber("centre of mass", name, tuple(body.centre.tolist()), AXES)
+        yield CompiledNumber.of_inertia("inertia", name, body.inertia)
+    for number, spring in enumerate(held.springs, start=1):
+        for quantity in ("stiffness", "damping", "free_length"):
+            yield CompiledNumber(quantity, f"spring {number}", (float(getattr(spring, quantity)),))
+
+
+def _in_metric(truth: Certified, answers: Array) -> tuple[Array, Array]:
+    """Answers (n, nv) and data roundoffs (n,) as shares of the exact values, in the metric of these; without states that have none."""
+    with np.errstate(all="ignore"):
+        size = truth.lengths(truth.high)
+        kept = truth.certified & (size > 0) & np.isfinite(answers).all(axis=1)
+        shares = np.einsum("nij,nj->ni", truth.norm_factor, answers) / size[:, None]
+        roundoff = truth.data_roundoff / size
+    return np.where(kept[:, None], shares, 0.0), np.where(kept, roundoff, np.inf)
+
+
+def changes_between(system: str, subject: str, before: Portrait, now: Portrait) -> tuple[list[RunChange], list[CompiledChange]]:
+    """The change of accelerations, if there is one, or why they are not compared; and those of the numbers that are held."""
+    failures = [failure for failure in (before.failure, now.failure) if failure]
+    found = [RunChange(system=system, subject=subject, what=NUMBERS, before="", now=f"not compared: {failure}") for failure in failures[:1]]
+    if before.accelerations.shape == now.accelerations.shape and now.accelerations.size:
+        by = np.linalg.norm(now.accelerations - before.accelerations, axis=1)
+        moved = float(by[by > AGREEMENT * (before.roundoff + now.roundoff)].max(initial=0.0))
+        if moved:
+            found.append(RunChange(system=system, subject=subject, what=ACCELERATIONS, before="", now=share_text(moved), size=moved))
+    return found, list(_numbers(system, subject, _by_name(before), _by_name(now)))
+
+
+def _by_name(portrait: Portrait) -> dict[tuple[str, str], CompiledNumber]:
+    return {(number.quantity, number.owner): number for number in portrait.numbers}
+
+
+_Value = float | str | None
+_Changed = tuple[str, str, _Value, _Value, float, bool]
+
+
+def _numbers(
+    system: str, subject: str, before: Mapping[tuple[str, str], CompiledNumber], now: Mapping[tuple[str, str], CompiledNumber]
+) -> Iterator[CompiledChange]:
+    """The numbers that changed, equal changes of several objects as one; a quantity that one version does not know is none of them."""
+    known = {quantity for quantity, _ in before} & {quantity for quantity, _ in now}
+    pairs = [
+        (change, owner)
+        for quantity, owner in dict.fromkeys([*before, *now])
+        if quantity in known
+        for change in _of_object(before.get((quantity, owner)), now.get((quantity, owner)))
+    ]
+    for (quantity, part, old, new, size, felt), owners in grouped(pairs).items():
+        yield CompiledChange(
+            system=system, subject=subject, quantity=quantity, part=part, owners=owners, before=old, now=new, size=size, felt=felt
+        )
+
+
+def _of_object(before: CompiledNumber | None, now: CompiledNumber | None) -> Iterator[_Changed]:
+    known = now or before
+    assert known is not None
+    if before is None or now is None:
+        value = None if not known.values else known.values[0]
+        yield (known.quantity, "", *((None, value) if before is None else (value, None)), math.inf, known.felt)
+        return
+    old, new = before.values, now.values
+    count = max(len(old), len(new))
+    # Versions may have longer rows of parameters, the further ones zero.
+    old, new = (values + (0.0,) * (count - len(values)) for values in (old, new))
+    numeric = all(isinstance(value, float) for value in (*old, *new))
+    if numeric and known.parts == QUATERNION and sum(float(a) * float(b) for a, b in zip(old, new, strict=True)) < 0:
+        old = tuple(-float(value) for value in old)
+    length = max((abs(float(value)) for value in (*old, *new)), default=0.0) if numeric and known.parts else 0.0
+    for place, (a, b) in enumerate(zip(old, new, strict=True)):
+        part = "" if count == 1 else f".{known.parts[place]}" if known.parts else f"[{place}]"
+        if isinstance(a, str) or isinstance(b, str):
+            if a != b:
+                yield known.quantity, part, a, b, math.inf, known.felt
+        elif a != b and (size := abs(b - a) / (length or max(abs(a), abs(b)))) > ROUNDED:
+            yield known.quantity, part, a, b, size, known.felt

@@ -1,0 +1,176 @@
+"""Robots' files under two versions of an engine: a stand-in that reads URDFs of one joint, each version in an environment of its own."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import toy_engine
+from support import BUILT_IN, Done, cache_with_mechanisms, harness
+
+from harness.comparison.robot_library import RobotLibrary
+from harness.engines import describe_engines
+from harness.explain.changes import readings
+from harness.workers import Workers
+
+SERVO = "\nGAINS = (0.0, {damping})\n"
+RIGHT = toy_engine.RIGHT + "GAINS = (0.0, -5.0)\n"
+VERSIONS = {
+    "1.0": RIGHT,
+    "1.1": RIGHT,
+    # Another meaning of a servo's damping, which no acceleration without actuators feels.
+    "1.2": RIGHT + "GAINS = (0.0, -3.05)\n",
+    "1.3": toy_engine.HEAVIER + "GAINS = (0.0, -5.0)\n",
+    # Before 2.0 it left dampers out.
+    "1.4": RIGHT.replace("-0.3 * v", "0.0 * v"),
+    "1.5": toy_engine.LACKING.replace("def mass", "def masses"),
+}
+ADAPTER = """
+import numpy as np
+from harness.engines import Engine
+from harness.engines.interface import CompiledNumber
+from harness.engines.request import Refused
+from harness.engines.state_by_state import StateByState
+
+class Toy(Engine):
+    formats = ("urdf",)
+    requires = ("toy_engine", "toy-engine")
+    optional = True
+    factorises_mass_matrix = True
+    supplied = {"urdf": "dampers"}
+    call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
+
+    def read(self, request):
+        return ToyModel(request, {"pin": 0}, 1)
+
+    def compiled(self, request):
+        import toy_engine
+        return (
+            CompiledNumber("dof_damping", "pin", (float(-toy_engine.friction(1.0)),)),
+            CompiledNumber("gains", "servo", toy_engine.GAINS, felt=False),
+        )
+
+class ToyModel(StateByState):
+    applies_dampers = True
+
+    def _go_to(self, q, v):
+        self.q, self.v = q, v
+
+    def _mass_matrix(self):
+        import toy_engine
+        return np.diag(toy_engine.mass(self.q))
+
+    def _bias(self):
+        import toy_engine
+        return toy_engine.weight(self.q) - toy_engine.friction(self.v)
+
+ENGINE = Toy()
+"""
+READINGS = """
+from harness.explain.changes.readings import _left_out, readings_of
+said = ("The toy before 1.5 applies no damping", "add it to tau", "its own text, in a test")
+READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: said}}, "==1.4")
+"""
+BAR = BUILT_IN.model_path("bar_pendulum", "urdf").read_text()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with bar.urdf, where the toy reads files of users."""
+    root = tmp_path_factory.mktemp("toy")
+    for name in ("engines", "readings", "robots"):
+        (root / name).mkdir()
+    (root / "engines" / "toy.py").write_text(ADAPTER)
+    (root / "readings" / "toy_dampers_of_a_version.py").write_text(READINGS)
+    (root / "robots" / "bar.urdf").write_text(BAR)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(cache_with_mechanisms(root / "cache")))
+        without_files = RobotLibrary.without_files.__func__  # type: ignore[attr-defined]
+        patch.setattr(RobotLibrary, "without_files", classmethod(lambda cls: replace(without_files(cls), engines=root / "engines")))
+        patch.setattr(readings, "__path__", [*readings.__path__, str(root / "readings")])
+        importlib.invalidate_caches()
+        for version, source in VERSIONS.items():
+            toy_engine.plant(version, source)
+        describe_engines(RobotLibrary.without_files(), Workers)
+        yield root / "robots"
+    describe_engines(RobotLibrary.without_files(), Workers)
+
+
+def upgraded(folder: Path, before: str, now: str, *arguments: str) -> Done:
+    return harness("upgrade", "toy", before, now, *(arguments or ["bar.urdf"]), "--states", "60", "--json", "out.json", cwd=folder)
+
+
+def test_alike_to_rounding_is_no(folder: Path) -> None:
+    done = upgraded(folder, "1.0", "1.1")
+    same = "accelerations and compiled numbers are the same to rounding"
+    assert (done.returncode, done.stdout) == (0, f"No: toy 1.1 does not change bar.urdf against 1.0; {same}\n")
+
+
+def test_a_number_that_no_acceleration_feels_is_told_and_ends_with_1(folder: Path) -> None:
+    done = upgraded(folder, "1.1", "1.2")
+    assert done.returncode == 1
+    first, *others = done.stdout.splitlines()
+    assert first == (
+        "Yes: toy 1.2 changes bar.urdf against 1.1: compiled numbers by up to 39 % (gains); "
+        "accelerations without constraints, actuators and fluid are the same to rounding"
+    )
+    assert any(re.fullmatch(r"  gains\[1\] of servo +-5 +-3\.05 +39 %", line) for line in others), others
+    [number] = json.loads((folder / "out.json").read_text())["compiled"]
+    assert (number["quantity"], number["owners"], number["before"], number["now"], number["felt"]) == ("gains", ["servo"], -5, -3.05, False)
+
+
+def test_a_reading_that_a_version_lost_or_got_is_told_with_its_effect_and_remedy(folder: Path) -> None:
+    done = upgraded(folder, "1.4", "1.0")
+    assert done.returncode == 0
+    assert done.stdout.startswith("Yes, for the better: toy 1.0 changes bar.urdf against 1.4: accelerations by up to ")
+    line = 1 + BAR[: BAR.index("damping=")].count("\n")
+    assert f"  no longer: The toy before 1.5 applies no damping: 1 joint, line {line}; alone it moves qdd by " in done.stdout
+    done = upgraded(folder, "1.0", "1.4")
+    assert done.returncode == 1 and done.stdout.startswith("Yes, for the worse: toy 1.4 changes bar.urdf against 1.0")
+    assert "  new: The toy before 1.5 applies no damping: 1 joint" in done.stdout and "; add it to tau\n" in done.stdout
+
+
+def test_a_wrong_number_is_for_the_worse(folder: Path) -> None:
+    done = upgraded(folder, "1.0", "1.3")
+    assert done.returncode == 1
+    assert done.stdout.startswith("Yes, for the worse: toy 1.3 changes bar.urdf against 1.0: accelerations by up to ")
+    assert "  1.3 is off by up to " in done.stdout
+
+
+def test_what_was_not_asked_about_stands_in_the_first_lines_and_must_be_allowed(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "bar.urdf"
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    path.write_text(BAR.replace("<inertial>", f"{ball}\n<inertial>"))
+    line = 1 + path.read_text()[: path.read_text().index(ball)].count("\n")
+    done = upgraded(folder, "1.0", "1.1", str(path))
+    assert done.returncode == 1
+    assert done.stdout.splitlines()[:2] == [
+        "No: toy 1.1 does not change bar.urdf against 1.0; accelerations and compiled numbers are the same to rounding",
+        f"not compared: contacts, line {line} (exit status 1; --allow-uncompared accepts it)",
+    ]
+    [left_out] = json.loads((folder / "out.json").read_text())["not_compared"]
+    assert left_out == {"name": "bar.urdf", "what": "contacts", "lines": [line]}
+    done = upgraded(folder, "1.0", "1.1", str(path), "--allow-uncompared")
+    assert (done.returncode, done.stdout.splitlines()[1]) == (0, f"not compared: contacts, line {line}")
+    assert upgraded(folder, "1.1", "1.2", str(path), "--allow-uncompared").returncode == 1
+
+
+def test_robots_of_several_folders_and_of_one_name_are_told_apart(folder: Path, tmp_path: Path) -> None:
+    for place in ("old", "new"):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "bar.urdf").write_text(BAR if place == "old" else BAR.replace('damping="0.3"', 'damping="0"'))
+    paths = [str(tmp_path / place / "bar.urdf") for place in ("old", "new")]
+    done = upgraded(folder, "1.4", "1.0", *paths)
+    # What the second says is what 1.4 takes of either, and 1.0 has the damper of the first in its program.
+    assert "toy 1.0 changes 2 of 2 files against 1.4 (new/bar.urdf, old/bar.urdf): " in done.stdout.splitlines()[0]
+    assert "old/bar.urdf, toy/urdf: better" in done.stdout and "new/bar.urdf, toy/urdf: worse" in done.stdout
+
+
+def test_a_refusal_of_both_compares_nothing(folder: Path) -> None:
+    done = upgraded(folder, "1.5", "1.0")
+    assert done.returncode == 0 and "for the better" in done.stdout and "1.5 refuses it: toy_engine 1.5 has no mass" in done.stdout
