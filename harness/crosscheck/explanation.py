@@ -21,6 +21,7 @@ from harness.explain.fit import Projection, explaining_directions
 from harness.explain.meant import Meant
 from harness.explain.model_side import explaining_numbers
 from harness.files.text.scan import Watch, tag, written
+from harness.programs.states import States
 from harness.study import Note
 from harness.trees.mechanism import RobotMechanism
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
@@ -53,8 +54,8 @@ class Explanation:
         )
 
 
-def explain(assignment: Assignment, seed: int, note: Note) -> str:
-    """A sentence on the numbers that explain the subject's errors at the states of a diagnosis; "" where none does.
+def explain(assignment: Assignment, seed: int, worst: States, note: Note) -> str:
+    """A sentence on the numbers that explain the subject's errors at the states of a diagnosis and its worst ones; "" where none does.
 
     Raises:
         InvalidModel: a file is no truth, or the engine refuses it. harness.engines.Unsupported: the engine cannot express it.
@@ -62,14 +63,14 @@ def explain(assignment: Assignment, seed: int, note: Note) -> str:
     if not assignment.asked.is_default:
         return explain_difference(assignment, seed)
     if assignment.library.reads_files:
-        return explain_by_file(assignment.as_read, seed)
-    found = explain_lost_digits(assignment, seed)
+        return explain_by_file(assignment.as_read, seed, worst)
+    found = explain_lost_digits(assignment, seed, worst)
     return "" if found is None else found.sentence
 
 
-def explain_by_file(assignment: Assignment, seed: int) -> str:
+def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
     """A sentence on numbers of a user's file, by whose other values its accelerations are those of the engine; "" where none does."""
-    mechanism, states = assignment.mechanism, diagnostic_states(assignment.mechanism, seed)
+    mechanism, states = assignment.mechanism, _with_worst(assignment, seed, worst)
     assert isinstance(mechanism, RobotMechanism)
     reference = reference_kernel_of(assignment).evaluate(states)
     side = side_of(Meant(mechanism.robot, states, reference), assignment.answers(states))
@@ -79,10 +80,15 @@ def explain_by_file(assignment: Assignment, seed: int) -> str:
     return "; ".join(numbers) or "one number of the file explains the errors of all states, so that they are no lost digits"
 
 
-def explain_lost_digits(assignment: Assignment, seed: int) -> Explanation | None:
+def _with_worst(assignment: Assignment, seed: int, worst: States) -> States:
+    """The states of a diagnosis, and those that the errors to be explained were found at: the others may feel less of it."""
+    return States.concatenate([diagnostic_states(assignment.mechanism, seed), worst])
+
+
+def explain_lost_digits(assignment: Assignment, seed: int, worst: States) -> Explanation | None:
     """The number that explains the subject's accelerations; None where none does; raises as ``explain``."""
     mechanism, model = assignment.mechanism, assignment.model
-    kernel, states = reference_kernel_of(assignment), diagnostic_states(mechanism, seed)
+    kernel, states = reference_kernel_of(assignment), _with_worst(assignment, seed, worst)
     reference = kernel.evaluate(states)
     if model is not None:
         reference = beside_gaps(reference, mechanism, states, gaps_of(load_audited(assignment), states))

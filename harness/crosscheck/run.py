@@ -301,7 +301,8 @@ class CrossCheck(Study):
             # A run in which all is well imports nothing of it.
             from harness.crosscheck.explanation import explain
 
-            outcome = yield from ask(explain, pair.assignment, self.settings.seed, affinity=system.name)
+            assert pair.shown is not None
+            outcome = yield from ask(explain, pair.assignment, self.settings.seed, pair.shown[0], affinity=system.name)
             if failure := self.failure(outcome):
                 pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
             else:

@@ -119,11 +119,11 @@ ENGINE = Engine()
 
 def test_a_parameter_of_the_equations_is_named(tmp_path: Path) -> None:
     sound = Assignment.of(BUILT_IN, "chain_6", Subject("lagrange", EQUATIONS))
-    assert explain_lost_digits(sound, SEED) is None
+    assert explain_lost_digits(sound, SEED, diagnostic_states(sound.mechanism, SEED, 1)) is None
     (tmp_path / "wrong.py").write_text(WRONG_ENGINE)
     wrong = replace(sound, library=replace(BUILT_IN, engines=tmp_path), subject=Subject("wrong", EQUATIONS))
     assert "unstable" in wrong.judge(diagnostic_states(sound.mechanism, SEED)).verdicts
-    found = explain_lost_digits(wrong, SEED)
+    found = explain_lost_digits(wrong, SEED, diagnostic_states(wrong.mechanism, SEED, 1))
     assert found is not None
     name, value, unit = sound.mechanism.parameters[1]
     assert found.number == f"{name} = {value!r} {unit}"
