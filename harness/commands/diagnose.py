@@ -14,10 +14,13 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import causes_of
 from harness.commands.frame.options import quantity_option, stand_in_options, states_option, subjects_option, takes
 from harness.commands.frame.pages import tell
-from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say
+from harness.commands.frame.terminal import print_diagnoses, print_differs, print_superfluous, print_table, say, say_wrapped
 from harness.errors import InvalidInput, InvalidRequest
+from harness.results.detail import Detail
+from harness.results.diagnosis_conclusion import conclude_diagnosis
 from harness.results.readings import reading_lines
 from harness.results.records import quantity_words
+from harness.results.table import counted
 from harness.verdict import Verdict
 
 SECTION = MECHANISM
@@ -93,19 +96,27 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     found.records.sort(key=lambda record: record.subject)
     causes = causes_of(bracket, study, asked.quantity, **({} if asked.evaluations is None else {"evaluations": asked.evaluations}))
     held = find_differences(settings, asked.name, bracket.pool) if causes else []
-    bracket.write_json(found.records, superfluous=found.superfluous, causes=causes, held=held)
-    print_table(found.records, bracket.run, bracket.detail)
+    inference = infer_from_records(found.records)[asked.name].sentence
+    sentence = conclude_diagnosis(asked.name, found.records, causes, inference, [*map(str, held)])
+    bracket.write_json(found.records, summary=sentence, superfluous=found.superfluous, causes=causes, held=held)
+    say_wrapped(sentence, "")
+    wrong = [record for record in found.records if bracket.detail > Detail.BRIEF or record.verdict != Verdict.AGREES]
+    if wrong:
+        print_table(wrong, bracket.run, bracket.detail)
+    if agreeing := len(found.records) - len(wrong):
+        say(f"{counted(agreeing, 'subject')} {'agrees' if agreeing == 1 else 'agree'} (--all)")
     print_superfluous(found.superfluous)
     for record in found.records:
         if record.verdict == Verdict.ERROR:
-            say("", f"{record.subject}: {record.message}")
+            say_wrapped("", f"{record.subject}: {record.message}")
         if record.readings:
-            say("", f"{record.subject}: {record.verdict}", *(f"  {line}" for line in reading_lines(record.readings)))
+            say_wrapped(
+                "", f"{record.subject}: {record.verdict}", *(f"  {line}" for line in reading_lines(record.readings, bracket.detail))
+            )
     if causes:
-        print_diagnoses(causes, held)
+        print_diagnoses(causes, held, bracket.detail)
     else:
         print_differs(found.differs)
-        say("", infer_from_records(found.records)[asked.name].sentence)
     # The diagnosis has said what the audit refuses of a file that was diagnosed all the same.
     diagnosed = {cause.found["model"]["file"] for cause in causes if cause.found and cause.found["model"]}
     problems = [problem for problem in study.problems if not (isinstance(problem, InvalidInput) and str(problem.path) in diagnosed)]

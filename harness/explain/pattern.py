@@ -170,7 +170,8 @@ def _infer(given: Mapping[Subject, str], everyone: Collection[Subject], right_fi
         if not right | unstable:
             return Inference(UNDECIDED, "no subject was judged")
         read, agreeing = _with(given, Verdict.EXPLAINED), _with(given, Verdict.AGREES)
-        explained = f"; {_listed(read)} answers for what its reader makes of the file" if read else ""
+        makes = "answers for what its reader makes" if len(read) == 1 else "answer for what their readers make"
+        explained = f"; {_listed(read)} {makes} of the file" if read else ""
         return Inference(NOTHING, f"nothing is wrong{f' with {_listed(agreeing)}' if agreeing else ''}{explained}{lost}")
     parties = [party for party in _parties(wrong, right, everyone) if not _is_cleared(party, right_files)]
     if len(parties) == 1:

@@ -173,6 +173,7 @@ class Diagnosis:
             "evaluations": self.evaluations,
             "stopped": self.stopped,
             "text": list(self.lines),
+            "remarks": list(self._remarks()),
         }
 
 

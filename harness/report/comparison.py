@@ -59,10 +59,10 @@ def answers(found: FilesComparison, detail: Detail = Detail.BRIEF) -> Iterator[S
 def told(found: FilesComparison, detail: Detail) -> Iterator[Section]:
     """The answers, and where the rest is; with ``Detail.VERBOSE`` that follows."""
     yield from answers(found, detail)
-    if detail < Detail.VERBOSE:
-        yield Section(MORE)
-    else:
+    if detail == Detail.VERBOSE:
         yield from sections(found)
+    elif found.subjects or found.pairs:
+        yield Section(MORE)
 
 
 def sections(found: FilesComparison) -> Iterator[Section]:

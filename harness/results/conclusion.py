@@ -12,14 +12,14 @@ from typing import TypeVar
 
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord, names_apart
 from harness.results.detail import Detail
-from harness.results.readings import FELT, by_effect, explanation, reading_lines, share_text
+from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_text
 from harness.results.table import Table, counted, error_text, grouped
 from harness.verdict import AGREEMENT, Verdict
 
 # Rows of a file, and of each of several files; further ones are counted.
 MOST_ROWS, MOST_ROWS_OF_SEVERAL = 11, 3
-# Subjects of which the first sentence says why, and letters of an engine's message.
-MOST_REASONS, MOST_LETTERS = 3, 160
+# Subjects of which the first sentence says why, letters of an engine's message, and inertias in a row.
+MOST_REASONS, MOST_LETTERS, MOST_IMPOSSIBLE = 3, 160, 4
 _Row = TypeVar("_Row")
 MORE = "More: --verbose (sources, lines, every number), --all (every row), --html FILE, --json FILE"
 
@@ -52,17 +52,23 @@ def conclude_alike(found: FilesComparison, files: Sequence[FileRecord], detail: 
 def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -> tuple[str, tuple[str, ...]]:
     """The sentence on a file without its name, and the rows."""
     if file.problem:
-        return f" cannot be read: {file.problem}", ()
+        return f" cannot be read: {file.problem}.", ()
     subjects = [one for one in found.of(file.path) if not one.aided]
     if not subjects:
         return f": no engine was asked{file.remark and f', for {file.remark}'}.", tuple(_facts(file))
     held = [one for one in found.equalities if one.path == file.path]
     subjects = sorted(subjects, key=lambda one: -_weight(one))
-    reasons = [*filter(None, map(_reason, subjects)), *(_reason_of_equalities(one) for one in held if not one.explained)]
+    reasons = [*filter(None, (_reason(one, file) for one in subjects)), *(_reason_of_equalities(one) for one in held if not one.explained)]
     sentences = [_who_agrees(subjects), *_with_remedy(reasons[:MOST_REASONS])]
     rows = [*_rows(found.of(file.path), file, detail), *filter(None, map(_equalities, held)), *_facts(file)]
     shown, others = at_most(rows, detail, most) if most else ([], "")
     return f": {'. '.join(sentences)}.", (*shown, *filter(None, [others]))
+
+
+def reasons_text(readings: Iterable[Effect]) -> list[str]:
+    """A sentence on each of some readings, the largest first and each once, with its share and what to do about the first."""
+    once = {one.sentence: one for one in by_effect(readings)}
+    return [*_with_remedy([_of_reading(one) for one in once.values()][:MOST_REASONS])]
 
 
 @dataclass(frozen=True)
@@ -111,11 +117,11 @@ def _felt(subject: SubjectRecord) -> set[tuple[str, float | None]]:
     return {(one.name, one.alone) for one in subject.readings if one.alone is None or one.alone > FELT or (one.beside or 0.0) > FELT}
 
 
-def _reason(subject: SubjectRecord) -> _Reason | None:
+def _reason(subject: SubjectRecord, file: FileRecord) -> _Reason | None:
     """Why an answer is not that of the file; None where it is."""
     program, message = subject.program, _short(subject.message)
     if subject.verdict == Verdict.UNSUPPORTED:
-        return _Reason(f"{program} refuses the file: {message}")
+        return _Reason(f"{program} refuses the file: {message}{_mend(file)}")
     if subject.left_nothing:
         return _Reason(f"{program} reads nothing that moves: {_short(subject.left_nothing)}")
     if subject.verdict == Verdict.ERROR:
@@ -128,8 +134,17 @@ def _reason(subject: SubjectRecord) -> _Reason | None:
         return _Reason(f"{program} loses digits", share_text(subject.relative_error))
     if subject.verdict == Verdict.AGREES or not subject.readings:
         return None
-    largest = by_effect(subject.readings)[0]
-    return _Reason(largest.sentence, share_text(largest.size), largest.remedy)
+    return _of_reading(by_effect(subject.readings)[0])
+
+
+def _mend(file: FileRecord) -> str:
+    """What to do about inertias that no body can have, which engines refuse."""
+    lines = [one.line for one in file.impossible]
+    return f"; write inertias that a body can have ({lines_text(lines, FEW_LINES)})" if lines else ""
+
+
+def _of_reading(reading: Effect) -> _Reason:
+    return _Reason(reading.sentence, share_text(reading.size), reading.remedy)
 
 
 def _reason_of_equalities(record: EqualitiesRecord) -> _Reason:
@@ -144,7 +159,7 @@ def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -
     for one in plain:
         yield from _further(one)
     yield from _when_supplied(subjects)
-    yield from _impossible(file)
+    yield from _impossible(file, detail)
 
 
 def _further(subject: SubjectRecord) -> Iterator[str]:
@@ -154,7 +169,9 @@ def _further(subject: SubjectRecord) -> Iterator[str]:
         yield f"{program} says: {subject.message}"
     if subject.expected:
         yield f"{program}: {subject.marked}"
-    yield from (f"{program}: {sentence}" for sentence in subject.rest)
+    # Of a refusal the first sentence is about the body that it names; what is impossible has a row of its own.
+    rest = subject.rest[:1] if subject.verdict == Verdict.UNSUPPORTED else subject.rest
+    yield from (f"{program}: {sentence}" for sentence in rest)
     if subject.lost_digits:
         yield f"{program}: {subject.lost_digits}"
     if subject.cancels:
@@ -177,12 +194,11 @@ def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
             yield f"{one.program}, supplied with what its reader leaves out: {one.outcome}{why and f', {why}'}"
 
 
-def _impossible(file: FileRecord) -> Iterator[str]:
+def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:
     if file.impossible:
-        first, *others = file.impossible
-        more = f", and {len(others)} more" if others else ""
-        what = f"{first.body}, line {first.line}, {first.what}{more}"
-        yield f"{counted(len(file.impossible), 'inertia')} that no body can have: {what}"
+        named = [f"{one.body} ({one.what}, line {one.line})" for one in file.impossible]
+        shown, others = at_most(named, detail, MOST_IMPOSSIBLE)
+        yield f"{counted(len(named), 'inertia')} that no body can have: {', '.join([*shown, *filter(None, [others])])}"
 
 
 def _equalities(record: EqualitiesRecord) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
+from harness.results.detail import Detail
 from harness.results.hard_states import RankedCase
 from harness.results.records import Record, StudyResult
 from harness.results.table import Column, Table
@@ -146,6 +146,12 @@ class Cause:
         return [list(side["text"]) for side in (self.found["model"], self.found["textbook"]) if side]
 
     @property
+    def remarks(self) -> list[str]:
+        """The lines of the sides that are no part of the answer: runners-up, and what the file's numbers determine."""
+        sides = (self.found["model"], self.found["textbook"]) if self.found else ()
+        return [line for side in sides if side for line in side.get("remarks", ())]
+
+    @property
     def lines(self) -> list[str]:
         """All of it."""
         return [*self.terms, *(line for side in self.sides for line in side)]
@@ -156,26 +162,23 @@ class Cause:
         lines = [*self.terms, *([self.first_line] if self.first_line != self.inference else [])]
         return [f"  {self.subject}: {line}" for line in ([f"as {self.diagnosed}"] if self.is_shared else lines)]
 
-    @property
-    def told_in_full(self) -> list[str]:
-        """The whole diagnosis below the name of the subject."""
-        lines = [f"as {self.diagnosed}, which reads the same file"] if self.is_shared else self.lines
+    def told_in_full(self, detail: Detail) -> list[str]:
+        """The whole diagnosis below the name of the subject, its remarks where all is told."""
+        kept = [line for line in self.lines if detail == Detail.VERBOSE or line not in self.remarks]
+        lines = [f"as {self.diagnosed}, which reads the same file"] if self.is_shared else kept
         return ["", self.subject, *(f"  {line}" for line in lines)]
 
 
 class Causes(list[Cause]):
     """Causes of the records of a cross-check; they print as ``harness check`` tells them."""
 
-    def told(self, in_full: bool = False, held: Sequence[str] = ()) -> list[str]:
-        """The party at fault in each system, lines on what its subjects hold, and why each wrong subject is wrong.
-
-        That is the wrong terms and the first line of the diagnosis; ``in_full`` all of it.
-        """
+    def told(self) -> list[str]:
+        """The party at fault in each system, and why each wrong subject is wrong: the wrong terms and the first line of the diagnosis."""
         lines = list[str]()
         for (system, inference), own in itertools.groupby(self, key=attrgetter("system", "inference")):
-            lines += ["", f"{system}: {inference}", *held]
+            lines += ["", f"{system}: {inference}"]
             for cause in own:
-                lines += cause.told_in_full if in_full else cause.told
+                lines += cause.told
         return lines
 
     def __repr__(self) -> str:

@@ -69,13 +69,15 @@ class Effect:
 
 
 def share_text(change: float | None) -> str:
-    """A relative change of accelerations: "47 %", "3.3 times", "all" where joints are taken away; a number where no percent shows it."""
+    """A relative change of accelerations: "47 %", "38 times", "all" where joints are taken away; a number where no percent shows it."""
     if change is None:
         return "unknown"
     if change == math.inf:
         return "all"
+    if change >= 10:
+        return f"{change:.0f} times" if change < 1e3 else f"{change:.0e} times"
     if change >= 1:
-        return f"{change:.2g} times" if change < 1e3 else f"{change:.0e} times"
+        return f"{100 * change:.0f} %"
     return f"{100 * change:.2g} %" if change >= 1e-4 else error_text(change)
 
 

@@ -62,6 +62,11 @@ SENTENCES = {
         [subject("mujoco", "MuJoCo", "unsupported", message="mass is 0"), subject("pinocchio", "Pinocchio")],
         "Pinocchio agrees with the file (2.50 data roundoffs at most, 64 are allowed). MuJoCo refuses the file: mass is 0.",
     ),
+    "refused for its inertias": (
+        [subject("mujoco", "MuJoCo", "unsupported", message="A + B < C")],
+        "no engine gives an answer that can be judged. MuJoCo refuses the file: A + B < C; "
+        "write inertias that a body can have (lines 1, 2, 3 and 1 more).",
+    ),
     "died": (
         [subject("mujoco", "MuJoCo", "error", False, message="it aborted")],
         "no engine gives an answer that can be judged. MuJoCo fails on the file: it aborted.",
@@ -89,9 +94,11 @@ SENTENCES = {
 @pytest.mark.parametrize("case", SENTENCES)
 def test_the_first_sentence_answers_whether_the_engines_agree(case: str) -> None:
     subjects, sentence = SENTENCES[case]
-    found = FilesComparison(files=[FILE], subjects=subjects)
-    assert conclude(found, FILE).sentence.startswith(f"r.urdf: {sentence}")
-    assert summary(found) == conclude(found, FILE).sentence
+    impossible = [Impossible(f"link {line}", line, "A + B < C", (1.0,), 0.1, (1.0,)) for line in (1, 2, 3, 4)]
+    file = replace(FILE, impossible=impossible) if "inertias" in case else FILE
+    found = FilesComparison(files=[file], subjects=subjects)
+    assert conclude(found, file).sentence.startswith(f"r.urdf: {sentence}")
+    assert summary(found) == conclude(found, file).sentence
 
 
 def test_equalities_that_nobody_explains_stand_in_the_first_sentence() -> None:
@@ -123,7 +130,17 @@ def test_readings_in_a_cell() -> None:
 
 @pytest.mark.parametrize(
     ("change", "text"),
-    [(0.47, "47 %"), (0.00123, "0.12 %"), (5e-9, "5.00e-09"), (1.0, "1 times"), (37.9, "38 times"), (math.inf, "all"), (None, "unknown")],
+    [
+        (0.47, "47 %"),
+        (0.00123, "0.12 %"),
+        (5e-9, "5.00e-09"),
+        (1.0, "100 %"),
+        (3.34, "334 %"),
+        (37.9, "38 times"),
+        (12345.0, "1e+04 times"),
+        (math.inf, "all"),
+        (None, "unknown"),
+    ],
 )
 def test_a_share_is_a_percentage_where_that_says_something(change: float | None, text: str) -> None:
     assert share_text(change) == text

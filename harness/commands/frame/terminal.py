@@ -269,6 +269,9 @@ def _one_name(found: Iterable[Cause | Record]) -> str:
     return "NAME" if others else first
 
 
-def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference]) -> None:
-    """The party at fault in each system, what its subjects do not hold alike, and the whole diagnosis of each wrong subject."""
-    say(*Causes(causes).told(in_full=True, held=[f"  held after loading: {difference}" for difference in held]))
+def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference], detail: Detail = Detail.VERBOSE) -> None:
+    """What the subjects of a system do not hold alike, and the whole diagnosis of each wrong subject."""
+    say(*([""] if held else []), *(f"held after loading: {difference}" for difference in held))
+    for cause in causes:
+        if cause.lines != [cause.inference]:
+            say(*cause.told_in_full(detail))
