@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
-from harness.engines import engine_files
+from harness.engines import engine_files, subjects
 from harness.environments import split_name
 from harness.errors import InvalidInput
 from harness.library import Library
@@ -58,6 +58,9 @@ class Settings:
         """The command that says all there is to say of why ``name``, or another system, is not as expected in a quantity."""
         chosen = [("--states", self.states, DEFAULT_STATES), ("--seed", self.seed, 0)]
         options = [str(word) for option, value, default in chosen if value != default for word in (option, value)]
+        # Versions are asked by name alone; of others a diagnosis says more beside those that were not asked here.
+        if not set(self.subjects) <= set(map(str, subjects(self.library))):
+            options += [word for name in self.subjects for word in ("--subject", str(name))]
         return shlex.join(["harness", "diagnose", name, *self.replay_options, *quantity_options(quantity), *options])
 
     def held_against(self, name: str) -> str:

@@ -34,13 +34,6 @@ def relative_text(value: float | None) -> str:
     return "> 1" if value is not None and value > 1 else error_text(value)
 
 
-def share_text(value: float) -> str:
-    """A relative change: percents between a thousandth and twice the size."""
-    if 1e-3 <= value < 2:
-        return f"{100 * value:.{2 if value < 1 else 3}g} %"
-    return f"{value:.1e}" if value < 1 else f"{error_text(value)} times"
-
-
 def seconds_text(value: float | None) -> str:
     """Three significant digits in the unit that suits; a dash for None."""
     if value is None:

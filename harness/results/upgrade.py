@@ -10,9 +10,11 @@ from typing import Annotated
 
 from harness.files.findings import LeftOut
 from harness.results.comparison import names_apart
-from harness.results.detail import LEAST_SHARE, Detail, telling
+from harness.results.detail import Detail, telling
+from harness.results.engine_lines import shown_engine
+from harness.results.readings import share_text
 from harness.results.records import Record
-from harness.results.table import Column, TableOf, counted, error_text, grouped, number_text, share_text
+from harness.results.table import Column, TableOf, counted, error_text, grouped, number_text
 from harness.results.trend import MESSAGE, TIME, VERDICT, RunChange
 from harness.results.trend_numbers import MEDIAN, PERCENTILE_99, WORST
 from harness.verdict import AGREEMENT, SOUND, Verdict
@@ -74,7 +76,8 @@ compiled_table = TableOf(CompiledChange, "name old new change", "Compiled number
 
 
 def _by_up_to(size: float) -> str:
-    return f"by up to {share_text(size)}{'' if size >= LEAST_SHARE else ' of their size'}"
+    text = share_text(size)
+    return f"by up to {text}{'' if text[-1].isalpha() or text[-1] == '%' else ' of their size'}"
 
 
 def named(names: Sequence[str]) -> str:
@@ -189,10 +192,10 @@ class Upgraded:
     @property
     def headline(self) -> str:
         """Whether the new version changes what was asked about, in a sentence."""
-        compared, engine = [one for one in self.asked if one.is_compared], f"{self.engine} {self.now}"
+        compared, engine = [one for one in self.asked if one.is_compared], shown_engine(self.engine, self.now)
         if not compared:
             about = named(list(dict.fromkeys(self._names[one.now.system] for one in self.asked)))
-            return f"Nothing was compared: neither {self.engine} {self.before} nor {self.now} answers about {about}"
+            return f"Nothing was compared: neither {shown_engine(self.engine, self.before)} nor {self.now} answers about {about}"
         of = grouped((one.now.system, one) for one in compared)
         changed = {system: those for system, those in of.items() if any(one.is_changed for one in those)}
         if not changed:

@@ -19,7 +19,8 @@ from harness.engines.tree_request import model_request
 from harness.explain.meant import meant, question_of
 from harness.files.findings import LeftOut
 from harness.library import Library
-from harness.results.table import grouped, share_text
+from harness.results.readings import share_text
+from harness.results.table import grouped
 from harness.results.trend import RunChange
 from harness.results.upgrade import ACCELERATIONS, NUMBERS, CompiledChange
 from harness.study import Note

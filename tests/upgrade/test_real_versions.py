@@ -47,7 +47,7 @@ def test_the_rotation_of_an_inertial_origin_is_read_from_3_14_on(tmp_path: Path)
     done = upgraded(tmp_path, "3.13.0", "3.14.0", "turned.urdf", TURNED, "--allow-uncompared")
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.match(
-        r"Yes, for the better: mujoco 3\.14\.0 changes turned\.urdf against 3\.13\.0: accelerations by up to \S+ %", done.stdout
+        r"Yes, for the better: MuJoCo 3\.14\.0 changes turned\.urdf against 3\.13\.0: accelerations by up to \S+ %", done.stdout
     )
     assert "no longer: MuJoCo before 3.14 passes over the rpy of a link's <inertial><origin>: 1 link" in done.stdout
     assert "body_inertia" in done.stdout
@@ -63,7 +63,7 @@ def test_a_damping_ratio_means_something_else_from_3_15_on(tmp_path: Path) -> No
     done = upgraded(tmp_path, "3.14.0", "3.15.0", "servo.xml", SERVO, "--allow-uncompared")
     assert done.returncode == 1, done.stdout + done.stderr
     first, second = done.stdout.splitlines()[:2]
-    assert first.startswith("Yes: mujoco 3.15.0 changes servo.xml against 3.14.0: compiled numbers by up to ")
+    assert first.startswith("Yes: MuJoCo 3.15.0 changes servo.xml against 3.14.0: compiled numbers by up to ")
     assert "(actuator_biasprm); accelerations without constraints, actuators and fluid are the same" in first
     assert second == "not compared: actuators, line 4"
 
@@ -72,4 +72,4 @@ def test_two_versions_that_do_alike(tmp_path: Path) -> None:
     done = upgraded(tmp_path, "3.15.0", "4.0.0", "full.xml", FULL)
     assert done.returncode == 0, done.stdout + done.stderr
     same = "accelerations and compiled numbers are the same to rounding"
-    assert done.stdout == f"No: mujoco 4.0.0 does not change full.xml against 3.15.0; {same}\n"
+    assert done.stdout == f"No: MuJoCo 4.0.0 does not change full.xml against 3.15.0; {same}\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -100,6 +101,15 @@ def test_a_cost_is_told_where_it_is_asked_for_and_counts_against_nobody(library:
     assert not cost["is_worse"] and float(str(cost["now"]).split()[0]) > 100
     done, _ = upgraded(library, "toy", "1.0", "1.4", "--verbose")
     assert done.returncode == 0 and "\n  time per state: " in done.stdout
+
+
+def test_a_red_check_of_a_version_ends_with_the_command_that_diagnoses_that_version(library: Path) -> None:
+    done = harness("check", "bar_pendulum", "--library", str(library), "--subject", "toy@1.2/urdf", "--states", "40", cwd=library)
+    [command] = re.findall(r"^the whole diagnosis: harness (.*)$", done.stdout, re.MULTILINE)
+    assert "--subject toy@1.2/urdf" in command
+    diagnosed = harness(*shlex.split(command), cwd=library)
+    assert (done.returncode, diagnosed.returncode) == (1, 1)
+    assert "gravity" in diagnosed.stdout and "toy@1.2/urdf" in diagnosed.stdout
 
 
 @pytest.mark.parametrize(
