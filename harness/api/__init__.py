@@ -17,10 +17,10 @@ from harness.api.compared_files import ComparedFiles
 from harness.api.loaded_system import Accelerations, CertifiedValues, Derivatives, LoadedSystem
 from harness.comparison.robot_library import resolved
 from harness.comparison.study import ComparisonSettings, RobotComparison
-from harness.comparison.wanted import wanted_diagnosis
 from harness.crosscheck.assignment import refuse_robots
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
+from harness.diagnosis.wanted import wanted_diagnosis
 from harness.engines import describe_engines
 from harness.errors import InvalidRequest
 from harness.explain.meant import STATES

@@ -7,26 +7,21 @@ would explain it: they are the parameters of its truth, which is certified anew 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.comparison.robot_library import engine_of
-from harness.crosscheck.file_numbers import is_explained_by_number, numbers_that_explain, side_of
+from harness.crosscheck.file_numbers import is_explained_by_number, side_of, unexplained, why_refused
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
-from harness.explain.meant import Meant, effects, read_as, read_by, readings_that_do_not_hold, reference_of, worst
+from harness.explain.meant import Meant, effects, read_as, read_by, readings_that_do_not_hold, worst
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
-from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, compare
 from harness.truth.quantities.accelerations import FAR_LINKS, FarLinks
-from harness.truth.reference import Reference
 from harness.verdict import AGREEMENT, SEVERITY, Verdict
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
@@ -69,7 +64,7 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
         return replace(record, explained=True, lost_digits=_lost(after, ILL_CONDITIONED if by_condition else FAR_LINKS))
     if after is compared:
         record = replace(record, verdict=max(record.verdict, Verdict.DISAGREES, key=SEVERITY.__getitem__))
-    return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, answers))
+    return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, accelerations))
 
 
 def _lost(after: Comparison, cause: str) -> str:
@@ -114,37 +109,3 @@ def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
     """True where each state with a certified truth has one of these verdicts, and one has such a truth."""
     verdicts, wanted = set(compared.verdicts.tolist()), {one.value for one in allowed}
     return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}
-
-
-def unexplained(meant: Meant, answers: EngineAnswers) -> list[str]:
-    """Sentences on an answer that differs from what the tree means."""
-    accelerations = answers.of(meant.robot.joints)
-    numbers = numbers_that_explain(side_of(meant, accelerations), meant.robot)
-    return numbers or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
-
-
-def _where(meant: Meant, accelerations: Array) -> str:
-    """The joints whose accelerations differ, the worst first."""
-    truth: Reference = meant.truth
-    error = np.abs(accelerations - truth.high).max(axis=0)
-    joints = reference_of(meant.robot).mechanism.joints
-    worst = dict.fromkeys(joints[column] for column in np.argsort(-error)[:4])
-    bad = compare(truth, accelerations).known("backward_error") > AGREEMENT
-    return f"{int(bad.sum())} of {len(truth)} states, most in {', '.join(worst)} (up to {error_text(float(error.max()))} rad/s^2 or m/s^2)"
-
-
-def why_refused(robot: Robot, element: str) -> list[str]:
-    """What the file says of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
-    sentences = []
-    for body in robot.tree.bodies:
-        if body.name == element and body.place is not None:
-            line = body.place.line if body.inertia is None else body.inertia.places["moments"].line
-            numbers = (
-                "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
-            )
-            sentences.append(f"line {line}: {element}: {numbers}")
-    return sentences + [f"line {one.line}: {one.body}: {one.what}" for one in robot.impossible]
-
-
-def _numbers(values: Sequence[Fraction]) -> str:
-    return " ".join(f"{float(value):g}" for value in values)

@@ -18,15 +18,11 @@ from harness.comparison.judgement import judge, subject_of
 from harness.comparison.matching import refuse_unknown
 from harness.comparison.robot_library import ask_engine, engine_of, robot_at, robot_subjects
 from harness.comparison.sameness import hold_against
-from harness.crosscheck.settings import Settings
 from harness.engines.request import EngineAnswers
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.explain.meant import STATES, Meant, meant, question_of
 from harness.library import Stance
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, PairRecord, SubjectRecord
-from harness.results.cross_check import Cause
-from harness.results.readings import by_effect
-from harness.results.records import Record
 from harness.study import Inquiry, Part, Study, ask, call
 from harness.verdict import Verdict
 
@@ -182,41 +178,3 @@ def _refuse_unknown(paths: Sequence[Path], floating_base: bool, renamed: Mapping
 
 def _prepare(path: Path, floating_base: bool, count: int, seed: int) -> Meant:
     return meant(robot_at(path, floating_base), count, seed)
-
-
-# Of ``unstable`` the record itself says all there is to say.
-_EXPLAINED = {Verdict.DISAGREES.value, Verdict.UNSUPPORTED.value}
-
-
-class RobotDiagnoses(RobotComparison):
-    """The causes of the records of a cross-check of robots' files that are not as expected; a ``harness.study.Study``.
-
-    They are what a comparison finds for the engines, asked alike, so that a check says nothing else than ``harness compare``.
-    """
-
-    def __init__(self, settings: Settings, records: Sequence[Record], floating_base: bool) -> None:
-        self._wrong = [record for record in records if record.verdict in _EXPLAINED and not record.as_expected]
-        subjects = tuple(dict.fromkeys(record.subject for record in self._wrong))
-        paths = tuple(dict.fromkeys(Path(record.system) for record in self._wrong))
-        compared = ComparisonSettings(
-            paths, seed=settings.seed, floating_base=floating_base, pairwise=False, stances=(settings.library.stance,), subjects=subjects
-        )
-        super().__init__(compared, "diagnosis")
-
-    def result(self) -> Any:
-        """A ``Cause`` of each wrong record that the comparison speaks of, by system and subject."""
-        asked = {(record.path, record.subject): record for record in super().result().subjects}
-        found = [(record, asked.get((str(Path(record.system)), record.subject))) for record in self._wrong]
-        causes = [_cause(record, known) for record, known in found if known is not None]
-        return sorted(causes, key=lambda cause: (cause.system, cause.subject))
-
-
-def _cause(record: Record, known: SubjectRecord) -> Cause:
-    refuses = known.verdict == Verdict.UNSUPPORTED
-    inference = f"the file is the truth, and {record.subject} {'refuses' if refuses else 'differs from'} it"
-    sentences = []
-    for reading in by_effect(known.readings):
-        lines = ", ".join(map(str, reading.lines))
-        sentences.append(f"{reading.sentence}{f' (lines {lines})' if lines else ''}")
-    first = "; ".join([*sentences, *known.rest]) or inference
-    return Cause(system=record.system, subject=record.subject, inference=inference, first_line=first)

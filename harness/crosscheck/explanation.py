@@ -12,13 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.crosscheck.assignment import Assignment, declared_model, load_audited, reference_kernel_of
-from harness.crosscheck.file_numbers import is_explained_by_number, numbers_that_explain, side_of
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of
+from harness.crosscheck.file_numbers import is_explained_by_number, side_of, unexplained
+from harness.crosscheck.user_file import folded_by
 from harness.engines import accelerations, load_engine
+from harness.engines.request import EngineAnswers, by_joint
+from harness.engines.tree_request import asked_joints
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
 from harness.explain.fit import Projection, explaining_directions
-from harness.explain.meant import Meant
+from harness.explain.meant import STATES, Meant, meant, readings_that_do_not_hold
 from harness.explain.model_side import explaining_numbers
 from harness.files.text.scan import Watch, tag, written
 from harness.programs.states import States
@@ -26,6 +29,7 @@ from harness.study import Note
 from harness.trees.mechanism import RobotMechanism
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
 from harness.truth.reference import Reference
+from harness.verdict import Verdict
 
 # At rest and moving, of which each state adds six equations a joint; and how many numbers that explain are named.
 STATES_OF_QUANTITIES, NAMED = 32, 3
@@ -63,21 +67,28 @@ def explain(assignment: Assignment, seed: int, worst: States, note: Note) -> str
     if not assignment.asked.is_default:
         return explain_difference(assignment, seed)
     if assignment.library.reads_files:
-        return explain_by_file(assignment.as_read, seed, worst)
+        return explain_by_file(assignment, seed, worst)
     found = explain_lost_digits(assignment, seed, worst)
     return "" if found is None else found.sentence
 
 
 def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
-    """A sentence on numbers of a user's file, by whose other values its accelerations are those of the engine; "" where none does."""
-    mechanism, states = assignment.mechanism, _with_worst(assignment, seed, worst)
-    assert isinstance(mechanism, RobotMechanism)
-    reference = reference_kernel_of(assignment).evaluate(states)
-    side = side_of(Meant(mechanism.robot, states, reference), assignment.answers(states))
-    if not is_explained_by_number(side):
+    """What leaves the engine's answers on a user's file wrong beside its readings, at the states of a comparison and the worst ones.
+
+    That is a number of the file by whose other value they are right, or a reading that does not hold, or where they differ; "" where
+    digits are lost and no more.
+    """
+    asked, mechanism = assignment.as_read, assignment.mechanism
+    assert isinstance(mechanism, RobotMechanism) and isinstance(asked.mechanism, RobotMechanism)
+    found = meant(mechanism.robot, STATES, seed)
+    states, robot, truth = assignment.into(States.concatenate([found.states, worst])), asked.mechanism.robot, acceleration_truth_of(asked)
+    read, answers = Meant(robot, states, truth.evaluate(states)), asked.answers(states)
+    verdicts = set(truth.judge(read.truth, states, answers, load_audited(asked)).verdicts.tolist())
+    if Verdict.DISAGREES not in verdicts and not is_explained_by_number(side_of(read, answers)):
         return ""
-    numbers = numbers_that_explain(side, mechanism.robot)
-    return "; ".join(numbers) or "one number of the file explains the errors of all states, so that they are no lost digits"
+    by_name = EngineAnswers(by_joint(asked_joints(robot.tree, robot.joints), answers))
+    folded = folded_by(assignment.library, assignment.subject.engine, mechanism)
+    return "; ".join(readings_that_do_not_hold(found, folded, by_name) or unexplained(read, answers))
 
 
 def _with_worst(assignment: Assignment, seed: int, worst: States) -> States:

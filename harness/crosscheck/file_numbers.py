@@ -5,7 +5,9 @@ The truth is certified anew at each value. No change is taken for linear, where 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from harness.results.table import error_text
 from harness.trees.bodies.inertias import impossible_inertias
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
+from harness.truth.compare import compare
 from harness.verdict import AGREEMENT
 
 # Numbers that are named, and the share of the error that a small change or a fitted value of one may leave to be of interest.
@@ -114,3 +117,36 @@ def _left_by_rounding(side: TextbookSide) -> float:
     moved = side.whitening.change(side.truth.high)[side.seen]
     change = np.linalg.lstsq(moved, side.here)[0]
     return float(np.linalg.norm(side.here - moved @ change) / np.linalg.norm(side.here))
+
+
+def unexplained(meant: Meant, accelerations: Array) -> list[str]:
+    """Sentences on accelerations (n, nv) that differ from what a tree means: numbers that explain them, or where they differ."""
+    numbers = numbers_that_explain(side_of(meant, accelerations), meant.robot)
+    return numbers or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
+
+
+def _where(meant: Meant, accelerations: Array) -> str:
+    """The joints whose accelerations differ, the worst first."""
+    truth = meant.truth
+    error = np.abs(accelerations - truth.high).max(axis=0)
+    joints = reference_of(meant.robot).mechanism.joints
+    worst = dict.fromkeys(joints[column] for column in np.argsort(-error)[:4])
+    bad = compare(truth, accelerations).known("backward_error") > AGREEMENT
+    return f"{int(bad.sum())} of {len(truth)} states, most in {', '.join(worst)} (up to {error_text(float(error.max()))} rad/s^2 or m/s^2)"
+
+
+def why_refused(robot: Robot, element: str) -> list[str]:
+    """What the file says of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
+    sentences = []
+    for body in robot.tree.bodies:
+        if body.name == element and body.place is not None:
+            line = body.place.line if body.inertia is None else body.inertia.places["moments"].line
+            numbers = (
+                "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
+            )
+            sentences.append(f"line {line}: {element}: {numbers}")
+    return sentences + [f"line {one.line}: {one.body}: {one.what}" for one in robot.impossible]
+
+
+def _numbers(values: Sequence[Fraction]) -> str:
+    return " ".join(f"{float(value):g}" for value in values)

@@ -54,7 +54,7 @@ class Pair:
         failure, unsupported: as of ``Answers``, where some of them are missing. refused: whether the failure is that a file
             cannot be used.
         explained: the sentence of ``Explanation`` where one number explains what would be lost digits; None where none was looked for.
-        readings: that explain what a user's file is read as.
+        readings: that explain what a user's file is read as. rest: sentences on what they leave, or on why the file is refused.
         remarks: sentences that change no verdict.
         from_rigid: how far answers that are held against a declared truth are from the rigid one, relative, part by part.
     """
@@ -80,6 +80,7 @@ class Pair:
     failed_at: dict[str, list[float]] | None = None
     explained: str | None = None
     readings: list[Effect] = field(default_factory=list)
+    rest: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     from_rigid: list[Array] = field(default_factory=list)
 
@@ -190,6 +191,7 @@ def record_of(settings: Settings, expectations: Expectations, system: SystemProg
         if settings.state is None
         else {},
         readings=by_effect(pair.readings),
+        rest=pair.rest,
         features=_asked_features(system, pair),
         componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,
     )

@@ -288,16 +288,16 @@ class CrossCheck(Study):
 
     def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
-        moves = not quantity_words(pair.quantity)
-        if self.settings.library.reads_files and pair.verdict in (Verdict.EXPLAINED, Verdict.UNSTABLE):
-            from harness.crosscheck.user_file import find_effects
+        moves, of_file = not quantity_words(pair.quantity), self.settings.library.reads_files
+        if of_file and pair.assignment is not None and pair.verdict != Verdict.AGREES:
+            from harness.crosscheck.user_file import readings_and_refusal
 
-            about = self.settings.library, pair.subject.engine, system.mechanism, self.settings.seed
-            outcome = yield from ask(call, find_effects, *about, affinity=system.name)
-            pair.readings = outcome.value or []
+            about = self.settings.library, pair.subject.engine, system.mechanism, self.settings.seed, pair.failure
+            outcome = yield from ask(call, readings_and_refusal, *about, affinity=system.name)
+            pair.readings, pair.rest = outcome.value or ([], [])
             if failure := self.failure(outcome):
                 pair.remarks.append(f"What the readings do is not known: {failure}.")
-        if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES):
+        if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES) or (of_file and pair.verdict == Verdict.DISAGREES):
             # A run in which all is well imports nothing of it.
             from harness.crosscheck.explanation import explain
 
@@ -305,6 +305,8 @@ class CrossCheck(Study):
             outcome = yield from ask(explain, pair.assignment, self.settings.seed, pair.shown[0], affinity=system.name)
             if failure := self.failure(outcome):
                 pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
+            elif of_file and pair.verdict == Verdict.DISAGREES:
+                pair.rest = list(filter(None, [outcome.value]))
             else:
                 pair.explained = outcome.value or ""
         # It changes no verdict: at the worst state that any task has found.

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import cast
 
+from harness.crosscheck.file_numbers import why_refused
 from harness.engines import Unsupported, load_engine
 from harness.engines.tree_request import asked_joints
 from harness.explain.meant import STATES, Folded, columns_of, effects, meant, read_by, request_of, spread, undetermined, why_unread
@@ -59,9 +60,13 @@ def compared_columns(own: Mechanism, read: Mechanism, quantity: Quantity) -> lis
     return columns_of(asked_joints(found.tree, found.joints), mine.joints)
 
 
-def find_effects(library: Library, engine: str, own: Mechanism, seed: int) -> list[Effect]:
-    """What each of an engine's readings does, at the states of a comparison of the file."""
-    return effects(meant(_robot(own), STATES, seed), folded_by(library, engine, own))
+def readings_and_refusal(library: Library, engine: str, own: Mechanism, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
+    """What each of an engine's readings does, at the states of a comparison of the file; or why it refuses the file, if it fails."""
+    robot = _robot(own)
+    if failure:
+        named = [body.name for body in robot.tree.bodies if f"'{body.name}'" in failure]
+        return [], why_refused(robot, named[0] if named else "")
+    return effects(meant(robot, STATES, seed), folded_by(library, engine, own)), []
 
 
 def _robot(mechanism: Mechanism) -> Robot:

@@ -17,13 +17,13 @@ from harness.bench.parts import THOROUGHNESS, BenchmarkSettings
 from harness.bench.study import BenchmarkStudy
 from harness.comparison.collection import find_files
 from harness.comparison.study import ComparisonSettings, RobotComparison
-from harness.comparison.wanted import wanted_diagnosis
 from harness.crosscheck.loading import orphans
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.campaign import CampaignSettings
 from harness.diagnosis.faults.study import FaultStudy, campaign, select_models
 from harness.diagnosis.faults.summary import Campaign, Fault, broken_bars
+from harness.diagnosis.wanted import wanted_diagnosis
 from harness.hard.atlas import AtlasStudy
 from harness.hard.cases import STATES, hard_cases
 from harness.hard.worst_cases import ranked

@@ -176,8 +176,8 @@ class _Regression:
         if quantity_words(item.quantity):
             return None
         if item.system not in self._causes:
-            from harness.comparison.wanted import find_causes
             from harness.diagnosis.causes import EVALUATIONS_IN_ALL, LEAST_EVALUATIONS
+            from harness.diagnosis.wanted import find_causes
             from harness.explain.search import EVALUATIONS
 
             # The party at fault follows from those that agree.

@@ -89,6 +89,7 @@ class Record:
         from_rigid: median over the states of the relative distance from accelerations that hold constraints rigid, of a subject that is
             held against what its engine declares of constraints that give; None for the others.
         readings: what the engine's reader makes of a user's file, by effect, where the answer is not that of the file.
+        rest: sentences on what that leaves of a user's file, or on why the engine refuses it.
 
     Raises:
         ValueError: ``verdict`` or ``expected`` is no verdict.
@@ -128,6 +129,7 @@ class Record:
     features: list[str] = field(default_factory=list)
     from_rigid: float | None = None
     readings: list[Effect] = field(default_factory=list)
+    rest: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
@@ -200,7 +202,7 @@ class Record:
             f"expected because {self.expected_reason} ({self.expected_link})" if self.expected_reason else "",
             "remove or mend the entry in expected_verdicts.toml if that is past" if self.expected_reason else "",
             self.message,
-            *reading_lines(self.readings),
+            *(reading_lines(self.readings) if self.verdict != Verdict.DISAGREES else []),
             *state_and_replay(self.worst_state, self.replay),
             *simplest,
         ]

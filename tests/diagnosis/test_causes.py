@@ -11,10 +11,10 @@ from catalogue import BUILT_IN
 from comparison.robots import edited
 from support import InThisProcess, cross_checked, make_library
 
-from harness.comparison.wanted import find_causes
 from harness.crosscheck.settings import Settings
 from harness.diagnosis import causes
 from harness.diagnosis.causes import EVALUATIONS_IN_ALL
+from harness.diagnosis.wanted import find_causes
 from harness.explain.search import EVALUATIONS
 from harness.library import Library
 from harness.results.cross_check import Cause

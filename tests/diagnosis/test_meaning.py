@@ -9,9 +9,9 @@ from catalogue import BUILT_IN
 from comparison.robots import edited
 from support import InThisProcess, cross_checked
 
-from harness.comparison.wanted import find_causes
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.causes import errors_of_files
+from harness.diagnosis.wanted import find_causes
 from harness.explain.pattern import infer_from_records
 from harness.verdict import Verdict
 

@@ -110,7 +110,7 @@ def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS
     if all(record.as_expected for record in study.result().records if record.quantity == quantity):
         return []
     # A run in which all is well imports nothing of it.
-    from harness.comparison.wanted import wanted_diagnosis
+    from harness.diagnosis.wanted import wanted_diagnosis
 
     diagnoses = wanted_diagnosis(study, quantity, **limits)
     if diagnoses is None:

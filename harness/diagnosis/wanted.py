@@ -10,7 +10,31 @@ from harness.crosscheck.settings import Settings
 from harness.results.cross_check import Cause
 from harness.results.records import ACCELERATIONS, Record
 from harness.study import Study, complete
+from harness.verdict import Verdict
 from harness.workers import Workers
+
+# Of ``unstable`` the record itself says all there is to say.
+_WRONG_ON_FILES = (Verdict.DISAGREES, Verdict.UNSUPPORTED)
+
+
+class FileCauses(Study):
+    """The causes of the records of users' files that are not as expected, which the cross-check has found; it asks nothing."""
+
+    title, steps = "diagnosis", 0
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        super().__init__()
+        self._wrong = [record for record in records if record.verdict in _WRONG_ON_FILES and not record.as_expected]
+
+    def result(self) -> list[Cause]:
+        return sorted(map(_cause, self._wrong), key=lambda cause: (cause.system, cause.subject))
+
+
+def _cause(record: Record) -> Cause:
+    does = "refuses" if record.verdict == Verdict.UNSUPPORTED else "differs from"
+    inference = f"the file is the truth, and {record.subject} {does} it"
+    first = "; ".join([*(reading.statement for reading in record.readings), *record.rest]) or inference
+    return Cause(system=record.system, subject=record.subject, inference=inference, first_line=first)
 
 
 def diagnoses_of(settings: Settings, records: Sequence[Record], **options: Any) -> Study:
@@ -18,12 +42,8 @@ def diagnoses_of(settings: Settings, records: Sequence[Record], **options: Any) 
 
     ``options`` are of ``harness.diagnosis.causes.Diagnoses``; those of robots' files are found without.
     """
-    from harness.comparison.robot_library import RobotLibrary
-
-    if isinstance(settings.library, RobotLibrary):
-        from harness.comparison.study import RobotDiagnoses
-
-        return RobotDiagnoses(settings, records, settings.library.floating_base)
+    if settings.library.reads_files:
+        return FileCauses(records)
     from harness.diagnosis.causes import Diagnoses
 
     return Diagnoses(settings, records, **options)
