@@ -43,6 +43,7 @@ _NAMES = {
     "multiplier": "multiplier of the mimic",
     "offset": "offset of the mimic",
     "gravity": "gravity",
+    "gravity_compensation": "gravity compensation",
 }
 # Numbers that no equation of motion holds.
 _NOT_FELT = ("friction_loss", "limits")

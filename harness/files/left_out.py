@@ -100,11 +100,8 @@ def _of_bodies(root: etree._Element) -> Found:
                 yield _CONTACTS if touches else _VISUAL, touches, element
             elif element.tag in _IN_BODIES:
                 yield _IN_BODIES[element.tag], element.tag == "plugin", element
-            elif element.tag == "body":
-                if _is_felt(element.get("gravcomp", "")):
-                    yield "gravity compensation", True, element
-                if element.get("mocap") == "true":
-                    yield "bodies moved from outside", False, element
+            elif element.tag == "body" and element.get("mocap") == "true":
+                yield "bodies moved from outside", False, element
 
 
 def _of_tendons(source: Source) -> Found:

@@ -235,6 +235,9 @@ class Body(_Placed):
     """A body in the frame of its parent; with several joints, the first is the nearest to the parent.
 
     Its mass is that of ``inertia`` and of all ``solids``.
+
+    Attributes:
+        gravity_compensation: share of its weight that a force in its centre of mass carries.
     """
 
     name: str
@@ -244,6 +247,7 @@ class Body(_Placed):
     inertia: Inertia | None
     place: Place | None = None
     solids: tuple[Solid, ...] = ()
+    gravity_compensation: Fraction = Fraction(0)
 
     @property
     def is_unnamed(self) -> bool:

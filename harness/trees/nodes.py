@@ -122,6 +122,15 @@ class Kinematics:
             yield number
             number = self.nodes[number].parent
 
+    def compensated(self) -> list[tuple[int, Term, Vector]]:
+        """Of each moving part with gravity compensation: its node, the mass whose weight is carried, and its centre in the node's frame."""
+        found = []
+        for body in self.tree.bodies:
+            number, frame = self.frames[body.name]
+            for lump in self.weights.lumps(body) if body.gravity_compensation and number >= 0 else ():
+                found.append((number, self.builder.number(body.gravity_compensation) * lump.mass, lump.in_frame(frame).centre))
+        return found
+
     def with_tree(self, tree: Tree) -> Kinematics:
         """Another tree with the same joints, at the same coordinates."""
         return _grown(self.builder, tree, self.coordinates, self.weights)

@@ -2,10 +2,11 @@
 
 Everything is written in the frames of the bodies, with motions as (angular velocity, velocity of the frame's origin) and
 forces as (moment about it, force). It shares no expression with Lagrange's equations: no energy, no derivative. Beside them stand
-springs and dampers, of joints, between points, and of what couples joints, and the parts of forces that an integrator takes implicitly.
+springs and dampers, of joints, between points, and of what couples joints, the forces that carry the weights of bodies with gravity
+compensation, and the parts of forces that an integrator takes implicitly.
 
 Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 5.3 (recursive Newton-Euler), 6.2 (composite rigid bodies) and
-2.8 to 2.13 (the vectors and their products); MuJoCo documentation, XML reference, joint and tendon/fixed;
+2.8 to 2.13 (the vectors and their products); MuJoCo documentation, XML reference, joint, body/gravcomp and tendon/fixed;
 http://wiki.ros.org/urdf/XML/joint, dynamics.
 """
 
@@ -110,12 +111,17 @@ def _velocity_terms(nodes: Kinematics, velocities: Sequence[Spatial]) -> Vector:
     return _generalised(nodes, forces)
 
 
-def _gravity_terms(nodes: Kinematics) -> Vector:
+def _upward(nodes: Kinematics) -> list[Spatial]:
+    """The acceleration against gravity, in the frame of each node."""
     upward = spatial(nodes.builder.still, -nodes.builder.vector(nodes.tree.gravity))
-    accelerations: list[Spatial] = []
+    found: list[Spatial] = []
     for node in nodes.nodes:
-        accelerations.append(_down(node, accelerations[node.parent] if node.parent >= 0 else upward))
-    return _generalised(nodes, [node.rigid.momentum(one) for node, one in zip(nodes.nodes, accelerations, strict=True)])
+        found.append(_down(node, found[node.parent] if node.parent >= 0 else upward))
+    return found
+
+
+def _gravity_terms(nodes: Kinematics) -> Vector:
+    return _generalised(nodes, [node.rigid.momentum(one) for node, one in zip(nodes.nodes, _upward(nodes), strict=True)])
 
 
 def mass_matrix(nodes: Kinematics) -> list[Term]:
@@ -132,9 +138,14 @@ def mass_matrix(nodes: Kinematics) -> list[Term]:
 
 
 def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: list[Line]) -> Vector:
-    """Those of springs and dampers; what these act on is added to ``lines``."""
+    """Those of springs and dampers, and what carries weights; what springs and dampers act on is added to ``lines``."""
     builder, found = nodes.builder, forces_of_joints(nodes, lines)
     on_nodes = [nodes.still] * len(nodes.nodes)
+    if compensated := nodes.compensated():
+        upward = _upward(nodes)
+        for number, mass, centre in compensated:
+            force = mass * upward[number][1]
+            on_nodes[number] = on_nodes[number] + spatial(cross(centre, force), force)
     for spring in nodes.tree.springs:
         ends = [_end(nodes, body, pose, velocities) for body, pose in spring.ends]
         tension, along, line = tension_between(builder, spring, [(position, rate) for _, _, position, rate, _ in ends])

@@ -85,11 +85,14 @@ class World:
         """Another tree with the same joints, at the same coordinates."""
         return in_world(self.kinematics.with_tree(tree))
 
-    # Springs between points.
+    # Springs between points, and what carries weights.
 
     def pulls(self) -> list[Spatial]:
-        """What springs between points do to each node: moment about the origin of its frame, and force."""
+        """What springs between points and gravity compensation do to each node: moment about the origin of its frame, and force."""
         builder, found = self.kinematics.builder, [self.kinematics.still for _ in self.moving]
+        for number, mass, centre in self.kinematics.compensated():
+            force = mass * -builder.vector(self.kinematics.tree.gravity)
+            found[number] = found[number] + spatial(cross(self.moving[number].orientation @ centre, force), force)
         for spring in self.kinematics.tree.springs:
             ends = [self.end(body, pose) for body, pose in spring.ends]
             tension, along, _ = tension_between(builder, spring, [(position, rate) for _, _, position, rate in ends])

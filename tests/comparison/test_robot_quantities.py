@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 from catalogue import BUILT_IN
+from comparison.robots import edited, meant_by, record_of
 from support import InThisProcess, completed
 
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.engines.adapters.mujoco.model import MujocoModel
+from harness.errors import InvalidModel
 from harness.library import Stance
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import Record
+from harness.trees.nodes import Kinematics
 from harness.truth.quantities import Quantity, find_quantities, of_files
 
 ARM = BUILT_IN.model_path("puma_560", "urdf")
+MJCF = BUILT_IN.model_path("arm_7r", "mjcf")
 FLOATING = BUILT_IN.model_path("quadrotor", "mjcf")
 QUANTITIES = [value for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick]
 
@@ -58,3 +63,41 @@ def test_files_whose_names_together_are_longer_than_a_file_system_takes(tmp_path
     settings = Settings(library=RobotLibrary.of(map(str, paths)), states=8, subjects=["pinocchio/urdf"], examples=tmp_path / "examples")
     result: CrossCheckResult = completed(CrossCheck(settings), InThisProcess())
     assert {record.verdict for record in result.records} == {"agrees"}, [record.message for record in result.records]
+
+
+def compensated(folder: Path, *more: tuple[str, str]) -> Path:
+    """An arm whose second body has all of its weight carried, and whose third half of it."""
+    names = [str(name) for name in re.findall(r'<body name="([^"]+)"', MJCF.read_text())]
+    changes = [
+        (f'<body name="{name}"', f'<body name="{name}" gravcomp="{share}"') for name, share in zip(names[1:3], (1, 0.5), strict=True)
+    ]
+    return edited(MJCF, folder, ('damper="disable"', 'damper="enable"'), *changes, *more)
+
+
+def test_gravity_compensation_is_on_in_mujoco_and_is_judged(tmp_path: Path) -> None:
+    for (subject, quantity), record in checked(compensated(tmp_path), QUANTITIES).items():
+        assert record.verdict == ("agrees" if subject == "mujoco/mjcf" else record.verdict), (subject, quantity, record.message)
+        assert record.verdict in {"agrees", "explained", "unsupported"}, (subject, quantity, record.message)
+    reader = record_of(compensated(tmp_path), "pinocchio")
+    assert reader.explained
+    assert max(reader.readings, key=lambda reading: reading.alone or 0.0).name == "gravity compensation"
+
+
+def test_another_share_of_a_weight_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = Kinematics.compensated
+    monkeypatch.setattr(Kinematics, "compensated", lambda nodes: [(at, (1 + 1e-10) * mass, centre) for at, mass, centre in right(nodes)])
+    assert not record_of(compensated(tmp_path), "mujoco").explained
+
+
+def test_without_springs_and_dampers_mujoco_carries_no_weight(tmp_path: Path) -> None:
+    assert any(body.gravity_compensation for body in meant_by(compensated(tmp_path)).robot.tree.bodies)
+    file = edited(compensated(tmp_path), tmp_path, ('damper="enable"', 'damper="disable"'))
+    assert not any(body.gravity_compensation for body in meant_by(file).robot.tree.bodies)
+    assert record_of(file, "mujoco").verdict == "agrees"
+
+
+def test_gravity_compensation_by_actuators_is_refused(tmp_path: Path) -> None:
+    first = next(iter(re.findall(r'<joint name="[^"]+"', MJCF.read_text())))
+    file = compensated(tmp_path, (first, f'{first} actuatorgravcomp="true"'))
+    with pytest.raises(InvalidModel, match=r"takes gravity compensation from actuators, which are off; remove actuatorgravcomp"):
+        meant_by(file)

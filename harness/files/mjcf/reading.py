@@ -5,7 +5,8 @@ in the frame of the one before; its names end with its number. MuJoCo 4.0.0 depa
 several axes: it multiplies the angles by the number of the replica. Bodies and joints without names get names from their place, which no
 author's name can be.
 
-Source: MuJoCo documentation, XML reference, ``include``, ``replicate``, ``body``, ``inertial``, ``joint``, ``frame`` and ``compiler``;
+Source: MuJoCo documentation, XML reference, ``include``, ``replicate``, ``body``, ``inertial``, ``joint``, ``frame``, ``compiler`` and
+``option/flag``;
 Modeling, section Frame orientations.
 """
 
@@ -49,6 +50,8 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> tu
     _refuse_other_frames(source, attributes)
     reader = _MjcfReader(source, attributes, compile_meshes)
     bodies = tuple(reader.body(body) for world in source.root.iterchildren("worldbody") for body in world.iter("body"))
+    if any(body.gravity_compensation for body in bodies):
+        _refuse_compensating_actuators(source)
     between, inertias = ElementsBetween(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
     tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, source.place(source.root), inertias.bounds)
@@ -64,6 +67,14 @@ def _refuse_other_frames(source: Source, attributes: Attributes) -> None:
     for joint in source.root.iter("freejoint"):
         if joint.get("align") == "true":
             source.refuse(joint, f'{describe(joint)} with align="true" turns the frame of its body, which is not read; write it out')
+
+
+def _refuse_compensating_actuators(source: Source) -> None:
+    """Refuse joints that give the force of gravity compensation to their actuators, which are off."""
+    for joint in source.root.iter(*JOINTS):
+        if resolved_text(joint, "actuatorgravcomp") == "true":
+            problem = "takes gravity compensation from actuators, which are off; remove actuatorgravcomp, or gravcomp from the bodies"
+            source.refuse(joint, f"{describe(joint)} {problem}")
 
 
 def _gravity(source: Source) -> Vector:
@@ -97,7 +108,11 @@ class _MjcfReader:
             self._source.refuse(element, f"{describe(element)} has a free joint; expected it alone, in a body right inside the worldbody")
         # A free joint's position is that of the body in the world.
         pose = () if joints and joints[0].kind is JointKind.FREE else self.attributes.pose(element)
-        body = Body(self.name(element), self.name(parent), pose, joints, None, self._source.place(element))
+        # Without springs and dampers MuJoCo has no passive force at all.
+        acts = self.attributes.acts("spring") or self.attributes.acts("damper")
+        compensation = self.attributes.number(element, "gravcomp", 0.0) if acts else Fraction(0)
+        place = self._source.place(element)
+        body = Body(self.name(element), self.name(parent), pose, joints, None, place, gravity_compensation=compensation)
         return self.inertias.of_body(element, body)
 
     def name(self, element: etree._Element) -> str:

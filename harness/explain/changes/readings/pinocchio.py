@@ -68,6 +68,11 @@ READINGS = readings_of(
             ),
         },
         _MJCF: {
+            _left_out.gravity_compensation: (
+                "Pinocchio has no gravity compensation of bodies",
+                _left_out.CARRY_WEIGHTS,
+                f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no gravcomp, {_NO_FORCE}",
+            ),
             _left_out.linear_tendons: (
                 "Pinocchio has no tendons on joints",
                 _left_out.ADD_TENDONS,
