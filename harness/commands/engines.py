@@ -56,6 +56,7 @@ def requested(bracket: Bracket, names: Sequence[str]) -> list[tuple[str, str]]:
         InvalidRequest: there is no such engine.
     """
     from harness.engines import EQUATIONS, engine_files
+    from harness.environments import require_version
     from harness.library import nearest
 
     # What takes equations is the harness's own.
@@ -68,6 +69,8 @@ def requested(bracket: Bracket, names: Sequence[str]) -> list[tuple[str, str]]:
             raise InvalidRequest(f"{name!r} names no engine and version; expected one as mujoco==3.13.0")
         if match["name"] not in by_name:
             raise InvalidRequest(f"no engine is called {match['name']!r}; {nearest(match['name'], by_name)}")
+        if match["version"]:
+            require_version(match["version"])
         requested.append((by_name[match["name"]], match["version"] or ""))
     return requested
 

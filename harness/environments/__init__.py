@@ -91,18 +91,26 @@ def split_name(name: str) -> tuple[str, str]:
 
 
 def the_version(wanted: str, among: Iterable[str]) -> str | None:
-    """The one of several versions that is ``wanted``, as 3.13.0 is 3.13; None where none is.
+    """The one of several versions that is ``wanted``, as 3.13.0 is 3.13; None where none is; raises as ``require_version``."""
+    # Imported late: an environment's interpreter imports this module and has no such package.
+    from packaging.version import Version
+
+    require_version(wanted)
+    return next((one for one in among if Version(one) == Version(wanted)), None)
+
+
+def require_version(wanted: str) -> None:
+    """Refuse what is no version.
 
     Raises:
-        InvalidRequest: ``wanted`` is no version.
+        InvalidRequest: with what is expected.
     """
-    # Imported late: an environment's interpreter imports this module and has no such package.
     from packaging.version import InvalidVersion, Version
 
     try:
-        return next((one for one in among if Version(one) == Version(wanted)), None)
+        Version(wanted)
     except InvalidVersion as error:
-        raise InvalidRequest(f"{wanted!r} is no version; expected one as 3.13.0") from error
+        raise InvalidRequest(f"{wanted!r} is no version; expected one as 3.13.0, or the engine's name alone for the newest") from error
 
 
 def environments_directory() -> Path:
@@ -131,8 +139,9 @@ def find_environments(engine: str | None = None) -> list[Environment]:
 def _read_all() -> Iterator[Environment]:
     for description in environments_directory().glob(f"*/{_DESCRIPTION}"):
         # What another harness wrote in another form, or what is being removed, is none.
-        with suppress(OSError, ValueError):
+        with suppress(OSError, ValueError, InvalidRequest):
             found = msgspec.json.decode(description.read_bytes(), type=Environment)
+            require_version(found.version)
             if found.folder == description.parent and found.interpreter.exists():
                 yield found
 

@@ -46,6 +46,7 @@ def test_what_is_there_is_not_made_again_and_what_is_removed_is_gone(library: Pa
         (("add", "mujoko"), "no engine is called 'mujoko'; did you mean 'mujoco'"),
         (("add", "mujoco>3"), "expected one as mujoco==3.13.0"),
         (("add", "mujoco==2.3.0"), "mujoco 2.3.0 is older than 3.3.0"),
+        *((("add", f"mujoco=={version}"), f"{version!r} is no version; expected one as 3.13.0") for version in ("latest", "..", "!", "-e")),
         (("add", "lagrange"), "no engine is called 'lagrange'"),
         (("remove", "mujoco==3.3.0"), "no environment holds mujoco 3.3.0"),
     ],

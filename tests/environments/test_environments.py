@@ -65,6 +65,9 @@ def test_what_is_incomplete_or_damaged_or_of_another_python_is_none() -> None:
     (damaged.folder / "environment.json").write_text("{")
     without_interpreter = made("1.4")
     without_interpreter.interpreter.unlink()
+    nameless = made("1.6")
+    (nameless.folder / "environment.json").write_text((whole.folder / "environment.json").read_text().replace('"1.0"', '"latest"'))
+    nameless.folder.rename(environments_directory() / nameless.folder.name.replace("1.6", "latest"))
     moved = made("1.5")
     moved.folder.rename(environments_directory() / "elsewhere")
     assert find_environments() == [whole]
