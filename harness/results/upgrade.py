@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from harness.results.engine_lines import shown_engine
 from harness.results.readings import share_text
 from harness.results.records import Record
 from harness.results.table import Column, TableOf, counted, error_text, grouped, number_text
-from harness.results.trend import MESSAGE, TIME, VERDICT, RunChange
+from harness.results.trend import MESSAGE, TIME, RunChange
 from harness.results.trend_numbers import MEDIAN, PERCENTILE_99, WORST
 from harness.verdict import AGREEMENT, SOUND, Verdict
 
@@ -173,14 +174,17 @@ class Upgraded:
     @property
     def left_out(self) -> Mapping[str, Sequence[tuple[str, LeftOut]]]:
         """What bears on motion and was not asked about, with the name of each file that has it."""
-        found = dict.fromkeys((self._names[one.now.system], part) for one in self.asked for part in one.left_out)
+        found = dict.fromkeys((self._names[one.now.system], part) for one in self._compared for part in one.left_out)
         return grouped((part.what, (name, part)) for name, part in found)
 
     def is_fine(self, allows_left_out: bool) -> bool:
         """True where something was compared, nothing became worse or otherwise without a judge, and nothing was left out unasked."""
-        compared = any(one.is_compared for one in self.asked)
         changed = any(one.is_worse or one.is_open for one in self.asked)
-        return compared and not changed and (allows_left_out or not self.left_out)
+        return bool(self._compared) and not changed and (allows_left_out or not self.not_compared)
+
+    @cached_property
+    def _compared(self) -> Sequence[Asked]:
+        return [one for one in self.asked if one.is_compared]
 
     @property
     def plain(self) -> dict[str, object]:
@@ -192,9 +196,9 @@ class Upgraded:
     @property
     def headline(self) -> str:
         """Whether the new version changes what was asked about, in a sentence."""
-        compared, engine = [one for one in self.asked if one.is_compared], shown_engine(self.engine, self.now)
+        compared, engine = self._compared, shown_engine(self.engine, self.now)
         if not compared:
-            about = named(list(dict.fromkeys(self._names[one.now.system] for one in self.asked)))
+            about = named(self._unanswered)
             return f"Nothing was compared: neither {shown_engine(self.engine, self.before)} nor {self.now} answers about {about}"
         of = grouped((one.now.system, one) for one in compared)
         changed = {system: those for system, those in of.items() if any(one.is_changed for one in those)}
@@ -212,7 +216,13 @@ class Upgraded:
 
     @property
     def _has_numbers(self) -> bool:
-        return all(one.has_numbers for one in self.asked)
+        return all(one.has_numbers for one in self._compared)
+
+    @property
+    def _unanswered(self) -> list[str]:
+        """The names of those about which neither version answers in any format."""
+        answered = {one.now.system for one in self._compared}
+        return list(dict.fromkeys(self._names[one.now.system] for one in self.asked if one.now.system not in answered))
 
     def _what(self, changed: Sequence[Asked]) -> str:
         """What changed, the largest of each kind."""
@@ -223,11 +233,11 @@ class Upgraded:
             largest = max(numbers, key=lambda one: one.size)
             by = f" {_by_up_to(largest.size)}" if math.isfinite(largest.size) else ""
             parts.append(f"compiled numbers{by} ({largest.quantity})")
-        if not parts:
-            verdicts = {f"{change.before} to {change.now}" for one in changed for change in one.changes if change.what == VERDICT}
-            parts = [f"from {named(sorted(verdicts))}"] if verdicts else ["what stands below"]
-        unfelt = "; accelerations without constraints, actuators and fluid are the same to rounding" if numbers and not moved else ""
-        return f"{' and '.join(parts)}{unfelt}"
+        others = [one for one in changed if one.before.verdict != one.now.verdict and not one.moved]
+        verdicts = [f"from {old} to {new}" for old, new in dict.fromkeys((one.before.verdict, one.now.verdict) for one in others)]
+        parts += [named(verdicts)] if verdicts else []
+        unfelt = "; accelerations without constraints, actuators and fluid are the same to rounding"
+        return f"{' and '.join(parts) or 'what stands below'}{unfelt if numbers and not moved and not others else ''}"
 
     @property
     def not_compared(self) -> str:
@@ -238,7 +248,9 @@ class Upgraded:
                 lines = sorted(line for _, part in where for line in part.lines)
                 parts.append(f"{what}, {'line' if len(lines) == 1 else 'lines'} {named([str(line) for line in lines])}")
             else:
-                parts.append(f"{what} of {named([name for name, _ in where])}")
+                parts.append(f"{what} of {counted(len({name for name, _ in where}), self.noun)}")
+        if self._unanswered and self._compared:
+            parts.append(f"neither version answers about {named(self._unanswered)}")
         return f"not compared: {'; '.join(parts)}" if parts else ""
 
     @property
@@ -248,22 +260,23 @@ class Upgraded:
     def lines(self, allows_left_out: bool, detail: Detail = Detail.BRIEF) -> Iterator[str]:
         """The whole answer: whether anything changed, what was not compared, and each change, what became worse first."""
         yield self.headline
-        if self.left_out:
+        if self.not_compared:
             exit_status = "" if allows_left_out else " (exit status 1; --allow-uncompared accepts it)"
             yield f"{self.not_compared}{exit_status}"
-        for one in sorted(self.asked, key=lambda one: (not one.is_worse, not one.is_open, -one.size, one.now.system)):
-            if one.is_changed or (detail > Detail.BRIEF and one.changes):
-                yield ""
-                yield from self._of(one, detail)
+        told = [one for one in self.asked if one.is_changed or (detail > Detail.BRIEF and one.changes)]
+        told.sort(key=lambda one: (not one.is_worse, not one.is_open, -one.size, one.now.system))
+        said_of = grouped(((one.now.subject, *self._of(one, detail)), self._names[one.now.system]) for one in told)
+        for (subject, *lines), names in said_of.items():
+            yield from ("", f"{named(names)}, {subject}: {lines[0]}", *lines[1:])
         grown = [change for one in self.asked for change in one.rounding if change.is_worse]
         if grown:
-            most = max(grown, key=lambda change: float(change.now) / float(change.before))
-            said = f"{most.system} from {most.before} to {most.now} data roundoffs; up to {AGREEMENT:g} agrees"
-            yield from ("", f"rounding: the median error of {len(grown)} of {len(self.asked)} grew, most that of {said}")
+            most = max(grown, key=lambda change: float(change.now))
+            said = f"{self._names[most.system]} from {most.before} to {most.now} data roundoffs; up to {AGREEMENT:g} agrees"
+            yield from ("", f"rounding: the median error of {len(grown)} of {len(self.asked)} grew, the largest that of {said}")
 
     def _of(self, one: Asked, detail: Detail) -> Iterator[str]:
-        how = "worse" if one.is_worse else "changed" if one.is_open else "better" if one.is_better else "unchanged"
-        yield f"{self._names[one.now.system]}, {one.now.subject}: {how}"
+        """What is said of one, of which the first line is a word."""
+        yield "worse" if one.is_worse else "changed" if one.is_open else "better" if one.is_better else "unchanged"
         if one.before.verdict != one.now.verdict or one.before.verdict not in SOUND:
             yield f"  {self.now} {_outcome(one.now)}; {self.before} {_outcome(one.before)}"
         yield from (f"  {line}" for change in one.changes for line in self._told(change, detail))
@@ -272,7 +285,8 @@ class Upgraded:
             if detail == Detail.BRIEF:
                 # Of an object the part that changed most stands for the others.
                 most = [those[0] for those in grouped(((row.quantity, *row.owners), row) for row in rows).values()]
-                rows = telling(most, lambda row: row.size)[0][:_MOST_ROWS]
+                kept = [telling([row for row in most if row.felt == felt], lambda row: row.size)[0] for felt in (True, False)]
+                rows = sorted(itertools.chain(*kept), key=lambda row: -row.size)[:_MOST_ROWS]
             yield from (f"  {line}" for line in str(compiled_table(rows)).split("\n"))
             if fewer := len(one.numbers) - len(rows):
                 yield f"  {fewer} more that changed less (--all)"
@@ -286,8 +300,6 @@ class Upgraded:
             yield f"no longer: {change.before}"
         elif change.what in (READING, TERMS):
             yield f"new: {change.now}"
-        elif change.what in (VERDICT, *_ERRORS) and detail == Detail.BRIEF:
-            return
         elif (change.what == TIME and detail == Detail.VERBOSE) or (change.what in (*_ERRORS, MESSAGE) and detail > Detail.BRIEF):
             yield f"{change.what}: {change.now}, it was {change.before}"
 

@@ -18,7 +18,6 @@ from harness.engines import describe_engines
 from harness.explain.changes import readings
 from harness.workers import Workers
 
-SERVO = "\nGAINS = (0.0, {damping})\n"
 RIGHT = toy_engine.RIGHT + "GAINS = (0.0, -5.0)\n"
 VERSIONS = {
     "1.0": RIGHT,
@@ -46,6 +45,8 @@ class Toy(Engine):
     call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
 
     def read(self, request):
+        if request.joints[0].name != "pin":
+            raise Refused("no pin")
         return ToyModel(request, {"pin": 0}, 1)
 
     def compiled(self, request):
@@ -171,6 +172,20 @@ def test_robots_of_several_folders_and_of_one_name_are_told_apart(folder: Path, 
     assert "old/bar.urdf, toy/urdf: better" in done.stdout and "new/bar.urdf, toy/urdf: worse" in done.stdout
 
 
-def test_a_refusal_of_both_compares_nothing(folder: Path) -> None:
+def test_files_of_which_the_same_is_said_are_told_together_and_those_without_an_answer_named(folder: Path, tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        (tmp_path / f"{name}.urdf").write_text(BAR)
+    (tmp_path / "mute.urdf").write_text(BAR.replace('"pin"', '"mute"'))
+    paths = [str(tmp_path / f"{name}.urdf") for name in ("one", "other", "mute")]
+    done = upgraded(folder, "1.1", "1.2", *paths)
+    assert done.stdout.startswith("Yes: toy 1.2 changes 2 of 2 files against 1.1 (one.urdf, other.urdf): ")
+    assert "\nnot compared: neither version answers about mute.urdf (exit status 1; --allow-uncompared accepts it)\n" in done.stdout
+    assert done.stdout.count("compiled number ") == 1 and "\none.urdf, other.urdf, toy/urdf: changed\n" in done.stdout
+    done = upgraded(folder, "1.0", "1.1", *paths)
+    assert done.returncode == 1 and done.stdout.startswith("No: toy 1.1 changes none of 2 files against 1.0; accelerations and compiled ")
+    assert upgraded(folder, "1.0", "1.1", *paths, "--allow-uncompared").returncode == 0
+
+
+def test_a_refusal_of_one_is_no_agreement(folder: Path) -> None:
     done = upgraded(folder, "1.5", "1.0")
     assert done.returncode == 0 and "for the better" in done.stdout and "1.5 refuses it: toy_engine 1.5 has no mass" in done.stdout

@@ -24,7 +24,7 @@ from harness.arrays import Array
 from harness.engines.adapters.mujoco.compiled import compiled
 from harness.engines.adapters.mujoco.model import MujocoModel, step
 from harness.engines.adapters.mujoco.urdf import supplied, turn_of
-from harness.engines.adapters.mujoco.versions import fill_mass_matrix, stages_off
+from harness.engines.adapters.mujoco.versions import delete, fill_mass_matrix, stages_off
 from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
@@ -120,7 +120,7 @@ def _plain(request: Request) -> tuple[Any, list[str]]:
 def _without_meshes(spec: Any) -> Any:
     shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
     for part in [*(geom for geom in spec.geoms if geom.type in shapes or geom.meshname), *spec.meshes, *spec.materials, *spec.textures]:
-        spec.delete(part)
+        delete(spec, part)
     return spec
 
 
@@ -132,7 +132,7 @@ def _aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
         return model, notes
     spec = _spec(request, at_the_top=True)
     for part in [*spec.geoms, *spec.meshes, *spec.materials, *spec.textures]:
-        spec.delete(part)
+        delete(spec, part)
     spec.compiler.fusestatic = False
     own = {body.name: aid.inertias.get(body.name) for body in spec.bodies if body.name != "world"}
     principal = {name: _principal(inertia) for name, inertia in own.items()}

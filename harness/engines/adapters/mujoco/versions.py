@@ -33,6 +33,14 @@ def batch(model: Any, count: int) -> Any:
     return mujoco.batch.Batch(model, nsim=count, nthread=1)
 
 
+def delete(spec: Any, part: Any) -> None:
+    """Take a part out of an ``MjSpec``, which parts did themselves before the spec did."""
+    if hasattr(spec, "delete"):
+        spec.delete(part)
+    else:
+        part.delete()
+
+
 def coefficients(linear: float) -> Any:
     """A stiffness or damping as ``MjSpec`` takes it: the coefficients of a polynomial, and a number before it had these."""
     takes_number = isinstance(mujoco.MjSpec().worldbody.add_body().add_joint().stiffness, float)
