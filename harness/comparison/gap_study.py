@@ -18,8 +18,7 @@ from harness.engines import NotOffered, installed_version, runs_elsewhere
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidModel, InvalidRequest
-from harness.explain.changes.readings import find_readings
-from harness.explain.meant import fold, request_of
+from harness.explain.meant import read_by, request_of
 from harness.files.document.xml import read_any
 from harness.files.joint_kinds import JointKind
 from harness.files.reading import format_of
@@ -217,7 +216,7 @@ def _case(robot: Robot, by: By, rule: StepRule, steps: int) -> _Case:
         raise InvalidRequest(f"{robot.path.name} ties joints beside its tree; the gap is that of trees")
     if not all(joint.is_measured_in_the_world for joint in asked_joints(robot.tree)):
         raise InvalidRequest(f"{robot.path.name} measures a free joint in a frame of its own; put it into the world")
-    folded = fold(robot, find_readings(by.engine, robot.format))
+    folded = read_by(robot, by.engine, engines_of_files()[by.engine], Stance.PLAIN)
     if set(folded.robot.joints) != set(robot.joints):
         raise InvalidRequest(f"{by.engine} reads other joints from {robot.path.name} than it has")
     mover = Mover(

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from harness.comparison.robot_library import engine_of
-from harness.crosscheck.file_numbers import is_explained_by_number, side_of, unexplained, why_refused
+from harness.crosscheck.file_numbers import left_beside_readings, why_refused
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
-from harness.explain.meant import Meant, effects, read_as, read_by, readings_that_do_not_hold, worst
+from harness.explain.meant import Meant, effects, read_as, read_by, worst
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
 from harness.truth.compare import Comparison, compare
 from harness.truth.quantities.accelerations import FAR_LINKS, FarLinks
-from harness.verdict import AGREEMENT, SEVERITY, Verdict
+from harness.verdict import AGREEMENT, Verdict, gravest
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
 
@@ -51,20 +51,18 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
     if unread := [name for name in folded.robot.joints if name not in answers.accelerations]:
         return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
     after = compared if read is meant and compared is not None else _judged(read, answers, caller)
-    if _are_all(after, Verdict.UNDECIDED):
+    if after.are_all(Verdict.UNDECIDED):
         return replace(record, verdict=Verdict.UNDECIDED, explained=True, message=_NOWHERE)
     record = replace(record, left=worst(after) if folded.applied else None)
-    if _are_all(after, Verdict.AGREES):
+    if after.are_all(Verdict.AGREES):
         return replace(record, explained=True)
     if not (read.truth.certified & np.isfinite(answers.of(read.robot.joints)).all(axis=1)).any():
         return replace(record, rest=["it answers with finite numbers at no state"])
-    accelerations = answers.of(read.robot.joints)
-    if _are_all(after, Verdict.AGREES, Verdict.UNSTABLE) and not is_explained_by_number(side_of(read, accelerations)):
-        by_condition = _are_all(compare(read.truth, accelerations, factorises=True), Verdict.AGREES, Verdict.UNSTABLE)
-        return replace(record, explained=True, lost_digits=_lost(after, ILL_CONDITIONED if by_condition else FAR_LINKS))
-    if after is compared:
-        record = replace(record, verdict=max(record.verdict, Verdict.DISAGREES, key=SEVERITY.__getitem__))
-    return replace(record, rest=readings_that_do_not_hold(meant, folded, answers) or unexplained(read, accelerations))
+    if rest := left_beside_readings(meant, folded, read, answers, after):
+        verdict = gravest([record.verdict, Verdict.DISAGREES]) if after is compared else record.verdict
+        return replace(record, rest=rest, verdict=verdict)
+    by_condition = compare(read.truth, answers.of(read.robot.joints), factorises=True).are_all(Verdict.AGREES, Verdict.UNSTABLE)
+    return replace(record, explained=True, lost_digits=_lost(after, ILL_CONDITIONED if by_condition else FAR_LINKS))
 
 
 def _lost(after: Comparison, cause: str) -> str:
@@ -103,9 +101,3 @@ def _verdict(compared: Comparison | None) -> dict[str, Any]:
         "backward_error": worst(compared),
         "relative_error": worst(compared, "relative_error"),
     }
-
-
-def _are_all(compared: Comparison, *allowed: Verdict) -> bool:
-    """True where each state with a certified truth has one of these verdicts, and one has such a truth."""
-    verdicts, wanted = set(compared.verdicts.tolist()), {one.value for one in allowed}
-    return bool(verdicts & wanted) and verdicts <= {*wanted, Verdict.UNDECIDED.value}

@@ -26,7 +26,7 @@ from harness.engines import (
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest
-from harness.explain.meant import joints_without_inertia, request_of, why_unmoved
+from harness.explain.meant import joints_without_inertia, request_of, undetermined, why_unmoved
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.files.text.joint_table import systems_with_joints_of
@@ -224,11 +224,9 @@ class RobotLibrary(Library):
         robot = robot_at(Path(name), self.floating_base)
         if not robot.joints:
             raise InvalidModel(robot.path, None, why_unmoved(robot))
-        if idle := joints_without_inertia(robot.tree):
-            first = idle[0].place
-            named = ", ".join(joint.name for joint in idle)
-            what = f"no acceleration is determined, for nothing with mass or inertia moves with {named}"
-            raise InvalidModel(robot.path, first.line if first else None, f"{what}; give what it carries a mass, or fix the joint")
+        if why := undetermined(robot):
+            place = joints_without_inertia(robot.tree)[0].place
+            raise InvalidModel(robot.path, place.line if place else None, f"{why}; give what it carries a mass, or fix the joint")
         digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
         return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, self.stance))
 

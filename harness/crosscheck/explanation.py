@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of
-from harness.crosscheck.file_numbers import is_explained_by_number, side_of, unexplained
+from harness.crosscheck.file_numbers import left_beside_readings
 from harness.crosscheck.user_file import folded_by
 from harness.engines import accelerations, load_engine
 from harness.engines.request import EngineAnswers, by_joint
@@ -21,7 +21,7 @@ from harness.engines.tree_request import asked_joints
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
 from harness.explain.fit import Projection, explaining_directions
-from harness.explain.meant import STATES, Meant, meant, readings_that_do_not_hold
+from harness.explain.meant import STATES, Meant, meant
 from harness.explain.model_side import explaining_numbers
 from harness.files.text.scan import Watch, tag, written
 from harness.programs.states import States
@@ -29,7 +29,6 @@ from harness.study import Note
 from harness.trees.mechanism import RobotMechanism
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
 from harness.truth.reference import Reference
-from harness.verdict import Verdict
 
 # At rest and moving, of which each state adds six equations a joint; and how many numbers that explain are named.
 STATES_OF_QUANTITIES, NAMED = 32, 3
@@ -83,12 +82,10 @@ def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
     found = meant(mechanism.robot, STATES, seed)
     states, robot, truth = assignment.into(States.concatenate([found.states, worst])), asked.mechanism.robot, acceleration_truth_of(asked)
     read, answers = Meant(robot, states, truth.evaluate(states)), asked.answers(states)
-    verdicts = set(truth.judge(read.truth, states, answers, load_audited(asked)).verdicts.tolist())
-    if Verdict.DISAGREES not in verdicts and not is_explained_by_number(side_of(read, answers)):
-        return ""
+    judged = truth.judge(read.truth, states, answers, load_audited(asked))
     by_name = EngineAnswers(by_joint(asked_joints(robot.tree, robot.joints), answers))
     folded = folded_by(assignment.library, assignment.subject.engine, mechanism)
-    return "; ".join(readings_that_do_not_hold(found, folded, by_name) or unexplained(read, answers))
+    return "; ".join(left_beside_readings(found, folded, read, by_name, judged))
 
 
 def _with_worst(assignment: Assignment, seed: int, worst: States) -> States:

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines.request import EngineAnswers
 from harness.explain.fit import best_change
-from harness.explain.meant import Meant, reference_of
+from harness.explain.meant import Folded, Meant, readings_that_do_not_hold, reference_of
 from harness.explain.search import Tried
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.files.tree import Given, Place
@@ -22,8 +23,8 @@ from harness.results.table import error_text
 from harness.trees.bodies.inertias import impossible_inertias
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
-from harness.truth.compare import compare
-from harness.verdict import AGREEMENT
+from harness.truth.compare import Comparison, compare
+from harness.verdict import AGREEMENT, Verdict
 
 # Numbers that are named, and the share of the error that a small change or a fitted value of one may leave to be of interest.
 MOST_NAMED, OF_INTEREST = 3, 0.1
@@ -117,6 +118,17 @@ def _left_by_rounding(side: TextbookSide) -> float:
     moved = side.whitening.change(side.truth.high)[side.seen]
     change = np.linalg.lstsq(moved, side.here)[0]
     return float(np.linalg.norm(side.here - moved @ change) / np.linalg.norm(side.here))
+
+
+def left_beside_readings(found: Meant, folded: Folded, read: Meant, answers: EngineAnswers, judged: Comparison) -> list[str]:
+    """Sentences on what the readings of a file, ``found``, leave of an engine's errors; none where digits are lost and no more.
+
+    ``read`` is what they make of it, and ``judged`` the judgement of the answers by that.
+    """
+    accelerations = answers.of(read.robot.joints)
+    if judged.are_all(Verdict.AGREES, Verdict.UNSTABLE) and not is_explained_by_number(side_of(read, accelerations)):
+        return []
+    return readings_that_do_not_hold(found, folded, answers) or unexplained(read, accelerations)
 
 
 def unexplained(meant: Meant, accelerations: Array) -> list[str]:

@@ -150,7 +150,7 @@ class Engine:
                 return EngineAnswers(refusal=str(refusal), element=refusal.element)
         if arithmetic.left:
             raise InvalidAnswer(f"it leaves {arithmetic.left} for everything behind it in the process")
-        return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes, further=loaded.further)
+        return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes)
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""

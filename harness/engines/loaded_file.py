@@ -21,7 +21,6 @@ class LoadedFile:
         joints: that it answers for, in the order of its columns; with couplings, those that move by themselves.
         aid: what the request supplies, which is nothing to a plain engine.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
-        further: joints that it has and that the file does not name.
         couplings: of the request, of the joints found.
         placed: the engine's model with the places of the joints found, where the harness asks it for more than accelerations.
         applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
@@ -38,8 +37,6 @@ class LoadedFile:
         self.found = tuple(joint for joint in request.joints if joint.name in names)
         self.q_columns = [column for joint in self.found for column in joint.positions]
         self.v_columns = [column for joint in self.found for column in joint.velocities]
-        known = {joint.name for joint in request.joints}
-        self.further = tuple(name for name in names if name not in known)
         couplings = request.couplings
         self.couplings = None if couplings is None else couplings[self.v_columns]
         self.joints = self.found if couplings is None else request.leaders

@@ -221,14 +221,12 @@ class EngineAnswers:
             move by themselves.
         refusal: the engine's own words where it does not read the file; "" where it does. element: the body or joint that they name.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
-        further: joints that it has and that the file does not name.
     """
 
     accelerations: Mapping[str, Array] = field(default_factory=dict)
     refusal: str = ""
     element: str = ""
     notes: tuple[str, ...] = ()
-    further: tuple[str, ...] = ()
 
     def of(self, joints: Sequence[str]) -> Array:
         """(n, nv) of these joints; raises KeyError for one that the engine does not have."""

@@ -144,6 +144,11 @@ class Comparison(Rows):
         values: Array = getattr(self, name)
         return values[~np.isnan(values)]
 
+    def are_all(self, *allowed: str) -> bool:
+        """True where each answer with a certified truth has one of these verdicts, and one has such a truth."""
+        verdicts = set(self.verdicts.tolist())
+        return bool(verdicts & {*allowed}) and verdicts <= {*allowed, Verdict.UNDECIDED.value}
+
     def relative_error_at(self, index: int) -> float | None:
         """The relative error of an answer, None where it says nothing.
 

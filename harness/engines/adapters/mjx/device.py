@@ -154,7 +154,7 @@ class MjxFile(LoadedFile):
     def __init__(self, compiled: robot.MujocoFile) -> None:
         super().__init__(compiled.request, [joint.name for joint in compiled.found])
         self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True)
-        self.notes, self.further = compiled.notes, compiled.further
+        self.notes = compiled.notes
 
     def prepare(self, q: Array, v: Array, tau: Array) -> MjxRun:
         return MjxRun(self._compiled.prepare(q, v, tau), self._on_device)

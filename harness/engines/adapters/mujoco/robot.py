@@ -218,8 +218,6 @@ class MujocoFile(LoadedFile):
         self.notes = tuple(notes)
         parts = [range(places[joint.name].id, places[joint.name].id + _PARTS.get(joint.kind, 1)) for joint in self.found]
         self.placed = MujocoModel(model, parts)
-        read = {number for numbers in parts for number in numbers}
-        self.further = tuple(f"joint {number}" for number in range(model.njnt) if number not in read)
 
     @property
     def quantities(self) -> Any:

@@ -55,8 +55,6 @@ class PinocchioFile(LoadedFile):
     def __init__(self, model: Any, request: Request) -> None:
         places = places_of(model, request.joints)
         super().__init__(request, places)
-        known = {place.joint for place in places.values()}
-        self.further = tuple(name for number, name in enumerate(model.names) if number and number not in known)
         # A reader that leaves bodies out leaves nothing for springs to pull at.
         self._springs = [one for one in self.aid.springs if all(has_body(model, body) for body, _ in one.ends)]
         self.placed = self._with(ForceElements(model, self._springs, places))
