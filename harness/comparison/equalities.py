@@ -33,7 +33,7 @@ from harness.results.comparison import EqualitiesRecord, EqualityPart
 from harness.trees.inverse_weights import inverse_weights_of
 from harness.trees.mechanism import TiedTree, tied_tree
 from harness.trees.robot import Robot
-from harness.truth.compare import compare
+from harness.truth.compare import Comparison, compare
 from harness.truth.quantities.accelerations import softened
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
@@ -58,23 +58,31 @@ def judge_equalities(meant: Meant, engine: str) -> EqualitiesRecord:
     joints = read.robot.joints
     if free.refusal or read.undetermined or not set(joints) <= set(free.accelerations):
         return EqualitiesRecord(**about, parts=[_part(one, "") for one in robot.equalities], message=free.refusal or _UNEXPLAINED)
-    is_known = set(compare(read.truth, free.of(joints), factorises=True).verdicts.tolist()) <= _HELD
+    is_known = _is_held(compare(read.truth, free.of(joints), factorises=True))
     active = [number for number, one in enumerate(robot.equalities) if one.is_active][:MOST_EFFECTS]
     alone = {number: _effect(read, _asked(meant.few, caller, (number,))) for number in active} if is_known else {}
     parts = [_part(one, why_not.get(number, ""), alone.get(number)) for number, one in enumerate(robot.equalities)]
     if not is_known or not judged:
         return EqualitiesRecord(**about, parts=parts, message="" if is_known else _UNEXPLAINED)
     # The first answer was given, so that this one is no refusal.
-    answers = _asked(meant, caller, judged)
-    compared = compare(_declared_truth(read, caller, judged), answers.of(joints), factorises=True)
-    return EqualitiesRecord(
+    answers, declared = _asked(meant, caller, judged), _declared_truth(read, caller, judged)
+    compared = compare(declared, answers.of(joints), factorises=True)
+    record = EqualitiesRecord(
         **about,
         parts=parts,
         verdict=str(compared.verdicts[compared.worst]),
-        explained=set(compared.verdicts.tolist()) <= _HELD,
+        explained=_is_held(compared),
         backward_error=worst(compared),
         together=_effect(read, answers),
     )
+    if record.explained or not caller.to_the_end:
+        return record
+    ended = compare(declared, _asked(meant, caller, judged, to_the_end=True).of(joints), factorises=True)
+    return replace(record, explained=True, to_the_end=worst(ended), remedy=caller.to_the_end) if _is_held(ended) else record
+
+
+def _is_held(compared: Comparison) -> bool:
+    return set(compared.verdicts.tolist()) <= _HELD
 
 
 def _part(equality: Equality, why_not: str, alone: float | None = None) -> EqualityPart:
@@ -98,9 +106,9 @@ def _why_not(equality: Equality, read: Robot) -> str:
     return f"is about {missing}, which the engine does not have" if missing else ""
 
 
-def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int]) -> EngineAnswers:
+def _asked(meant: Meant, caller: Engine, switched_on: Sequence[int], to_the_end: bool = False) -> EngineAnswers:
     """Accelerations of the plain engine with some of the equalities."""
-    held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on))
+    held = Held(tuple(one.kind for one in meant.robot.equalities), tuple(switched_on), to_the_end)
     return ask_engine(caller.name, question_of(meant, Stance.PLAIN, held))
 
 

@@ -58,6 +58,7 @@ class Engine:
         supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``FarLinks`` of accelerations.
         why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
+        to_the_end: what its user sets so that its solver of equalities goes on until nothing changes; "" where nothing does that.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
 
@@ -80,6 +81,7 @@ class Engine:
     supplied: Mapping[str, str] = {}
     takes_inertias_about_tree = False
     why_no_equalities = ""
+    to_the_end = ""
     why_no_constraints = ""
     reader = ""
     environment: Environment | None = None

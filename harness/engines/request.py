@@ -119,10 +119,12 @@ class Held:
 
     Attributes:
         kinds: the tags of all of them, in the order of the file. switched_on: numbers of those that act; no other does.
+        to_the_end: whether the engine's solver goes on until nothing changes, and not as far as the file says.
     """
 
     kinds: tuple[str, ...]
     switched_on: tuple[int, ...]
+    to_the_end: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -203,6 +203,8 @@ def _with_equalities(one: EqualitiesRecord) -> str:
     """The outcome in words."""
     if not one.verdict or one.backward_error is None:
         return one.message or "not judged"
+    if one.stops_early:
+        return f"explained, {one.stops_early}: {one.remedy}"
     outcome = str(one.verdict) if one.explained else "unexplained"
     optimum = f"{error_text(one.backward_error)} data roundoffs from the optimum that its documentation gives"
     return f"{outcome}, {optimum}" + (f", {error_text(one.together)} times the tree's own qdd away from that" if one.together else "")

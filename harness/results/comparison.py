@@ -196,6 +196,8 @@ class EqualitiesRecord:
     Attributes:
         verdict: against the optimum that the engine documents; "" where no answer is judged. message: why, where no part says it.
         backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
+        to_the_end: backward error where the engine's solver goes on until nothing changes, asked where the file's settings end it too
+            early to agree; None elsewhere. remedy: what its user sets for that.
     """
 
     path: str
@@ -208,6 +210,8 @@ class EqualitiesRecord:
     together: float | None = None
     message: str = ""
     title: str = ""
+    to_the_end: float | None = None
+    remedy: str = ""
 
     @property
     def program(self) -> str:
@@ -216,6 +220,14 @@ class EqualitiesRecord:
     @property
     def subject(self) -> str:
         return f"{self.engine}/{self.format}"
+
+    @property
+    def stops_early(self) -> str:
+        """What the solver leaves by stopping early, a clause behind the engine's name; "" where it does not."""
+        if self.to_the_end is None:
+            return ""
+        left = f"stops its solver {error_text(self.backward_error)} data roundoffs before the optimum that it documents"
+        return f"{left}, and {error_text(self.to_the_end)} where it goes on to the end"
 
 
 @dataclass(frozen=True, kw_only=True)

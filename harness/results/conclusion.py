@@ -58,7 +58,10 @@ def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -
         return f": no engine was asked{file.remark and f', for {file.remark}'}.", tuple(_facts(file))
     held = [one for one in found.equalities if one.path == file.path]
     subjects = sorted(subjects, key=lambda one: -_weight(one))
-    reasons = [*filter(None, (_reason(one, file) for one in subjects)), *(_reason_of_equalities(one) for one in held if not one.explained)]
+    reasons = [
+        *filter(None, (_reason(one, file) for one in subjects)),
+        *(_reason_of_equalities(one) for one in held if not one.explained or one.stops_early),
+    ]
     sentences = [_who_agrees(subjects), *_with_remedy(reasons[:MOST_REASONS])]
     rows = [*_rows(found.of(file.path), file, detail), *filter(None, map(_equalities, held)), *_facts(file)]
     shown, others = at_most(rows, detail, most) if most else ([], "")
@@ -148,7 +151,7 @@ def _of_reading(reading: Effect) -> _Reason:
 
 
 def _reason_of_equalities(record: EqualitiesRecord) -> _Reason:
-    return _Reason(f"With the file's equalities {record.program} {_of_optimum(record)}")
+    return _Reason(f"With the file's equalities {record.program} {_of_optimum(record)}", remedy=record.remedy)
 
 
 def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -> Iterator[str]:
@@ -202,10 +205,13 @@ def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:
 
 
 def _equalities(record: EqualitiesRecord) -> str:
-    return f"With the file's equalities {record.program} {_of_optimum(record)}" if record.verdict else ""
+    remedy = f": {record.remedy}" if record.remedy else ""
+    return f"With the file's equalities {record.program} {_of_optimum(record)}{remedy}" if record.verdict else ""
 
 
 def _of_optimum(record: EqualitiesRecord) -> str:
+    if record.stops_early:
+        return record.stops_early
     moved = f", {share_text(record.together)} of qdd away from the file without them" if record.together else ""
     verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
     return f"{verb} the optimum that it documents{moved}" if record.verdict else record.message or "cannot be judged"

@@ -165,3 +165,17 @@ def test_a_wrong_answer_makes_the_comparison_red_and_is_printed() -> None:
     text = "\n".join(part for section in sections(found) for part in section.parts if isinstance(part, str))
     assert text.count("plain, with the file's equalities: it crashed") == 2
     assert f"joint, 1, line {record.parts[1].line}; alone it moves the engine's qdd by" in text
+
+
+FIRM = FILES / "firm.xml"
+
+
+def test_a_solver_that_stops_early_is_told_with_what_to_set() -> None:
+    record = held_by(FIRM)
+    assert record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
+    assert record.to_the_end is not None and record.to_the_end <= AGREEMENT
+    assert "stops its solver" in record.stops_early and 'iterations="100" tolerance="0"' in record.remedy
+
+
+def test_what_a_solver_does_not_reach_in_the_end_is_not_explained_by_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_felt(FIRM, edited(FIRM, tmp_path, ('solref="0.002 1"', 'solref="0.002 1.000001"')), monkeypatch)

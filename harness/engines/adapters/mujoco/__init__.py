@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 class MujocoEngine(Engine):
     title = "MuJoCo"
+    to_the_end = 'set <option iterations="100" tolerance="0"/>'
     requires = ("mujoco", "mujoco")
     formats = ("mjcf", "urdf")
     oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")

@@ -39,6 +39,8 @@ _TYPES = {"mimic": "joint"}
 _ELEMENT = re.compile(r"Element name '([^']*)'")
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
+# Of its solver of constraints, which needs two or three of Newton's method.
+_MOST_ITERATIONS = 100
 # Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
 _PARTS = {JointKind.PLANAR: 3}
 
@@ -49,6 +51,8 @@ def read(request: Request) -> MujocoFile:
         model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
         if request.held is not None:
             switch_on(model, request.held.kinds, request.held.switched_on)
+            if request.held.to_the_end:
+                model.opt.iterations, model.opt.tolerance = _MOST_ITERATIONS, 0.0
     return MujocoFile(model, request, notes)
 
 
