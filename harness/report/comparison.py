@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 from harness.results.comparison import (
     EqualitiesRecord,
     FileRecord,
     FilesComparison,
-    PairRecord,
     SubjectRecord,
     names_apart,
 )
@@ -20,7 +18,7 @@ from harness.results.gap import Gaps
 from harness.results.pair_conclusion import conclusions
 from harness.results.readings import MOST_LINES, by_effect, lines_text
 from harness.results.records import Run
-from harness.results.table import Cell, Column, Table, TableOf, counted, error_text
+from harness.results.table import Table, TableOf, counted, error_text
 from harness.verdict import AGREEMENT
 
 # Said where every engine was asked and answered, and nothing is left to explain.
@@ -66,7 +64,7 @@ def told(found: FilesComparison, detail: Detail) -> Iterator[Section]:
 
 
 def sections(found: FilesComparison) -> Iterator[Section]:
-    """Sections of a comparison, in the order in which a person asks."""
+    """All that is known of each file and each engine, in the order in which a person asks."""
     yield from file_sections(found)
     names = names_apart(file.path for file in found.files)
     for file in found.files:
@@ -74,8 +72,6 @@ def sections(found: FilesComparison) -> Iterator[Section]:
         if own:
             yield Section(f"3. The engines on {names[file.path]}", [_subjects(own), *_readings(own), *_equalities(found, file)])
     yield Section("4. The rest", rest(found) or [NOTHING])
-    for section in pair_sections(found):
-        yield replace(section, title=f"5. {section.title}")
 
 
 def file_sections(found: FilesComparison) -> Iterator[Section]:
@@ -84,12 +80,6 @@ def file_sections(found: FilesComparison) -> Iterator[Section]:
     if any(not file.problem for file in found.files):
         nothing = "nothing: every inertia is one that a body can have"
         yield Section("2. What no body can have", [*_impossible(found)] or [nothing])
-
-
-def pair_sections(found: FilesComparison) -> Iterator[Section]:
-    """The files held against the first of them."""
-    for pair in found.pairs:
-        yield Section(" and ".join(_names_of(pair)), _pair(pair))
 
 
 def gap_sections(found: Gaps, detail: Detail = Detail.BRIEF) -> Iterator[Section]:
@@ -241,28 +231,3 @@ def _unexplained(found: FilesComparison) -> Iterator[str]:
             message = "" if subject.rest else f": {subject.message}"
             yield f"{names[subject.path]} {subject.subject}, {subject.kind}: {subject.outcome}{message}"
             yield from (f"  {sentence}" for sentence in subject.rest)
-
-
-def _names_of(pair: PairRecord) -> tuple[str, str]:
-    names = names_apart([pair.first, pair.second])
-    return names[pair.first], names[pair.second]
-
-
-def _pair(pair: PairRecord) -> list[str | Table]:
-    if pair.problem:
-        return [pair.problem]
-    first, second = _names_of(pair)
-    columns: dict[Column | str, str | Callable[[Any], object]] = {
-        "what": "what",
-        first: lambda one: Cell(one.first, [one.first_place] if one.first_place else []),
-        second: lambda one: Cell(one.second, [one.second_place] if one.second_place else []),
-        Column("alone it moves qdd by", "error"): "alone",
-    }
-    table = Table.of(pair.differences, columns, "Differences, the one that moves the accelerations most first.")
-    return [
-        pair.conclusion,
-        *(f"  {sentence}" for sentence in pair.standing_still),
-        *(["  their numbers differ, and no acceleration feels it"] if pair.equivalent and pair.differences else []),
-        *(f"  {remark}" for remark in pair.remarks),
-        *([table] if pair.differences else []),
-    ]

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 from harness.files.findings import Impossible, LeftOut
 from harness.results.readings import FELT, Effect, share_text
 from harness.results.records import StudyResult
-from harness.results.table import Cell, Column, counted, error_text
+from harness.results.table import Cell, Column
 from harness.verdict import Verdict
 
 
@@ -285,29 +285,6 @@ class PairRecord:
     equivalent: bool = False
     differences: list[FileDifference] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
-
-    @property
-    def conclusion(self) -> str:
-        """Whether the two are one robot, in a sentence."""
-        if self.problem:
-            return self.problem
-        error = "" if self.backward_error is None else f": {error_text(self.backward_error)} data roundoffs apart"
-        relative = f", {self.relative_error:.2g} of the accelerations" if self.relative_error else ""
-        asked, differing = ([joint for joint in self.locked if joint.asked is is_asked] for is_asked in (True, False))
-        but = f" but for {counted(len(differing), 'joint')} that the files do not share" if differing and self.alike else ""
-        left_out = f", {counted(len(asked), 'joint')} left out" if asked else ""
-        return f"{'the same robot' if self.alike else 'not the same robot'}{but}{left_out}{error}{relative}"
-
-    @property
-    def standing_still(self) -> list[str]:
-        """The joints that are locked, a sentence for each reason."""
-        reasons = dict.fromkeys(joint.why for joint in self.locked)
-        return [self._locked_for(why, [joint for joint in self.locked if joint.why == why]) for why in reasons]
-
-    def _locked_for(self, why: str, joints: Sequence[LockedJoint]) -> str:
-        named = [f"{joint.name} ({', '.join(filter(None, (joint.first_place, joint.second_place)))})" for joint in joints]
-        stands = "stands" if len(joints) == 1 else "stand"
-        return f"{', '.join(named)} {stands} still in what is compared: {why}"
 
 
 @dataclass(kw_only=True)

@@ -87,7 +87,7 @@ def _with_remedy(reasons: Sequence[_Reason]) -> Iterator[str]:
     """A sentence for each; the first number says of what it is a part, and the first remedy is told."""
     is_first, is_told = True, False
     for one in reasons:
-        of_what = (" of qdd" if one.share.endswith("%") else " qdd") if is_first else ""
+        of_what = " of qdd" if is_first and one.share.endswith("%") else " qdd" if is_first and one.share[:1].isdigit() else ""
         share = f" ({one.share}{of_what})" if one.share else ""
         is_first = is_first and not one.share
         yield f"{one.clause}{share}" + (f": {one.remedy}" if one.remedy and not is_told else "")
@@ -189,7 +189,9 @@ def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     right = [one for one in aided if one.outcome == Verdict.AGREES]
     if accounted:
         left = error_text(max(one.left or 0.0 for one in accounted))
-        also = f"; so {'does' if len(right) == 1 else 'do'} {_names(right)}, supplied with what the reader leaves out" if right else ""
+        same = "they do" if len(right) > 1 else "it does"
+        who = same if _names(right) == _names(accounted) else f"{_do(right)} {_names(right)}"
+        also = f"; so {who} when supplied with what {'their readers leave' if len(right) > 1 else 'its reader leaves'} out" if right else ""
         yield f"With these readings {_names(accounted)} agree{_s(accounted)} to {left} data roundoffs{also}"
     for one in aided:
         if one not in right and one.outcome not in ("refused", "lost digits"):
@@ -243,13 +245,13 @@ def _weight(subject: SubjectRecord) -> float:
     return max((one.size or 0.0 for one in subject.readings), default=0.0)
 
 
-def _names(subjects: Iterable[SubjectRecord]) -> str:
+def _names(subjects: Sequence[SubjectRecord]) -> str:
     return _listed(sorted(one.program for one in subjects))
 
 
 def _listed(names: Sequence[str]) -> str:
     """ "MuJoCo", "MuJoCo and Pinocchio", "adam, MuJoCo and Pinocchio"."""
-    *most, last = names
+    *most, last = names or [""]
     return f"{', '.join(most)} and {last}" if most else last
 
 

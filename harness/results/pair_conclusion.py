@@ -35,7 +35,7 @@ def conclude_pair(pair: PairRecord, detail: Detail = Detail.BRIEF) -> Conclusion
     names = names_apart([pair.first, pair.second])
     files = " and ".join(names.values())
     if pair.problem:
-        return Conclusion(f"{files} cannot be compared: {pair.problem}.")
+        return Conclusion(f"{files} cannot be compared: {pair.problem}.", _standing_still(pair, detail))
     groups = _groups(pair.differences) if detail == Detail.BRIEF else [_Group([one]) for one in pair.differences]
     kept, others = telling([_named_apart(group, pair, names) for group in groups], lambda group: group.first.alone, detail)
     rows: list[str | Table] = [*_standing_still(pair, detail), *_matched(pair, detail)]

@@ -13,6 +13,8 @@ from harness.results.table import error_text
 FELT = 1e-12
 # Of a part that is left out, where all is told, and of a reading in a row; the JSON has all lines.
 MOST_LINES, FEW_LINES = 8, 3
+# Readings that are named in a cell of a table.
+MOST_IN_CELL = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +71,11 @@ class Effect:
 
 
 def share_text(change: float | None) -> str:
-    """A relative change of accelerations: "47 %", "38 times", "all" where joints are taken away; a number where no percent shows it."""
+    """A relative change of accelerations: "47 %", "38 times", "joints lost"; a number where no percent shows it."""
     if change is None:
         return "unknown"
     if change == math.inf:
-        return "all"
+        return "joints lost"
     if change >= 10:
         return f"{change:.0f} times" if change < 1e3 else f"{change:.0e} times"
     if change >= 1:

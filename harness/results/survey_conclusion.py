@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
 from harness.results.conclusion import Conclusion
-from harness.results.readings import explanation, share_text
+from harness.results.readings import MOST_IN_CELL, explanation, share_text
 from harness.results.table import counted, grouped
 from harness.verdict import Verdict
 
-# Reasons in a cell and in the line of an engine.
-MOST_REASONS, MOST_COUNTED = 2, 4
+# Reasons in the line of an engine.
+MOST_COUNTED = 4
 # What is said of so many robots, the gravest first; of one, and of several.
 _UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES = (
     ("{} cannot be read", "{} cannot be read"),
@@ -44,7 +44,7 @@ def is_agreed(found: FilesComparison, file: FileRecord) -> bool:
 def outcome_text(subject: SubjectRecord) -> str:
     """The outcome of a subject in a cell: "agrees", "explained: joint damping 47 %, mimic joints 14 %", "unexplained 6 %"."""
     if subject.explained and subject.readings and subject.verdict != Verdict.AGREES:
-        return f"{subject.outcome}: {explanation(subject.readings, MOST_REASONS)}".removesuffix(": ")
+        return f"{subject.outcome}: {explanation(subject.readings, MOST_IN_CELL)}".removesuffix(": ")
     is_sized = subject.outcome in ("unexplained", "lost digits") and subject.relative_error is not None
     return f"{subject.outcome} {share_text(subject.relative_error)}" if is_sized else subject.outcome
 

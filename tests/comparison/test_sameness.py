@@ -10,6 +10,7 @@ from comparison.robots import FILES, edited, line_of, meant_by
 from harness.comparison.matching import match
 from harness.comparison.sameness import hold_against
 from harness.results.comparison import PairRecord
+from harness.results.pair_conclusion import conclude_pair
 from harness.trees.robot import read_robot
 
 URDF, MJCF = FILES / "arm.urdf", FILES / "arm.xml"
@@ -109,9 +110,9 @@ def test_the_rest_is_compared_where_a_joint_is_not_shared(kind: str, why: str, t
     (joint,) = found.locked
     assert (joint.name, joint.asked, joint.first_place) == ("elbow", False, f"arm.urdf:{line_of(URDF, ELBOW)}")
     assert not found.same and found.alike and not found.differences and not found.problem
-    assert found.conclusion.startswith("the same robot but for 1 joint that the files do not share: ")
+    assert "are the same robot but for 1 joint that the files do not share (" in conclude_pair(found).sentence
     heavier = pair(URDF, edited(other, tmp_path / "heavier", ('<mass value="1"/>', '<mass value="1.001"/>')))
-    assert not heavier.alike and heavier.conclusion.startswith("not the same robot: ")
+    assert not heavier.alike and "differ: mass of link fore, 1 " in conclude_pair(heavier).sentence
     assert [difference.what for difference in heavier.differences] == ["mass of link fore"]
     assert found.backward_error is not None and found.backward_error < 1e-3
 
@@ -121,7 +122,7 @@ def test_joints_that_are_left_out_stand_still_in_both(tmp_path: Path) -> None:
     other = edited(URDF, tmp_path, ('damping="0.25"', 'damping="9"'))
     assert not pair(URDF, other).same
     found = hold_against(meant_by(URDF), read_robot(other), {}, ["elbow"])
-    assert found.same and found.locked[0].asked and found.conclusion.startswith("the same robot, 1 joint left out: ")
+    assert found.same and found.locked[0].asked and "are the same robot, 1 joint left out (" in conclude_pair(found).sentence
     gripper = FILES / "mimic.urdf"
     both = hold_against(meant_by(gripper), read_robot(gripper), {}, ["left"])
     assert both.problem.startswith("no joint of the one") and [joint.name for joint in both.locked] == ["left", "right"]
@@ -150,7 +151,7 @@ def test_a_joint_that_stands_still_adds_a_constant_to_a_tendon(of_joint: str, re
     text = COUPLED.format(of_joint="", rest=other_rest)
     one.write_text(text.replace(ALONE.format(of_joint=""), "").replace('<joint joint="b" coef="0.5"/>', ""))
     found = pair(both, one)
-    assert found.alike and found.backward_error is not None and found.backward_error < 4, found.conclusion
+    assert found.alike and found.backward_error is not None and found.backward_error < 4, conclude_pair(found).sentence
 
 
 def test_a_joint_that_carries_much_is_none_that_carries_little(tmp_path: Path) -> None:

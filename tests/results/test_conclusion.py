@@ -138,7 +138,7 @@ def test_readings_in_a_cell() -> None:
         (3.34, "334 %"),
         (37.9, "38 times"),
         (12345.0, "1e+04 times"),
-        (math.inf, "all"),
+        (math.inf, "joints lost"),
         (None, "unknown"),
     ],
 )
