@@ -2,8 +2,8 @@
 
 The built-in library keeps its systems inside the package and its models at the top level of the
 repository; in an installed wheel the models lie inside the package too. A library may also hold
-``engines/`` of its own and an ``expected_verdicts.toml``. An installed distribution offers a library under
-a name by an entry point of the group ``harness.libraries``, whose value is the package that holds it.
+``engines/`` of its own, an ``expected_verdicts.toml``, and ``robots/``: robots' files, which stand in its report. An installed
+distribution offers a library under a name by an entry point of the group ``harness.libraries``, whose value is the package that holds it.
 
 A system file that defines ``SIZES`` and ``system(n)`` is a family; ``mjcf/<family>.py`` and
 ``urdf/<family>.py`` define ``model(n)``, which returns the text of the model. A member's own path, as
@@ -106,6 +106,11 @@ class Library:
         if not (root / "systems").is_dir():
             raise InvalidInput(directory, None, "holds no systems/ folder; expected a library with systems/, mjcf/ and urdf/")
         return cls(root.name, root / "systems", root, root / "engines", root / "expected_verdicts.toml", root / "hard_states")
+
+    @property
+    def robots(self) -> Path:
+        """The folder of robots' files that stand in the library's report, be it there or not."""
+        return self.systems.parent / "robots"
 
     def system_names(self) -> list[str]:
         """Names of all systems, in the order of their files; those that begin with an underscore are helpers."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from harness.commands import STUDIES
@@ -9,6 +11,9 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
 from harness.commands.frame.options import STATES_OF_PROFILE
 from harness.commands.frame.pages import write_page
+
+if TYPE_CHECKING:
+    from harness.comparison.study import RobotComparison
 
 SECTION = STUDIES
 
@@ -21,7 +26,8 @@ SECTION = STUDIES
 def command(bracket: Bracket, profile: str) -> None:
     """Cross-check everything and write the report.
 
-    Accelerations are compared at all states, the other quantities at a few.
+    Accelerations are compared at all states, the other quantities at a few. The robots in the library's folder robots/ are asked of
+    every engine as its user calls it.
 
     \b
     Examples:
@@ -39,9 +45,25 @@ def command(bracket: Bracket, profile: str) -> None:
         library=bracket.library, states=states, seed=bracket.seed, componentwise=True, replay_options=bracket.replay_options
     )
     bracket.begin(states, profile, CrossCheckResult)
-    study = cross_check(bracket, settings, brief=True)
+    robots = _robots(bracket)
+    study = cross_check(bracket, settings, brief=True, beside={"robots": vars(robots.result())} if robots else {})
     ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
     bracket.complete(Gallery(bracket.library, bracket.library.select((), with_variants=True), study.crashes))
     write_page(bracket, bracket.number)
-    finish(bracket, study)
+    finish(bracket, study, robots=robots)
+
+
+def _robots(bracket: Bracket) -> RobotComparison | None:
+    """The plain engines on the robots' files of the library, run to the end; None where it has none."""
+    from harness.comparison.collection import find_files
+    from harness.comparison.study import ComparisonSettings, RobotComparison
+    from harness.library import Stance
+
+    folder = bracket.library.robots
+    if not folder.is_dir():
+        return None
+    paths = find_files([str(folder)])
+    study = RobotComparison(ComparisonSettings(paths, seed=bracket.seed, pairwise=False, stances=(Stance.PLAIN,)), "robots")
+    bracket.complete(study)
+    return study

@@ -114,4 +114,5 @@ def describe_run(library: Library, states: int, seed: int, profile: str, command
         library=library.name,
         command=shlex.join(command),
         engines={name: str(file.version) for name, file in engines.items()},
+        titles={name: file.title for name, file in known.items() if file.title},
     )

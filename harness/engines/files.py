@@ -34,7 +34,7 @@ class Description:
 
     Attributes:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
-        of_users: the formats in which files of users are handed to it. oldest, companions, optional: as of ``Engine``.
+        of_users: the formats in which files of users are handed to it. oldest, companions, optional, title: as of ``Engine``.
     """
 
     requires: tuple[str, str] = ("", "")
@@ -43,6 +43,7 @@ class Description:
     oldest: Mapping[str, str] = field(default_factory=dict)
     companions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     optional: bool = False
+    title: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,6 +150,7 @@ def _describe(library: Library, name: str, note: object = None) -> Description:
         formats=tuple(dict.fromkeys(engine.formats)),
         of_users=tuple(engine.call),
         optional=engine.optional,
+        title=engine.title,
         oldest=dict(engine.oldest),
         companions={versions: tuple(those) for versions, those in engine.companions.items()},
     )

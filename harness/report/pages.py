@@ -48,6 +48,12 @@ class Survey:
     before: tuple[Run, FilesComparison] | None = None
     earlier: Sequence[FilesComparison] = ()
 
+    @property
+    def place(self) -> str:
+        """Where the robots are from: the places of a survey, or the library of a report."""
+        _, is_survey, places = self.run.profile.partition("survey ")
+        return places if is_survey else f"the {self.run.library} library"
+
 
 @dataclass
 class Pages:
@@ -229,7 +235,7 @@ class Pages:
         sections = [
             *robots.survey_sections(found, Detail.VERBOSE, before, places, [robots.published(one, names) for one in survey.earlier])
         ]
-        title = f"Robots of {survey.run.profile.removeprefix('survey ')}"
+        title = f"Robots of {survey.place}"
         yield site_tables.ROBOTS, draw("robot.html", site_tables.ROBOTS, {}, title=title, run=survey.run, sections=sections, is_one=False)
         for file in found.files:
             own = [*comparison.robot_sections(found, file)]

@@ -17,7 +17,7 @@ from harness.report.hard_cases import HardSummary
 from harness.report.site_tables import engine_counts, feature_lines, pages_in, slugs
 from harness.report.summary import Summary
 from harness.results.comparison import FilesComparison, short_names
-from harness.results.readings import by_effect
+from harness.results.readings import by_effect, explanation
 from harness.results.records import Record, Run
 from harness.results.site import Site, SiteCell, SiteChange, SiteColumn, SiteFinding, SiteRow, SiteTrend, Upstream, plain_number
 from harness.verdict import AGREEMENT, Verdict
@@ -98,7 +98,8 @@ def _columns(run: Run, subjects: Sequence[str]) -> Iterator[SiteColumn]:
     for subject in subjects:
         engine, version, model_format = split(subject)
         version = version or run.engines.get(engine) or run.versions.get(engine, "")
-        yield SiteColumn(name=subject, engine=engine, version=version, format=model_format, page=pages[engine])
+        title = run.titles.get(engine, engine)
+        yield SiteColumn(name=subject, engine=engine, title=title, version=version, format=model_format, page=pages[engine])
 
 
 def _mechanisms(summary: Summary, measured: BenchmarkSummary) -> Iterator[SiteRow]:
@@ -152,6 +153,7 @@ def _cell(record: Record, page: str, diagnosis: Sequence[str] = (), reproducer: 
         relative_error=plain_number(record.relative_error),
         from_rigid=plain_number(record.from_rigid),
         seconds_per_state=plain_number(record.seconds_per_state),
+        reading="",
         reason=record.expected_reason,
         link=record.expected_link,
         message=record.message,
@@ -172,7 +174,7 @@ def _robot_cells(robots: FilesComparison, pages: Mapping[tuple[bool, str], str])
             column=subject.subject,
             verdict=subject.verdict,
             expected=Verdict.AGREES.value,
-            as_expected=subject.explained,
+            as_expected=subject.as_expected,
             outcome=subject.outcome,
             agrees=subject.verdict == Verdict.AGREES,
             is_robot=True,
@@ -185,6 +187,7 @@ def _robot_cells(robots: FilesComparison, pages: Mapping[tuple[bool, str], str])
             relative_error=plain_number(subject.relative_error),
             from_rigid=None,
             seconds_per_state=None,
+            reading=explanation(subject.readings, 2),
             reason="; ".join(reading.sentence for reading in readings),
             link="",
             message=subject.message,

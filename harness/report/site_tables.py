@@ -10,7 +10,7 @@ from html import escape
 from statistics import median
 from typing import TYPE_CHECKING
 
-from harness.results.engine_lines import TIES, Answer, engine_line, share_text, shown_engine
+from harness.results.engine_lines import TIES, Answer, engine_line, percent_text
 from harness.results.site import (
     FeatureLine,
     Number,
@@ -56,6 +56,7 @@ def pages_in(folder: str, names: Iterable[str]) -> dict[str, str]:
 def engine_counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[SiteCount]:
     """Counts of each engine and version, over its formats."""
     versions = {(column.engine, column.version): "-".join(filter(None, (column.engine, column.version))) for column in columns}
+    titles = {column.engine: column.title for column in columns}
     badges = slugs(versions[one] for one in sorted(versions))
     for (engine, version), name in sorted(versions.items()):
         own = {column.name for column in columns if (column.engine, column.version) == (engine, version)}
@@ -64,6 +65,7 @@ def engine_counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> I
         unsupported = sum(cell.verdict == Verdict.UNSUPPORTED for cell in verdicts)
         yield SiteCount(
             engine=engine,
+            title=titles[engine],
             version=version,
             agrees=sum(cell.agrees for cell in verdicts),
             asked=len(verdicts) - unsupported,
@@ -81,17 +83,20 @@ def badge_text(count: SiteCount) -> str:
 
 
 def _answer(cell: SiteCell, model_format: str) -> Answer:
-    of_robot = cell.outcome if cell.is_robot else cell.verdict
-    from_rigid = value_of(cell.from_rigid)
     return Answer(
-        name=cell.row, format=model_format, outcome=of_robot, is_robot=cell.is_robot, features=cell.features, from_rigid=from_rigid
+        name=cell.row,
+        format=model_format,
+        outcome=cell.outcome if cell.is_robot else cell.verdict,
+        is_robot=cell.is_robot,
+        reading=cell.reading,
+        features=cell.features,
+        from_rigid=value_of(cell.from_rigid),
     )
 
 
 def _gravest_tone(cells: Iterable[SiteCell]) -> str:
-    """The looks of the gravest of the cells; of equal ones of those that are no plain agreement."""
-    found = max(cells, key=lambda cell: (SEVERITY[cell.verdict], cell.tone != Verdict.AGREES), default=None)
-    return found.tone if found else ""
+    """The looks of the gravest of the cells; of constraints that give they lie between agreement and all else."""
+    return max((cell.tone for cell in cells), key=lambda tone: SEVERITY.get(tone, 0.5), default="")
 
 
 def feature_lines(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> Iterator[FeatureLine]:
@@ -226,9 +231,9 @@ def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str
 
 def _note(cell: SiteCell) -> str:
     """What stands below the outcome, on one line: the distance from rigid constraints, the backward error, and what was expected."""
-    away = f"{share_text(float(cell.from_rigid))} from rigid" if cell.outcome == SOFT and cell.from_rigid is not None else ""
-    error = "" if cell.backward_error is None else error_of(cell.backward_error)
-    return ", ".join(filter(None, [away, error, *expectation(cell)]))
+    away = f"{percent_text(float(cell.from_rigid))} from rigid" if cell.outcome == SOFT and cell.from_rigid is not None else ""
+    error = "" if cell.backward_error is None or cell.reading else error_of(cell.backward_error)
+    return ", ".join(filter(None, [away, cell.reading, error, *expectation(cell)]))
 
 
 def expectation(found: SiteCell | Record) -> list[str]:
@@ -242,11 +247,11 @@ def engines(site: Site) -> Table:
     """A row for each engine and version, with what was found of it; its name leads to its page."""
     pages = {column.engine: column.page for column in asked_columns(site)}
     rows = [
-        [Cell(shown_engine(count.engine, count.version), tone=count.tone, link=pages[count.engine]), count.line]
+        [Cell(f"{count.title} {count.version}".rstrip(), tone=count.tone, link=pages[count.engine]), count.line]
         for count in site.counts
         if count.engine in pages
     ]
-    return Table(["engine", "accelerations"], rows, "Engines: what was found of each")
+    return Table(["engine", "accelerations"], rows, "Engines: what was found of each", "lines")
 
 
 def lines_of_engines(site: Site) -> dict[str, str]:

@@ -8,11 +8,6 @@ from dataclasses import dataclass
 from harness.results.table import counted, grouped
 from harness.verdict import Verdict, is_soft
 
-# As their authors write them; any other engine is called by the name of its file.
-SPELLINGS = {
-    "adam": "ADAM", "dartpy": "DART", "drake": "Drake", "idyntree": "iDynTree", "mjx": "MJX", "mjx_float32": "MJX in float32",
-    "mujoco": "MuJoCo", "pinocchio": "Pinocchio", "pybullet": "PyBullet",
-}  # fmt: skip
 # Features by which constraints give.
 TIES = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling")
 # Of mechanisms that are named; of more the first are.
@@ -34,24 +29,20 @@ class Answer:
     Attributes:
         name: of the mechanism or robot. format: of the file that the engine read; "" for the equations.
         outcome: a value of ``Verdict``; of a robot's file as of ``SubjectRecord``. is_robot: True for one.
-        features: as of ``Record``. from_rigid: how far constraints that give, as the engine documents, are from rigid ones; None where
-            they do not give.
+        reading: as of ``SiteCell``. features: as of ``Record``. from_rigid: how far constraints that give, as the engine documents,
+            are from rigid ones; None where they do not give.
     """
 
     name: str
     format: str
     outcome: str
     is_robot: bool = False
+    reading: str = ""
     features: Sequence[str] = ()
     from_rigid: float | None = None
 
 
-def shown_engine(engine: str, version: str = "") -> str:
-    """The engine as its authors write it, with its version: "MuJoCo 4.0.0"."""
-    return f"{SPELLINGS.get(engine, engine)} {version}".strip()
-
-
-def share_text(share: float) -> str:
+def percent_text(share: float) -> str:
     """A share of 1 in percent, three digits: "25.8 %"."""
     return f"{100 * share:.3g} %"
 
@@ -65,9 +56,18 @@ def engine_line(answers: Iterable[Answer]) -> str:
         named = list(dict.fromkeys(one.name for one in mechanisms if one.outcome == verdict))
         parts += [f"{said} {_listed(named)}"] if named else []
         parts += _soft(mechanisms) if verdict == Verdict.UNSTABLE else []
-    outcomes = sorted(grouped((one.outcome, one) for one in robots).items())
-    parts += [f"of {counted(len(robots), 'robot file')} {_joined([f'{len(own)} {name}' for name, own in outcomes])}"] if robots else []
+    parts += [f"of {counted(len(robots), 'robot file')} {_joined(_outcomes(robots))}"] if robots else []
     return "; ".join(parts) or "nothing was asked of it"
+
+
+def _outcomes(robots: Sequence[Answer]) -> list[str]:
+    """How many answers have which outcome, with what is read otherwise."""
+    told = []
+    for outcome, own in sorted(grouped((one.outcome, one) for one in robots).items()):
+        readings = _joined(list(dict.fromkeys(one.reading for one in own if one.reading)))
+        verb = "agree" if outcome == Verdict.AGREES and len(own) > 1 else outcome
+        told.append(f"{len(own)} {verb}{f' by {readings}' if readings else ''}")
+    return told
 
 
 def _right(answers: Sequence[Answer]) -> list[str]:
@@ -87,7 +87,7 @@ def _soft(answers: Sequence[Answer]) -> list[str]:
     ties = [feature for feature in TIES if any(feature in one.features for one in soft)]
     distances = [one.from_rigid or 0.0 for one in soft]
     names = counted(len({one.name for one in soft}), "mechanism")
-    away = " to ".join(dict.fromkeys(share_text(bound) for bound in (min(distances), max(distances))))
+    away = " to ".join(dict.fromkeys(percent_text(bound) for bound in (min(distances), max(distances))))
     return [f"{_joined(ties) or 'constraints'} soft, as documented (accelerations {away} from rigid ones, {names})"]
 
 

@@ -304,7 +304,7 @@ class Run:
         started: ISO 8601, UTC.
         versions, machine: name to text.
         states: number of states per system where a record says nothing else.
-        engines: name of an engine to its version.
+        engines: name of an engine to its version. titles: to its name as its authors write it.
         library: name of the library, never its path, because reports are published.
         command: how to repeat the run.
 
@@ -321,6 +321,7 @@ class Run:
     library: str
     command: str
     engines: dict[str, str] = field(default_factory=dict)
+    titles: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         moment = datetime.fromisoformat(self.started)

@@ -25,12 +25,13 @@ class SiteColumn:
     """A column of the matrix: an engine of one version with the format that it reads.
 
     Attributes:
-        name: of the subject, as "mujoco/mjcf" or "mujoco@3.13.0/mjcf".
+        name: of the subject, as "mujoco/mjcf" or "mujoco@3.13.0/mjcf". title: of the engine, as its authors write it.
         version: "" where the run does not say it. page: its engine's page.
     """
 
     name: str
     engine: str
+    title: str
     version: str
     format: str
     page: str
@@ -62,6 +63,7 @@ class SiteCell:
         is_robot: whether the row is a robot's file. tone: class of the style sheet.
         quantity: what was compared. features: what this subject's file of the row asks of it.
         backward_error: the worst [data roundoffs]; median_backward_error, relative_error, from_rigid, seconds_per_state: as of ``Record``.
+        reading: what moves the accelerations of a robot most, of what its engine reads otherwise, and by how much; "" for nothing.
         reason, link: why another verdict than agreement is expected. message: what was said of it.
         diagnosis: lines. replay: shell command. reproducer: program that needs the engine alone; "" where there is none.
         page: where all of this is told.
@@ -84,6 +86,7 @@ class SiteCell:
     relative_error: Number
     from_rigid: Number
     seconds_per_state: Number
+    reading: str
     reason: str
     link: str
     message: str
@@ -158,6 +161,7 @@ class SiteCount:
     """
 
     engine: str
+    title: str
     version: str
     agrees: int
     asked: int

@@ -7,6 +7,7 @@ import re
 import shutil
 from pathlib import Path
 
+import lxml.html
 import numpy as np
 import pytest
 from support import Done, expected_entry, harness, make_library
@@ -314,3 +315,26 @@ def test_a_file_that_cannot_be_read_is_named_with_its_fault_and_what_to_do(expor
     done = harness("check", "--urdf", file, cwd=exported)
     assert done.returncode == 2
     assert done.stderr.startswith(f"harness: {file}:") and f"harness check NAME --urdf {file}" in done.stderr
+
+
+def test_robots_of_a_library_stand_in_its_report(tmp_path: Path) -> None:
+    """With a row and a page each, in the JSON, and in the exit status: a robot that an engine cannot answer on is not as expected."""
+    root = make_library(tmp_path / "mine", ["bar_pendulum"])
+    (root / "robots").mkdir()
+    shutil.copy(BUILT_IN.robots / "gripper.urdf", root / "robots")
+    done = harness("report", "--library", "mine", "--out", "out", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    index = lxml.html.parse(tmp_path / "out" / "index.html")
+    [row] = index.xpath("//tr[th/@data-kind='robot']")
+    cells = [(cell.get("class"), cell.text_content()) for cell in row if cell.get("data-column") == "pinocchio/urdf"]
+    assert row[0].text_content() == "gripper.urdf" and cells == [("explained", "explained mimic joints 2.8 times")]
+    assert "explained by mimic joints 2.8 times" in index.xpath("string(//header//table)")
+    page = (tmp_path / "out" / "robots" / "gripper.urdf.html").read_text()
+    assert "mimics another" in page and "Robots of the mine library" in (tmp_path / "out" / "robots.html").read_text()
+    told = json.loads((tmp_path / "out.json").read_text())["robots"]
+    assert {one["engine"] for one in told["subjects"]} == {"mujoco", "pinocchio"}
+    assert "1 robot: 1 is read otherwise than written" in done.stdout
+
+    (root / "robots" / "broken.urdf").write_text("<robot name='r'><link name='a'/><link name='a'/></robot>")
+    done = harness("report", "--library", "mine", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 1 and "1 cannot be read" in done.stdout

@@ -187,7 +187,7 @@ def test_versions_of_an_engine_are_columns_and_badges_of_their_own() -> None:
 
 
 def test_a_badge_says_its_counts_to_everybody() -> None:
-    about: dict[str, Any] = {"agrees": 2, "asked": 3, "misreads": 0, "unsupported": 1, "line": "", "badge": "badges/x.svg"}
+    about: dict[str, Any] = {"title": "A", "agrees": 2, "asked": 3, "misreads": 0, "unsupported": 1, "line": "", "badge": "badges/x.svg"}
     count = SiteCount(engine="a<b", version="1.0", tone="unstable", **about)
     root = lxml.html.fromstring(badge(count))
     assert root.get("role") == "img" and root.get("aria-label") == "a<b 1.0: 2 of 3 agree"
@@ -206,7 +206,9 @@ def test_the_index_opens_with_a_line_for_each_engine_and_the_harness_own_code_is
         record("collar", "mujoco/mjcf", verdict="unstable", expected="unstable", backward_error=654.0),
         record("collar", "pinocchio/mjcf", verdict="misreads", expected="misreads", backward_error=1e12, **reason),
     ]
-    files = build(replace(run_on(0), engines={"mujoco": "4.0.0"}), [card("collar")], records)
+    files = build(
+        replace(run_on(0), engines={"mujoco": "4.0.0"}, titles={"mujoco": "MuJoCo", "pinocchio": "Pinocchio"}), [card("collar")], records
+    )
     page = lxml.html.fromstring(files["index.html"])
     lines = page.xpath("//header/h1/following-sibling::*[1]//table//tbody/tr")
     assert [" ".join(line.text_content().split()) for line in lines] == [

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from harness.results.engine_lines import Answer, engine_line, shown_engine
+from harness.results.engine_lines import Answer, engine_line
 
 
 def answer(name: str, verdict: str = "agrees", model_format: str = "mjcf", **about: Any) -> Answer:
@@ -49,16 +49,12 @@ def test_of_many_the_first_are_named() -> None:
 
 
 def test_robots_are_counted_by_themselves() -> None:
-    robots = [
-        answer(name, outcome, "urdf", is_robot=True) for name, outcome in (("go", "explained"), ("arm", "agrees"), ("leg", "explained"))
-    ]
-    assert engine_line([answer("arm"), *robots]) == "right on 1 of 1 MJCF mechanism; of 3 robot files 1 agrees and 2 explained"
+    found = (("go", "explained", "joint damping"), ("arm", "agrees", ""), ("leg", "explained", "mimic joints"))
+    robots = [answer(name, outcome, "urdf", is_robot=True, reading=reading) for name, outcome, reading in found]
+    told = "of 3 robot files 1 agrees and 2 explained by joint damping and mimic joints"
+    assert engine_line([answer("arm"), *robots]) == f"right on 1 of 1 MJCF mechanism; {told}"
 
 
 def test_the_harness_own_code_reads_no_file_and_an_engine_without_answers_says_so() -> None:
     assert engine_line([answer("arm", model_format="")]) == "right on 1 of 1 mechanism"
     assert engine_line([]) == "nothing was asked of it"
-
-
-def test_engines_are_spelt_as_their_authors_do() -> None:
-    assert shown_engine("mujoco", "4.0.0") == "MuJoCo 4.0.0" and shown_engine("my_engine") == "my_engine"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from harness.commands.frame.bracket import Bracket
 from harness.commands.frame.terminal import (
@@ -13,6 +13,7 @@ from harness.commands.frame.terminal import (
     print_differs,
     print_further_quantities,
     print_quantity_diagnoses,
+    print_sections,
     print_superfluous,
     print_table,
     print_unexpected,
@@ -22,6 +23,7 @@ from harness.results.records import ACCELERATIONS
 from harness.verdict import Verdict
 
 if TYPE_CHECKING:
+    from harness.comparison.study import RobotComparison
     from harness.crosscheck.run import CrossCheck
     from harness.crosscheck.settings import Settings
     from harness.results.cross_check import Cause, CrossCheckResult
@@ -31,11 +33,18 @@ if TYPE_CHECKING:
 BRIEF_STATES = 16
 
 
-def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] = (ACCELERATIONS,), brief: bool = False) -> CrossCheck:
+def cross_check(
+    bracket: Bracket,
+    settings: Settings,
+    quantities: Sequence[str] = (ACCELERATIONS,),
+    brief: bool = False,
+    beside: Mapping[str, Any] | None = None,
+) -> CrossCheck:
     """Run to the end, and find why some records are not as expected; the causes are added to the result.
 
     One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
-    all other quick quantities follow at a few states, for the subjects whose accelerations are sound and as expected.
+    all other quick quantities follow at a few states, for the subjects whose accelerations are sound and as expected. ``beside``:
+    further parts of the JSON file.
     """
     from harness.crosscheck.run import CrossCheck
     from harness.results.cross_check import CrossCheckResult
@@ -53,7 +62,7 @@ def cross_check(bracket: Bracket, settings: Settings, quantities: Sequence[str] 
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
     further = {"causes": found.causes, "remarks": settings.library.remarks()}
-    present = {name: part for name, part in further.items() if part}
+    present = {name: part for name, part in further.items() if part} | dict(beside or {})
     bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
     return study
 
@@ -120,8 +129,13 @@ def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS
     return causes
 
 
-def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACCELERATIONS,)) -> None:
-    """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit."""
+def finish(
+    bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACCELERATIONS,), robots: RobotComparison | None = None
+) -> None:
+    """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit.
+
+    ``robots``: a comparison that the command ran beside, whose outcome counts too.
+    """
     found = study.result()
     asked = [record for record in found.records if record.quantity in quantities]
     print_table(asked, bracket.run, bracket.detail)
@@ -134,4 +148,12 @@ def finish(bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACC
     print_count(asked, found.superfluous, found.differs, others)
     print_causes(found.causes, study.settings)
     print_quantity_diagnoses(found.records, study.settings)
-    bracket.finish(study.problems, study.crashed, found.as_expected, study.faults)
+    problems, crashed, as_expected = list(study.problems), study.crashed, found.as_expected
+    if robots is not None:
+        from harness.report.survey import survey_sections
+
+        say("")
+        print_sections(survey_sections(robots.result(), bracket.detail))
+        problems += robots.faults
+        crashed, as_expected = crashed or robots.crashed, as_expected and robots.result().as_expected
+    bracket.finish(problems, crashed, as_expected, study.faults)

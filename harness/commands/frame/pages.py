@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from harness.report import Survey
     from harness.report.comparison import Section
     from harness.results.history import History
+    from harness.results.records import Run
     from harness.study import Study
 
 
@@ -69,12 +70,22 @@ def write_page(bracket: Bracket, number: int | None = None) -> None:
         number = next((one for one in runs if history.read(one, CrossCheckResult, "records").records), None)
     given: dict[str, Any] = {"benchmarks": list(benchmarks), "atlas": atlas, "robots": _survey(history, library)}
     if number is not None:
+        given["robots"] = given["robots"] or _robots(history, number, runs[number])
         earlier = itertools.islice(history.earlier(number, CrossCheckResult, "records"), MOST_NIGHTS - 1)
         records = [(run, found.records) for run, found in earlier]
         given |= {"run": runs[number], "found": history.read(number, CrossCheckResult), "history": records}
     if any(given.values()):
         write(bracket.directory, build(**given))
         say(f"report: {bracket.directory / 'index.html'}")
+
+
+def _robots(history: History, number: int, run: Run) -> Survey | None:
+    """The robots of the library, of which the run of a report asked beside its mechanisms; None where it did not."""
+    from harness.report import Survey
+    from harness.results.comparison import FilesComparison
+
+    found = history.read(number, FilesComparison)
+    return Survey(run, found.in_order()) if found.files else None
 
 
 def _survey(history: History, library: str) -> Survey | None:
