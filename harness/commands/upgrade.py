@@ -171,7 +171,8 @@ def _explained(
     changes: list[RunChange] = bracket.complete(Explanations(settings, found.records, *names), kept=False)
     pairs = held_against(found.records, found.portraits, *names, changes)
     noun = "file" if bracket.library.reads_files else "mechanism"
-    upgraded = Upgraded(engine=names[0].partition("@")[0], before=versions[0], now=versions[1], noun=noun, asked=pairs)
+    engine = names[0].partition("@")[0]
+    upgraded = Upgraded(engine=bracket.run.titles.get(engine, engine), before=versions[0], now=versions[1], noun=noun, asked=pairs)
     records = sorted(found.records, key=attrgetter("system", "subject"))
     bracket.write_json(records, changes=[one for pair in pairs for one in pair.changes], **upgraded.plain)
     return upgraded

@@ -12,7 +12,6 @@ from typing import Annotated
 from harness.files.findings import LeftOut
 from harness.results.comparison import names_apart
 from harness.results.detail import Detail, telling
-from harness.results.engine_lines import shown_engine
 from harness.results.readings import share_text
 from harness.results.records import Record
 from harness.results.table import Column, TableOf, counted, error_text, grouped, number_text
@@ -154,7 +153,8 @@ class Upgraded:
     """Two versions of an engine on the same mechanisms or files.
 
     Attributes:
-        engine: its name. before, now: the versions. noun: of what was asked about, "mechanism" or "file". asked: by system and format.
+        engine: as its authors write it. before, now: the versions. noun: of what was asked about, "mechanism" or "file". asked: by
+            system and format.
     """
 
     engine: str
@@ -196,10 +196,10 @@ class Upgraded:
     @property
     def headline(self) -> str:
         """Whether the new version changes what was asked about, in a sentence."""
-        compared, engine = self._compared, shown_engine(self.engine, self.now)
+        compared, engine = self._compared, f"{self.engine} {self.now}"
         if not compared:
             about = named(self._unanswered)
-            return f"Nothing was compared: neither {shown_engine(self.engine, self.before)} nor {self.now} answers about {about}"
+            return f"Nothing was compared: neither {self.engine} {self.before} nor {self.now} answers about {about}"
         of = grouped((one.now.system, one) for one in compared)
         changed = {system: those for system, those in of.items() if any(one.is_changed for one in those)}
         if not changed:
