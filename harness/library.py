@@ -107,11 +107,6 @@ class Library:
             raise InvalidInput(directory, None, "holds no systems/ folder; expected a library with systems/, mjcf/ and urdf/")
         return cls(root.name, root / "systems", root, root / "engines", root / "expected_verdicts.toml", root / "hard_states")
 
-    @property
-    def robots(self) -> Path:
-        """The folder of robots' files that stand in the library's report, be it there or not."""
-        return self.systems.parent / "robots"
-
     def system_names(self) -> list[str]:
         """Names of all systems, in the order of their files; those that begin with an underscore are helpers."""
         return [name for path in sorted(self.systems.glob("*.py")) for name in names_in(path)]
@@ -183,6 +178,11 @@ class Library:
     def own_mechanism(self, name: str) -> Any:
         """The mechanism of a system that no system file declares; None where one does, from which it is derived."""
         return None
+
+
+def robots_folder(library: Library) -> Path:
+    """The folder of robots' files that stand in a library's report, be it there or not."""
+    return library.systems.parent / "robots"
 
 
 def names_in(path: Path) -> list[str]:

@@ -58,9 +58,9 @@ def _robots(bracket: Bracket) -> RobotComparison | None:
     """The plain engines on the robots' files of the library, run to the end; None where it has none."""
     from harness.comparison.collection import find_files
     from harness.comparison.study import ComparisonSettings, RobotComparison
-    from harness.library import Stance
+    from harness.library import Stance, robots_folder
 
-    folder = bracket.library.robots
+    folder = robots_folder(bracket.library)
     if not folder.is_dir():
         return None
     paths = find_files([str(folder)])

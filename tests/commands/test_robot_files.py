@@ -17,7 +17,7 @@ from harness.arrays import Array
 from harness.comparison.robot_library import RobotLibrary
 from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
-from harness.library import Library
+from harness.library import Library, robots_folder
 from harness.trees.robot import read_robot
 
 BUILT_IN = Library.built_in()
@@ -321,7 +321,7 @@ def test_robots_of_a_library_stand_in_its_report(tmp_path: Path) -> None:
     """With a row and a page each, in the JSON, and in the exit status: a robot that an engine cannot answer on is not as expected."""
     root = make_library(tmp_path / "mine", ["bar_pendulum"])
     (root / "robots").mkdir()
-    shutil.copy(BUILT_IN.robots / "gripper.urdf", root / "robots")
+    shutil.copy(robots_folder(BUILT_IN) / "gripper.urdf", root / "robots")
     done = harness("report", "--library", "mine", "--out", "out", "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     index = lxml.html.parse(tmp_path / "out" / "index.html")

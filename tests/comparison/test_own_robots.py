@@ -9,10 +9,10 @@ from support import InThisProcess, completed
 
 from harness.comparison.collection import find_files
 from harness.comparison.study import ComparisonSettings, RobotComparison
-from harness.library import Library, Stance
+from harness.library import Library, Stance, robots_folder
 from harness.results.comparison import FilesComparison
 
-FOLDER = Library.built_in().robots
+FOLDER = robots_folder(Library.built_in())
 FILES = find_files([str(FOLDER)])
 
 
