@@ -6,10 +6,8 @@ harness reads in the file, and its engines are those that read it, aided; see ``
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -29,7 +27,6 @@ from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.meant import joints_without_inertia, request_of, undetermined, why_unmoved
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
-from harness.files.text.joint_table import systems_with_joints_of
 from harness.library import ROBOTS, Library, Stance, is_file
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
@@ -205,15 +202,14 @@ class RobotLibrary(Library):
         return {}
 
     def remarks(self) -> list[str]:
-        """How the engines are asked, and the mechanisms that the files may be models of."""
+        """What each aided subject is supplied with."""
         formats = dict.fromkeys(self.formats.values() if self.stance == Stance.AIDED else ())
-        supplied = [
+        return [
             f"{subject}, aided: {engine_of(subject.engine).supplied[subject.format]}"
             for model_format in formats
             for subject in robot_subjects()
             if subject.format == model_format
         ]
-        return [*supplied, *_likenesses(self.formats)]
 
     def own_mechanism(self, name: str) -> Mechanism:
         """The mechanism of a robot's file.
@@ -233,17 +229,6 @@ class RobotLibrary(Library):
 
 def _title(paths: Iterable[str]) -> str:
     return ", ".join(Path(path).name for path in paths)
-
-
-def _likenesses(formats: Mapping[str, str]) -> Iterator[str]:
-    for path, model_format in formats.items():
-        similar: list[str] = []
-        # A robot's file need not be one that a model of a mechanism may be.
-        with contextlib.suppress(InvalidModel):
-            similar = systems_with_joints_of(Library.built_in(), Path(path), model_format)
-        if similar:
-            command = shlex.join(["harness", "check", similar[0], f"--{model_format}", path])
-            yield f"{path}: its joints are named like those of {', '.join(similar)}; to hold it against their energies: {command}"
 
 
 def resolved(library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False) -> Library:
