@@ -192,6 +192,7 @@ def record_of(settings: Settings, expectations: Expectations, system: SystemProg
         else {},
         readings=by_effect(pair.readings),
         rest=pair.rest,
+        stance=str(settings.library.stance) if settings.library.reads_files else "",
         features=_asked_features(system, pair),
         componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,
     )

@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from harness.results.detail import Detail
 from harness.results.readings import MOST_IN_CELL, Effect, explanation, reading_lines
-from harness.results.table import Cell, Column, Table, TableOf, printable
+from harness.results.table import Cell, Column, Table, TableOf, grouped, printable
 from harness.verdict import AGREEMENT, DECLARED, SOFT, SOUND, Verdict, is_soft
 
 # Of a record that names none.
@@ -89,6 +89,7 @@ class Record:
         from_rigid: median over the states of the relative distance from accelerations that hold constraints rigid, of a subject that is
             held against what its engine declares of constraints that give; None for the others.
         readings: what the engine's reader makes of a user's file, by effect, where the answer is not that of the file.
+        stance: how the engine was asked about a user's file, "plain" or "aided"; "" for a mechanism.
         rest: sentences on what that leaves of a user's file, or on why the engine refuses it.
 
     Raises:
@@ -130,6 +131,7 @@ class Record:
     from_rigid: float | None = None
     readings: list[Effect] = field(default_factory=list)
     rest: list[str] = field(default_factory=list)
+    stance: str = ""
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
@@ -275,10 +277,12 @@ class Records(UserList[Record]):
     def remarks(self) -> list[str]:
         """Lines on each unexpected record, and on what there is to say of one that is as expected although it was compared."""
         lines = [line for record in self.unexpected for line in ("", *record.explanation.split("\n"))]
-        for record in self:
-            if record.as_expected and record.backward_error is not None and (record.message or record.readings):
-                title = f"{record.title}: {record.message or record.verdict}"
-                lines += ["", title, *(f"  {line}" for line in reading_lines(record.readings))]
+        told = [one for one in self if one.as_expected and one.backward_error is not None and (one.message or one.readings)]
+        # Quantities that are explained by the same readings are told together.
+        alike = grouped(((one.system, one.subject, one.message or one.verdict, *reading_lines(one.readings)), one) for one in told)
+        for (system, subject, said, *readings), own in alike.items():
+            title = own[0].title if len(own) == 1 else f"{system} {subject}, {len(own)} quantities"
+            lines += ["", f"{title}: {said}", *(f"  {line}" for line in readings)]
         return lines
 
     def __str__(self) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from catalogue import BUILT_IN
-from comparison.robots import edited, meant_by, record_of
+from comparison.robots import FILES, edited, meant_by, record_of
 from support import InThisProcess, completed
 
 from harness.comparison.robot_library import RobotLibrary
@@ -24,12 +24,13 @@ from harness.truth.quantities import Quantity, find_quantities, of_files
 
 ARM = BUILT_IN.model_path("puma_560", "urdf")
 MJCF = BUILT_IN.model_path("arm_7r", "mjcf")
+MIMIC = FILES / "mimic.urdf"
 FLOATING = BUILT_IN.model_path("quadrotor", "mjcf")
 QUANTITIES = [value for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick]
 
 
-def checked(file: Path, quantities: list[Quantity]) -> dict[tuple[str, str], Record]:
-    library = RobotLibrary.of([str(file)], stance=Stance.AIDED)
+def checked(file: Path, quantities: list[Quantity], stance: Stance = Stance.AIDED) -> dict[tuple[str, str], Record]:
+    library = RobotLibrary.of([str(file)], stance=stance)
     subjects = [f"{engine}/{library.formats_of(str(file))[0]}" for engine in ("mujoco", "pinocchio")]
     study = CrossCheck(Settings(library=library, states=8, subjects=subjects, examples=None), [quantity.name for quantity in quantities])
     result: CrossCheckResult = completed(study, InThisProcess())
@@ -39,6 +40,13 @@ def checked(file: Path, quantities: list[Quantity]) -> dict[tuple[str, str], Rec
 def test_both_engines_agree_with_the_numbers_of_an_arm() -> None:
     for (subject, quantity), record in checked(ARM, QUANTITIES).items():
         assert record.verdict == "agrees", (subject, quantity, record.message)
+
+
+def test_plain_engines_are_asked_about_the_joints_that_they_read() -> None:
+    """Both leave a joint free that mimics another: every quantity is that of the robot with one joint more."""
+    for (subject, quantity), record in checked(MIMIC, QUANTITIES, Stance.PLAIN).items():
+        assert record.verdict == "explained" and record.as_expected, (subject, quantity, record.message)
+        assert "mimic joints" in {reading.name for reading in record.readings} and record.stance == "plain"
 
 
 def test_what_would_have_to_be_converted_is_not_offered_and_says_so() -> None:
@@ -52,8 +60,9 @@ def test_what_would_have_to_be_converted_is_not_offered_and_says_so() -> None:
 def test_a_mistake_is_red_for_a_robot_too(monkeypatch: pytest.MonkeyPatch) -> None:
     right: Any = MujocoModel.gravity
     monkeypatch.setattr(MujocoModel, "gravity", lambda self, q: -right(self, q))
-    record = checked(ARM, [find_quantities()["gravity"]])["mujoco/urdf", "gravity"]
-    assert record.verdict == "disagrees" and "gravity force on joint" in record.message
+    for file, stance in ((ARM, Stance.AIDED), (MIMIC, Stance.PLAIN)):
+        record = checked(file, [find_quantities()["gravity"]], stance)["mujoco/urdf", "gravity"]
+        assert record.verdict == "disagrees" and "gravity force on joint" in record.message and record.stance == stance
 
 
 def test_files_whose_names_together_are_longer_than_a_file_system_takes(tmp_path: Path) -> None:
