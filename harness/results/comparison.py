@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 from harness.files.findings import Impossible, LeftOut
 from harness.results.readings import FELT, Effect, share_text
 from harness.results.records import StudyResult
-from harness.results.table import Cell, Column
+from harness.results.table import Cell, Column, error_text
 from harness.verdict import Verdict
 
 
