@@ -14,9 +14,9 @@ from support import Done, harness, make_library
 from harness.results.trend import MEDIAN
 from harness.truth.quantities import find_quantities, further_quantities
 
-# MuJoCo's answers, scaled: an error of so many units in the last place as a variable says, which a process that keeps engines reads.
+# MuJoCo's answers, scaled: an error of so many units in the last place as a file beside it says, which a process that keeps engines reads.
 ENGINE = """
-import os
+from pathlib import Path
 from harness.engines.adapters.mujoco import ENGINE as MUJOCO
 
 class Model:
@@ -24,7 +24,7 @@ class Model:
         self.model, self.loaded = model, model.loaded
 
     def forward_dynamics(self, q, v, tau):
-        return self.model.forward_dynamics(q, v, tau) * (1 + float(os.environ['ULPS']) * 2.0**-52)
+        return self.model.forward_dynamics(q, v, tau) * (1 + float(Path(__file__).with_suffix('.ulps').read_text()) * 2.0**-52)
 
 from harness.engines import Engine
 
@@ -40,10 +40,11 @@ ENGINE = Engine()
 
 def night(folder: Path, *arguments: str, states: int = 300, ulps: float = 4, **variables: str) -> Done:
     asked = ["--library", "library", "--out", "out", "--json", "out.json", "--stage", "cross-check", "--states", str(states)]
+    (folder / "library" / "engines" / "scaled.ulps").write_text(str(ulps))
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("GITHUB_STEP_SUMMARY", raising=False)
         patch.setattr("harness.night.stages.QUANTITY_STATES", 4)
-        for name, value in {"ULPS": str(ulps), **variables}.items():
+        for name, value in variables.items():
             patch.setenv(name, value)
         return harness("nightly", *asked, *arguments, cwd=folder)
 

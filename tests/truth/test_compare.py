@@ -156,7 +156,7 @@ def test_worst_is_the_gravest_then_the_largest() -> None:
 
 
 def test_verdicts_ascend_as_documented() -> None:
-    order = ["agrees", "undecided", "unsupported", "unstable", "disagrees", "error"]
+    order = ["agrees", "explained", "undecided", "unsupported", "unstable", "misreads", "disagrees", "error"]
     assert sorted(SEVERITY, key=SEVERITY.__getitem__) == order == [verdict.value for verdict in Verdict]
     assert gravest(["agrees", "unstable", "undecided"]) == "unstable"
     assert gravest([]) == "agrees"

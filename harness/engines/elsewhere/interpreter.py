@@ -110,16 +110,18 @@ class Interpreter:
         raise EngineDied(f"{self._name} ended its process with status {status}")
 
 
-# By the folder of an environment, of which another cache directory has others of the same names; or by an engine file and its time.
-_RUNNING: dict[object, Interpreter] = {}
+# By the folder of an environment, of which another cache directory has others of the same names; or by an engine file, and its time.
+_RUNNING: dict[Path, tuple[int, Interpreter]] = {}
 
 
 def _interpreter_of(path: Path, name: str, environment: Environment | None) -> Interpreter:
     """The interpreter of an environment, or of this Python for an engine file, in this process; started at the first call."""
-    key = (path, path.stat().st_mtime_ns) if environment is None else environment.folder
-    if key not in _RUNNING:
-        _RUNNING[key] = Interpreter(name if environment is None else environment.name, environment)
-    return _RUNNING[key]
+    key = path if environment is None else environment.folder
+    # An engine file that has been written since is run anew.
+    written = 0 if environment else path.stat().st_mtime_ns
+    if key not in _RUNNING or _RUNNING[key][0] != written:
+        _RUNNING[key] = written, Interpreter(environment.name if environment else name, environment)
+    return _RUNNING[key][1]
 
 
 class DistantModel:
