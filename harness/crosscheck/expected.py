@@ -122,14 +122,17 @@ class ExpectedDifference(TableOfReasons, frozen=True, kw_only=True):
 
 # Of a pair without an entry.
 AGREES = Expectation(system="", subject="", verdict=Verdict.AGREES.value, reason="", link="")
-# The reason of an answer on a user's file that has no entry.
-READ_OTHERWISE = "it is the answer for what the engine's readings make of the file"
+# Verdicts on a user's file that need no entry, with the reason: the file is the truth itself, of which both are an explanation.
+_ON_FILES = {
+    Verdict.EXPLAINED.value: "it is the answer for what the engine's readings make of the file",
+    Verdict.UNSTABLE.value: "digits are lost as the condition of M, or the distance of its links, explains, and no number of the file does",
+}
 
 
-def as_read(expectation: Expectation, verdict: str) -> Expectation:
-    """The expectation of an answer that the engine's readings may explain, which needs no entry."""
-    if expectation is AGREES and verdict == Verdict.EXPLAINED:
-        return structs.replace(AGREES, verdict=verdict, reason=READ_OTHERWISE)
+def on_file(expectation: Expectation, verdict: str) -> Expectation:
+    """The expectation of an answer on a user's file."""
+    if expectation is AGREES and verdict in _ON_FILES:
+        return structs.replace(AGREES, verdict=verdict, reason=_ON_FILES[verdict])
     return expectation
 
 

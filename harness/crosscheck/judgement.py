@@ -14,7 +14,7 @@ from msgspec import structs
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment
-from harness.crosscheck.expected import AGREES, Expectation, Expectations, as_read
+from harness.crosscheck.expected import AGREES, Expectation, Expectations, on_file
 from harness.crosscheck.hypothesis_search import Found
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.crosscheck.stages import NOT_OFFERED
@@ -198,19 +198,15 @@ def record_of(settings: Settings, expectations: Expectations, system: SystemProg
     )
 
 
-LOST_DIGITS = "digits are lost as the condition of M, or the distance of its links, explains, and no number of the file does"
-
-
 def _expected(settings: Settings, expectations: Expectations, name: str, pair: Pair, message: str) -> Expectation:
     """The expectation that a record is held against."""
     library, verdict = settings.library, pair.verdict
-    expectation = as_read(expectations.of(library.label(name), pair.subject), verdict)
+    expectation = expectations.of(library.label(name), pair.subject)
+    if library.reads_files and not (verdict == Verdict.UNSTABLE and pair.explained is None):
+        expectation = on_file(expectation, verdict)
     if expectation is AGREES and pair.unsupported and engine_files(library)[pair.subject.engine].elsewhere:
         # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
         expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
-    if expectation is AGREES and verdict == Verdict.UNSTABLE and pair.explained == "" and not library.validated_models(name):
-        # A user's file is the truth itself, of which lost digits are an explanation, as ``harness compare`` has it.
-        expectation = structs.replace(AGREES, verdict=Verdict.UNSTABLE.value, reason=LOST_DIGITS)
     few = settings.state is not None or settings.states < DEFAULT_STATES
     if few and verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
         # So few states need not meet the one that the expectation is about.

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.crosscheck.assignment import Assignment, refuse_robots
-from harness.crosscheck.expected import as_read, load_expectations
+from harness.crosscheck.expected import load_expectations, on_file
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one
 from harness.crosscheck.variation import shrink
@@ -219,7 +219,9 @@ class StateSearch(Study):
         options = [*settings.replay_options, *quantity_options(settings.quantity)]
         distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
-            expectation = as_read(self._expectations.of(settings.library.label(self.name), one.subject), one.verdict)
+            expectation = self._expectations.of(settings.library.label(self.name), one.subject)
+            if settings.library.reads_files:
+                expectation = on_file(expectation, one.verdict)
             replay = replay_command(self.name, one.subject, one.state, options)
             # No worse than what is expected of the pair over many states.
             is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit
