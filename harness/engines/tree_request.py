@@ -90,7 +90,7 @@ def aid_of(tree: Tree, joints: Sequence[AskedJoint]) -> Aid:
 
 def _point_spring(spring: Spring) -> PointSpring:
     """A spring with its ends as points of their bodies."""
-    (body_a, point_a), (body_b, point_b) = ((body, tuple(_frame(pose)[1].tolist())) for body, pose in spring.ends)
+    (body_a, point_a), (body_b, point_b) = ((body, tuple(frame_of(pose)[1].tolist())) for body, pose in spring.ends)
     free_length, stiffness, damping = map(float, (spring.free_length, spring.stiffness, spring.damping))
     line = spring.place.line if spring.place else 0
     return PointSpring(body_a, point_a, body_b, point_b, free_length, stiffness, damping, line)
@@ -101,14 +101,14 @@ def inertias_of(tree: Tree) -> dict[str, BodyInertia]:
     found = {}
     for body in tree.bodies:
         if body.inertia is not None:
-            turn, centre = _frame(body.inertia.pose)
+            turn, centre = frame_of(body.inertia.pose)
             xx, yy, zz, xy, xz, yz = _floats(body.inertia.moments)
             matrix = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
             found[body.name] = BodyInertia(float(body.inertia.mass), centre, (matrix + matrix.T) / 2)
     return found
 
 
-def _frame(pose: Pose) -> tuple[Array, Array]:
+def frame_of(pose: Pose) -> tuple[Array, Array]:
     """Orientation (3, 3) and origin (3,) of a pose, in float64."""
     turn, origin = np.eye(3), np.zeros(3)
     for placement in pose:

@@ -271,3 +271,40 @@ def test_a_reading_is_that_of_versions() -> None:
     robot = meant_by(FILES / "arm.urdf").robot
     [reading] = [one for one in find_readings("mujoco@3.13.0", "urdf") if one.name == "rotation of an inertial origin"]
     assert [place.line for place in reading.places(robot)[1]] == [line_of(FILES / "arm.urdf", 'rpy="0 0.5 0"')]
+
+
+FUSED = """<robot name="fused">
+  <link name="base"/>
+  <link name="arm"><inertial><origin xyz="0.1 0.2 0.05"/><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0.01" ixz="0.02" iyz="-0.03"/></inertial></link>
+  <link name="hand"><inertial><origin xyz="0 0.02 0.05"/><mass value="0.2"/>
+    <inertia ixx="0.001" iyy="0.002" izz="0.0025" ixy="0.0001" ixz="0.0002" iyz="-0.0003"/></inertial></link>
+  <link name="finger"><inertial><origin xyz="0.01 0 0"/><mass value="0.1"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0.0002" ixz="0.0001" iyz="0.0003"/></inertial></link>
+  <joint name="pin" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+  <joint name="wrist" type="fixed"><parent link="arm"/><child link="hand"/><origin xyz="0 0.3 0.1" rpy="0.3 0.2 -0.5"/></joint>
+  <joint name="knuckle" type="fixed"><parent link="hand"/><child link="finger"/><origin xyz="0.05 0 0.1" rpy="0 0.7 0"/></joint>
+</robot>
+"""
+# What MuJoCo 3.13.0 and 3.14.0 compile of it.
+BEFORE = 0.10781193694148311, 0.2074941700157205, 0.2565192355169573, 0.012237091620363448, 0.02240610414095826, -0.03274916832012245
+AFTER = 0.10781193998809252, 0.2074941092457723, 0.2565192932402938, 0.012237090650457548, 0.022406122672046207, -0.0327491163162622
+
+
+def test_what_a_compiler_of_old_makes_of_links_that_it_fuses(tmp_path: Path) -> None:
+    path = tmp_path / "fused.urdf"
+    path.write_text(FUSED)
+    robot = meant_by(path).robot
+    [reading] = [one for one in find_readings("mujoco@3.13.0", "urdf") if one.name == "digits of a full inertia"]
+    arms = [next(body.inertia for body in one.tree.bodies if body.name == "arm") for one in (robot, reading.read(robot))]
+    given, read = (np.array([float(one) for one in arm.moments]) for arm in arms if arm is not None)
+    assert read - given == pytest.approx(np.array(BEFORE) - np.array(AFTER), abs=1e-14)
+
+
+@pytest.mark.parametrize("parent", ["base", "world"])
+def test_a_link_of_the_name_of_the_world_is_the_world(parent: str, tmp_path: Path) -> None:
+    path = tmp_path / "fused.urdf"
+    path.write_text(FUSED.replace('"base"', f'"{parent}"'))
+    robot = meant_by(path).robot
+    [reading] = [one for one in find_readings("mujoco@3.13.0", "urdf") if one.name == "digits of a full inertia"]
+    assert reading.places(robot)[0] == 1

@@ -1,22 +1,16 @@
 """What MuJoCo's reader of URDF takes from its own element ``<mujoco>``, and what it makes of links; one reading of its MJCF, and MJX's."""
 
 import contextlib
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
-import numpy as np
 from lxml import etree
 
-from harness.arrays import Array
 from harness.explain.changes.readings import (
     _left_out,
-    computed,
     element_at,
     law,
-    matrix_of,
-    moments_of,
     readings_of,
     with_bodies,
     with_inertias,
@@ -24,7 +18,7 @@ from harness.explain.changes.readings import (
 )
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
-from harness.trees.bodies.inertias import bounded, whole
+from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
 _MJCF, _URDF = ("mjcf",), ("urdf",)
@@ -35,12 +29,6 @@ _ONE_EXTENSION = "MuJoCo documentation, Modeling, URDF extensions: its own eleme
 _NOTHING = (Fraction(0),) * 6
 # mjMINVAL.
 _LEAST = 1e-15
-# Of kEigEPS: the least product of inertia [kg m^2] that is turned away, and by how much less than 1 the cosine of a turn must be.
-_LEAST_PRODUCT = _LEAST_TURN = 1e-12
-# Of a symmetric matrix; of two that are equal the later is turned away.
-_PRODUCTS = ((0, 1), (0, 2), (1, 2))
-# Of the largest moment, what rounding leaves.
-_ROUNDED = 2.0**-48
 # mjGEOM's default density: that of water.
 _DENSITY = Fraction(1000)
 # Shape to the attributes that give its size, each halved or not, in the order of ``Solid``.
@@ -135,57 +123,6 @@ def _without_massless_inertias(robot: Robot) -> Tree:
     return robot.tree if read == tree else read
 
 
-@law("rotation of an inertial origin", "links", supplied=True, each=with_bodies)
-def _without_turned_inertials(body: Body) -> Body:
-    inertia = body.inertia
-    if inertia is None or not any(placement.rotation for placement in inertia.pose):
-        return body
-    return replace(body, inertia=replace(inertia, pose=tuple(replace(placement, rotation=()) for placement in inertia.pose)))
-
-
-def _with_dropped_products(body: Body) -> Body:
-    """A body with what is left of its inertia along the axes that the compiler takes for the principal ones."""
-    inertia = whole(body)
-    if inertia is None or not any(inertia.moments[3:]):
-        return body
-    kept = _along_found_axes(matrix := matrix_of(inertia))
-    if np.abs(kept - matrix).max() <= _ROUNDED * np.abs(matrix).max():
-        return body
-    moments = tuple(computed(value, body, "moments", index) for index, value in enumerate(moments_of(kept)))
-    return replace(body, inertia=replace(inertia, moments=moments), solids=())
-
-
-def _along_found_axes(matrix: Array) -> Array:
-    """A symmetric matrix (3, 3) without the products that Jacobi's rotations leave when the compiler ends them.
-
-    A turn is that of the compiler's quaternion, whose half sine is of the rounded cosine: one of 1e-6 rad has ten digits.
-    """
-    axes = np.eye(3)
-    while True:
-        turned = axes.T @ matrix @ axes
-        row, column = max(_PRODUCTS, key=lambda place: (abs(turned[place]), place))
-        if abs(turned[row, column]) < _LEAST_PRODUCT:
-            break
-        ratio = float((turned[column, column] - turned[row, row]) / (2 * turned[row, column]))
-        tangent = math.copysign(1 / (abs(ratio) + math.sqrt(1 + ratio * ratio)), ratio)
-        cosine = 1 / math.sqrt(1 + tangent * tangent)
-        if cosine > 1 - _LEAST_TURN:
-            break
-        half = 0.5 - 0.5 * cosine
-        sine = math.copysign(2 * math.sqrt(half * (1 - half)), ratio)
-        rotation = np.eye(3)
-        rotation[[row, column], [row, column]] = 1 - 2 * half
-        rotation[row, column], rotation[column, row] = sine, -sine
-        axes = axes @ rotation
-    return np.asarray((axes * np.diag(turned)) @ axes.T)
-
-
-_rounded_as_given = law("digits of a full inertia", "bodies", each=with_bodies)(_with_dropped_products)
-_rounded_where_links_are_read = law(
-    "digits of a full inertia", "links", supplied=True, after=("rotation of an inertial origin",), each=with_bodies
-)(_with_dropped_products)
-
-
 @law("settotalmass", "files", supplied=True, after=("inertia without mass",))
 def _scaled_as_settings_say(robot: Robot) -> Tree:
     total = next(iter(_settings(robot, "compiler").get("settotalmass", ())), Fraction(0))
@@ -271,28 +208,6 @@ MUJOCO = readings_of(
             ),
         },
     },
-)
-_LOST = (
-    "MuJoCo before 3.14 drops products of inertia below 1e-12 kg m^2, and what a turn below 1.4e-6 rad would remove, "
-    "when it looks for principal axes",
-    "upgrade to MuJoCo 3.14 or later, or give principal moments",
-    "MuJoCo 3.13, user/user_util.cc, mjuu_eig3: it ends where a product or a turn is below kEigEPS",
-)
-MUJOCO_BEFORE_3_14 = readings_of(
-    "mujoco",
-    {
-        _MJCF: {_rounded_as_given: _LOST},
-        _URDF: {
-            _rounded_where_links_are_read: _LOST,
-            _without_turned_inertials: (
-                "MuJoCo before 3.14 passes over the rpy of a link's <inertial><origin>",
-                "upgrade to MuJoCo 3.14 or later, or write the inertia along the link's axes, without an rpy",
-                "MuJoCo 3.13, xml/xml_urdf.cc: the orientation of the origin is overwritten by that of the principal axes",
-            ),
-        },
-    },
-    "<3.14",
-    is_misread=True,
 )
 MJX = readings_of(
     "mjx",
