@@ -14,7 +14,7 @@ from harness.trees.robot import Robot
 ADD_DAMPING, ADD_SPRINGS, ADD_POINT_SPRINGS = "add -d v to tau", "add -k (q - q0) to tau", "add J' f of each spring to tau"
 ADD_TENDONS = "add coef times the force of the tendon to tau of each of its joints"
 ADD_ROTORS = "add the rotor inertias to the diagonal of M, and solve with that"
-CARRY_WEIGHTS = "add J' f to tau for each of these bodies, f the share of its weight, upwards in its centre of mass"
+CARRY_WEIGHTS = "add J' f to tau for each of these bodies, f its share of the weight, upwards in its centre"
 LEAD = "reduce M and its bias to the joints that lead, G' M G and G' h, and solve with these"
 WRITE_INERTIA, POSSIBLE = "write an <inertial> into each of them", "write inertias that a body can have"
 WRITE_OUT_FRAMES = "write out what they hold, each element with its own pose"
