@@ -49,7 +49,8 @@ def command(bracket: Bracket, profile: str) -> None:
     study = cross_check(bracket, settings, brief=True, beside={"robots": vars(robots.result())} if robots else {})
     ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
-    bracket.complete(Gallery(bracket.library, bracket.library.select((), with_variants=True), study.crashes))
+    drawn = robots.settings.paths if robots else ()
+    bracket.complete(Gallery(bracket.library, bracket.library.select((), with_variants=True), study.crashes, drawn))
     write_page(bracket, bracket.number)
     finish(bracket, study, robots=robots)
 

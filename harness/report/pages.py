@@ -72,6 +72,7 @@ class Pages:
         self._cases = self.hard or HardSummary(self.run, Atlas())
         self._files = self.survey.found if self.survey else FilesComparison()
         self.site = collect(self.run, self._verdicts, self._costs, self._cases, self._files)
+        self._paths = {name: path for path, name in short_names(self._files).items()}
         self._has_changes = bool(self._verdicts.earlier or self.site.nights)
         self._row_pages = {row.name: row.page for row in self.site.rows if row.kind != "robot"}
         self._cell_pages = {(cell.row, cell.column, cell.quantity): cell.page for cell in [*self.site.cells, *self.site.quantities]}
@@ -99,8 +100,7 @@ class Pages:
 
     def _index(self) -> Drawn:
         tones = {cell.tone for cell in self.site.cells}
-        # A variant looks like its mechanism.
-        drawings = {row.name: thumbnail(self._verdicts.pictures.get(row.name.partition(".")[0], "")) for row in self.site.rows}
+        drawings = {row.name: thumbnail(self._picture(row)) for row in self.site.rows}
         return draw(
             "index.html",
             site_tables.INDEX,
@@ -125,6 +125,10 @@ class Pages:
             differences=site_tables.DIFFERENCES,
             changes=site_tables.CHANGES,
         )
+
+    def _picture(self, row: SiteRow) -> str:
+        """The drawing of a row; a variant looks like its mechanism."""
+        return self._verdicts.pictures.get(self._paths.get(row.name) or row.name.partition(".")[0], "")
 
     def _changed(self) -> str:
         numbers = counted(sum(bool(trend.changes) for trend in self.site.trends), "number")
@@ -236,7 +240,11 @@ class Pages:
             *robots.survey_sections(found, Detail.VERBOSE, before, places, [robots.published(one, names) for one in survey.earlier])
         ]
         title = f"Robots of {survey.place}"
-        yield site_tables.ROBOTS, draw("robot.html", site_tables.ROBOTS, {}, title=title, run=survey.run, sections=sections, is_one=False)
-        for file in found.files:
-            own = [*comparison.robot_sections(found, file)]
-            yield places[file.path], draw("robot.html", places[file.path], {}, title=file.path, run=None, sections=own, is_one=True)
+        yield (
+            site_tables.ROBOTS,
+            draw("robot.html", site_tables.ROBOTS, {}, title=title, run=survey.run, sections=sections, picture="", is_one=False),
+        )
+        drawings = {row.page: self._picture(row) for row in self.site.rows}
+        for page, file in ((places[file.path], file) for file in found.files):
+            about = {"sections": [*comparison.robot_sections(found, file)], "picture": drawings[page], "is_one": True}
+            yield page, draw("robot.html", page, {}, title=file.path, run=None, **about)

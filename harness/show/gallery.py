@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 from harness.engines import EQUATIONS, Subject, is_native, load_model, subjects_beside
 from harness.files.model_file import read_model
@@ -11,18 +13,21 @@ from harness.library import Library
 from harness.results.cross_check import CrossCheckResult, Picture
 from harness.show.picture import draw
 from harness.show.placement import choose_view, place
+from harness.show.robots import draw_robot
 from harness.study import Inquiry, Part, Study, ask
 
 
 class Gallery(Study):
-    """The pictures of systems; a ``harness.study.Study``. A system that no engine can place has none.
+    """The pictures of systems and robots; a ``harness.study.Study``. A system that no engine can place has none.
 
     ``crashes`` are those of the cross-check, as ``CrossCheck`` has them: what died or hung there would again.
     """
 
     title = "pictures"
 
-    def __init__(self, library: Library, names: Sequence[str], crashes: Collection[tuple[str, str | None]] = ()) -> None:
+    def __init__(
+        self, library: Library, names: Sequence[str], crashes: Collection[tuple[str, str | None]] = (), robots: Sequence[Path] = ()
+    ) -> None:
         super().__init__()
         self._found = CrossCheckResult()
         native = [subject for subject in subjects_beside(library) if subject.format != EQUATIONS and is_native(library, subject)]
@@ -32,16 +37,18 @@ class Gallery(Study):
             name: [own for own in native if not any((name, what) in crashes for what in (str(own), own.format, None))] for name in plain
         }
         self._library, self._sound = library, {name: subjects for name, subjects in sound.items() if subjects}
-        self.steps = len(self._sound)
+        self._robots = robots
+        self.steps = len(self._sound) + len(robots)
 
     def result(self) -> CrossCheckResult:
         return self._found
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
-        yield [self._drawn(name, subjects) for name, subjects in self._sound.items()]
+        drawn = [self._drawn(name, draw_system, self._library, name, subjects) for name, subjects in self._sound.items()]
+        yield [*drawn, *(self._drawn(str(path), draw_robot, path) for path in self._robots)]
 
-    def _drawn(self, name: str, subjects: Sequence[Subject]) -> Inquiry[None]:
-        outcome = yield from ask(draw_system, self._library, name, subjects, affinity=name)
+    def _drawn(self, name: str, *asked: Any) -> Inquiry[None]:
+        outcome = yield from ask(*asked, affinity=name)
         # Why a system or a model cannot be used is in the records.
         drawn = CrossCheckResult(pictures=[Picture(system=name, svg=outcome.value)] if outcome.value else [])
         self._found.extend(drawn)

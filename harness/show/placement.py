@@ -75,12 +75,16 @@ def place(model: Model, mechanism: Mechanism) -> tuple[Pose, Pose] | None:
     singles = {joint: ranges[joint] for joint, size in mechanism.joint_sizes.items() if size == (1, 1)}
     middle = {joint: sum(bounds) / 2 if bounds and not bounds[0] <= 0.0 <= bounds[1] else 0.0 for joint, bounds in singles.items()}
     resting = Pose.of(held(middle, {}))
-    extent = float(np.linalg.norm(np.ptp(np.array(resting.points()), axis=0)))
-    extent = extent or max((abs(bound) for bounds in singles.values() if bounds for bound in bounds), default=0.0) or 1.0
+    extent = extent_of(resting) or max((abs(bound) for bounds in singles.values() if bounds for bound in bounds), default=0.0) or 1.0
     kinds = {name: JointKind(joint.kind) for name, joint in resting.joints.items()}
     steps = {name: [ANGLE_SHOWN if turns else SLIDE_SHOWN * extent for turns in kind.turning] for name, kind in kinds.items()}
     steps |= {name: [min(steps[name][0], bounds[1] - middle[name])] for name, bounds in singles.items() if bounds}
     return resting, Pose.of(held(middle, steps))
+
+
+def extent_of(pose: Pose) -> float:
+    """The diagonal of the box that holds all of a pose [m]."""
+    return float(np.linalg.norm(np.ptp(np.array(pose.points()), axis=0)))
 
 
 @dataclass(frozen=True)

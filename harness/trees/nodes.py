@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -154,17 +155,21 @@ def _at_zero(builder: FileBuilder, kind: JointKind) -> Vector:
     return found
 
 
-def standing(tree: Tree) -> Kinematics:
-    """The nodes of a tree at rest in a program without inputs, where every joint has its reference."""
+def standing(tree: Tree, positions: Mapping[str, Fraction] | None = None) -> Kinematics:
+    """The nodes of a tree at rest in a program without inputs, where every joint has its reference.
+
+    With ``positions`` [m or rad] its hinges and slides have those.
+    """
     tree, builder = bounded(tree), FileBuilder(())
     joints = [joint for joint in tree.joints if not joint.follows]
-    positions = [_at_zero(builder, joint.kind) for joint in joints]
-    for joint, values in zip(joints, positions, strict=True):
+    places = [_at_zero(builder, joint.kind) for joint in joints]
+    for joint, values in zip(joints, places, strict=True):
         if joint.kind.is_single:
-            values[0] = angle(builder, joint.reference, joint.in_degrees)
+            own = angle(builder, joint.reference, joint.in_degrees) if positions is None else builder.number(positions[joint.name])
+            values[0] = own
     kinds = joints_by_themselves(tree)
     rest = builder.zeros(sum(kind.velocities for kind in kinds.values()))
-    coordinates = Coordinates.of(kinds, np.concatenate([rest[:0], *positions]), rest, rest, rest[:0])
+    coordinates = Coordinates.of(kinds, np.concatenate([rest[:0], *places]), rest, rest, rest[:0])
     return _grown(builder, tree, coordinates, Weights(builder, tree))
 
 
