@@ -114,7 +114,7 @@ def run(name: str, folder: Path, **variables: str) -> tuple[subprocess.Completed
 def test_the_night_s_status_is_handed_on_and_ends_no_step(tmp_path: Path, status: str) -> None:
     done, calls = run("Run the night", tmp_path, HARNESS_STATUS=status)
     assert done.returncode == 0, done.stderr
-    assert calls == ["harness nightly --states 50 --seed 3 --out night --json night/nightly.json --resume"]
+    assert calls == ["harness nightly --states 50 --seed 3 --survey harness/robots --out night --json night/nightly.json --resume"]
     assert (tmp_path / "output").read_text().split() == [f"status={status}", "changes=2"]
 
 
