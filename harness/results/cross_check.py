@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
+from harness.results.check_conclusion import conclusion, was_compared, with_short_names
 from harness.results.detail import Detail
 from harness.results.hard_states import RankedCase
-from harness.results.records import Record, StudyResult
-from harness.results.table import Column, Table
+from harness.results.records import ACCELERATIONS, Record, StudyResult
+from harness.results.table import Column, Table, counted, plural
+
+SUPERFLUOUS = "superfluous part"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,6 +215,23 @@ class CrossCheckResult(StudyResult):
 
     @property
     def as_expected(self) -> bool:
-        """True where every verdict is the expected one, and no superfluous part and no difference after loading fails the check."""
-        failing = any(part.fails for part in self.superfluous) or any(finding.fails for finding in self.differs)
-        return all(record.as_expected for record in self.records) and not failing
+        """True where something was compared, every verdict is the expected one, and nothing of ``faults_of_models`` is found."""
+        return was_compared(self.records) and all(record.as_expected for record in self.records) and not self.faults_of_models
+
+    @property
+    def faults_of_models(self) -> list[str]:
+        """The numbers of superfluous parts and of differences after loading that fail the check, in words."""
+        failing, apart = (sum(one.fails for one in found) for found in (self.superfluous, self.differs))
+        parts = [counted(failing, SUPERFLUOUS)] if failing else []
+        return [*parts, f"{counted(apart, 'difference')} after loading"] if apart else parts
+
+    def conclusion(self, quantities: Collection[str] = (ACCELERATIONS,)) -> str:
+        """What was found in one sentence; answers for other quantities than those that were asked for are counted by themselves."""
+        others = [one for one in self.records if one.quantity not in quantities and was_compared([one])]
+        wrong, warnings = sum(not one.as_expected for one in others), sum(not part.fails for part in self.superfluous)
+        further = f"{wrong} of {len(others)} answers for further quantities {plural(wrong, 'differs', 'differ')} unexpectedly"
+        parts = [conclusion(with_short_names(one for one in self.records if one.quantity in quantities))]
+        parts += [further if wrong else f"{counted(len(others), 'answer')} for further quantities as expected"] if others else []
+        parts += [f"not as expected: {' and '.join(self.faults_of_models)}"] if self.faults_of_models else []
+        parts += [f"{counted(warnings, SUPERFLUOUS)} {plural(warnings, 'is a warning', 'are warnings')}"] if warnings else []
+        return f"{'; '.join(parts)}."

@@ -159,6 +159,11 @@ class Record:
         return bool(quantity_words(self.quantity))
 
     @property
+    def is_asked(self) -> bool:
+        """False for another quantity than accelerations that the engine does not claim to compute."""
+        return self.verdict != Verdict.UNSUPPORTED or not self.is_further or bool(self.expected_link) or not self.as_expected
+
+    @property
     def as_expected(self) -> bool:
         """True for the expected verdict with no larger errors than the expectation explains."""
         return self.verdict == self.expected and not self.beyond

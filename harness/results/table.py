@@ -54,6 +54,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def plural(number: int, one: str, several: str) -> str:
+    """The word that goes with a number."""
+    return one if number == 1 else several
+
+
 def grouped(pairs: Iterable[tuple[_Key, _Held]]) -> dict[_Key, list[_Held]]:
     """Items by their keys, which stand in the order in which they come."""
     found: dict[_Key, list[_Held]] = {}

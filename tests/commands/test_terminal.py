@@ -34,7 +34,7 @@ from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.results import benchmark as bench
 from harness.results.atlas import Atlas, HardPoint, HardRow, Parting, StableStep
-from harness.results.cross_check import Cause, SuperfluousPart
+from harness.results.cross_check import Cause, CrossCheckResult, SuperfluousPart
 from harness.results.detail import Detail
 from harness.results.pareto import with_cheapest
 from harness.results.records import Record
@@ -94,7 +94,7 @@ PRINTED: dict[str, Callable[[], None]] = {
     "records": lambda: terminal.print_table([WRONG], RUN),
     "unexpected": lambda: terminal.print_unexpected([WRONG]),
     "superfluous": lambda: terminal.print_superfluous([hostile(SuperfluousPart)]),
-    "causes": lambda: terminal.print_causes(CAUSES, Settings(library=Library.built_in())),
+    "causes": lambda: terminal.print_diagnoses_left(CrossCheckResult(causes=CAUSES), Settings(library=Library.built_in())),
     "diagnoses": lambda: terminal.print_diagnoses(CAUSES, [DIFFERENCE]),
     "benchmark": lambda: _print_benchmark(BenchmarkSummary(RUN, with_cheapest(MEASURED))),
     "atlas": _atlas,

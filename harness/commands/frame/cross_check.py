@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 from harness.commands.frame.bracket import Bracket
 from harness.commands.frame.terminal import (
-    print_causes,
-    print_count,
+    print_diagnoses_left,
     print_differs,
     print_further_quantities,
-    print_quantity_diagnoses,
     print_sections,
     print_superfluous,
     print_table,
     print_unexpected,
     say,
 )
+from harness.results.check_conclusion import with_short_names
+from harness.results.cross_check import Causes
 from harness.results.records import ACCELERATIONS
 from harness.verdict import Verdict
 
@@ -61,7 +61,7 @@ def cross_check(
     found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
-    further = {"causes": found.causes, "remarks": settings.library.remarks()}
+    further = {"summary": found.conclusion(quantities), "causes": found.causes, "remarks": settings.library.remarks()}
     present = {name: part for name, part in further.items() if part} | dict(beside or {})
     bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
     return study
@@ -137,17 +137,16 @@ def finish(
     ``robots``: a comparison that the command ran beside, whose outcome counts too.
     """
     found = study.result()
-    asked = [record for record in found.records if record.quantity in quantities]
-    print_table(asked, bracket.run, bracket.detail)
-    others = [record for record in found.records if record.quantity not in quantities]
+    records = with_short_names(found.records)
+    asked, others = ([one for one in records if (one.quantity in quantities) is named] for named in (True, False))
+    say(found.conclusion(quantities), *Causes(with_short_names(found.causes)).told(), "")
+    shown = print_table(asked, bracket.run, bracket.detail)
     print_further_quantities(others)
     say(*study.settings.library.remarks())
-    print_unexpected(found.records)
+    print_unexpected([*shown, *(one for one in others if not one.as_expected or bracket.detail)])
     print_superfluous(found.superfluous)
     print_differs(found.differs)
-    print_count(asked, found.superfluous, found.differs, others)
-    print_causes(found.causes, study.settings)
-    print_quantity_diagnoses(found.records, study.settings)
+    print_diagnoses_left(found, study.settings)
     problems, crashed, as_expected = list(study.problems), study.crashed, found.as_expected
     if robots is not None:
         from harness.report.survey import survey_sections

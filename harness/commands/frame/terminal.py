@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from harness.results.cross_check import Causes
+from harness.results.check_conclusion import engine_lines, first_rows, was_compared
+from harness.results.cross_check import SUPERFLUOUS
 from harness.results.detail import Detail
 from harness.results.records import Record, Records, Run
 from harness.results.table import Table, counted, grouped, printable
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from harness.report.benchmarks import BenchmarkSummary
     from harness.report.comparison import Section
     from harness.report.hard_cases import HardSummary
-    from harness.results.cross_check import Cause, HeldDifference, SuperfluousPart
+    from harness.results.cross_check import Cause, CrossCheckResult, HeldDifference, SuperfluousPart
 
 SECONDS_BETWEEN_LINES, LOOK_SECONDS = 10.0, 0.5
 # Below it, rich drops columns.
@@ -118,12 +119,24 @@ def print_rows(table: Table) -> None:
         click.echo(str(table))
 
 
-def print_table(records: Sequence[Record], run: Run, detail: Detail = Detail.BRIEF) -> None:
-    """One row per record on standard output; ``Detail.VERBOSE`` adds where their states come from, and under which load they were timed."""
-    shown = Records(records)
-    print_rows(shown.brief(detail))
-    if detail == Detail.VERBOSE and any(record.seconds_per_state is not None for record in shown):
+def print_table(records: Sequence[Record], run: Run, detail: Detail = Detail.BRIEF) -> Records:
+    """One row per record on standard output; of many those that are not plain agreement, and a line for each engine. The records shown.
+
+    ``Detail.VERBOSE`` adds where their states come from, and under which load they were timed.
+    """
+    shown = first_rows(records, detail)
+    if shown:
+        print_rows(shown.brief(detail))
+    if left_out := len(records) - len(shown):
+        say("", *engine_lines(records), "")
+    rest = [f"--all shows the {left_out} that agree"] if left_out else []
+    if detail < Detail.VERBOSE:
+        rest.append("--verbose tells where the states come from")
+    elif any(record.seconds_per_state is not None for record in shown):
         say(*filter(None, [shown.origins, f"times: median and fastest call, {run.load}"]))
+    if was_compared(records):
+        say("; ".join([f"errors count data roundoffs, of which up to {AGREEMENT:g} agree", *rest]))
+    return shown
 
 
 def print_titled(title: str, table: Table) -> None:
@@ -165,11 +178,10 @@ def print_sentences(measured: BenchmarkSummary | HardSummary) -> None:
 
 def print_further_quantities(records: Sequence[Record]) -> None:
     """A line for each subject: what it was asked for beside accelerations, and the worst of it."""
-    if records:
-        most = max(record.states for record in records)
+    if most := max((record.states for record in records), default=0):
         names = ", ".join(dict.fromkeys(record.quantity for record in records))
         say("", f"further quantities at {most} states each, of which harness check NAME --quantity QUANTITY tells more:", f"  {names}")
-    for subject, own in sorted(grouped((record.subject, record) for record in records).items()):
+    for subject, own in sorted(grouped((record.subject, record) for record in records).items()) if most else ():
         say(f"  {subject}: {_in_brief(own)}")
 
 
@@ -201,34 +213,11 @@ def print_unexpected(records: Sequence[Record]) -> None:
     say(*Records(records).remarks)
 
 
-def print_count(
-    records: Sequence[Record], findings: Sequence[SuperfluousPart], differs: Sequence[HeldDifference] = (), others: Sequence[Record] = ()
-) -> None:
-    """The number of records that are as expected, of all records, superfluous parts and differences that fail the check.
-
-    ``others`` are records of quantities that were not asked for by name; they are counted by themselves.
-    """
-    failing = sum(part.fails for part in findings)
-    warnings = len(findings) - failing
-    apart = sum(finding.fails for finding in differs)
-    good, in_all = sum(record.as_expected for record in records), len(records) + failing + apart
-    counts = [_superfluous(failing)] if failing else []
-    counts += [f"{counted(apart, 'difference')} after loading"] if apart else []
-    parts = f": {' and '.join(counts)} {'is' if failing + apart == 1 else 'are'} not" if counts else ""
-    parts += f", and {_superfluous(warnings)} {'is a warning' if warnings == 1 else 'are warnings'}" if warnings else ""
-    parts += f", {sum(record.as_expected for record in others)} of {len(others)} of further quantities" if others else ""
-    say("", f"{good} of {in_all} as expected{parts}; backward error counts data roundoffs, up to {AGREEMENT:g} agrees")
-
-
-def _superfluous(count: int) -> str:
-    return "1 superfluous part of a model" if count == 1 else f"{count} superfluous parts of models"
-
-
 def print_superfluous(findings: Sequence[SuperfluousPart]) -> None:
     """A line for each part of a model that its scene does not need, those that fail the check first."""
 
     def title(fails: bool, count: int) -> str:
-        return _superfluous(count) + ("" if fails else f", which {'is a warning' if count == 1 else 'are warnings'}")
+        return f"{counted(count, SUPERFLUOUS)} of models" + ("" if fails else f", which {'is a warning' if count == 1 else 'are warnings'}")
 
     _print_failing_first(sorted(findings, key=attrgetter("path", "subject", "line")), title)
 
@@ -249,16 +238,11 @@ def _print_failing_first(findings: Sequence[SuperfluousPart | HeldDifference], t
             say("", f"{title(fails, len(found))}:", *(f"  {finding}" for finding in found))
 
 
-def print_causes(causes: Sequence[Cause], settings: Settings) -> None:
-    """Why records are wrong, and the command that shows the rest, of a cross-check with ``settings``."""
-    say(*Causes(causes).told())
-    if causes:
-        say("", f"the whole diagnosis: {settings.diagnosis(_one_name(causes))}")
-
-
-def print_quantity_diagnoses(records: Sequence[Record], settings: Settings) -> None:
-    """The command that says what is wrong with each quantity beside accelerations that is not as expected."""
-    wrong = [record for record in records if record.is_further and not record.as_expected]
+def print_diagnoses_left(found: CrossCheckResult, settings: Settings) -> None:
+    """The commands that say the rest of what is wrong: of accelerations, and of each other quantity that is not as expected."""
+    if found.causes:
+        say("", f"the whole diagnosis: {settings.diagnosis(_one_name(found.causes))}")
+    wrong = [record for record in found.records if record.is_further and not record.as_expected]
     for quantity, own in itertools.groupby(sorted(wrong, key=attrgetter("quantity")), key=attrgetter("quantity")):
         say("", f"the diagnosis of {quantity}: {settings.diagnosis(_one_name(own), quantity)}")
 

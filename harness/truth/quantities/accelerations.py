@@ -27,7 +27,6 @@ from harness.programs.states import States
 from harness.results.records import ACCELERATIONS as NAME
 from harness.storage import Kept
 from harness.trees.canonical import CanonicalNode, canonical
-from harness.trees.inverse_weights import inverse_weights
 from harness.trees.mechanism import RobotMechanism
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, Flags, compare
@@ -185,6 +184,9 @@ def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], mod
     Raises:
         InvalidModel: the rows of a constraint weigh differently in the file, and the mechanism has not as many; or they have no weight.
     """
+    # A mechanism without constraints imports nothing of it.
+    from harness.trees.inverse_weights import inverse_weights
+
     try:
         weights = inverse_weights(model, (part for law in laws.values() for row in law.weights or () for part in row))
     except ValueError as error:

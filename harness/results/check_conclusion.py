@@ -1,0 +1,131 @@
+"""The conclusion of a cross-check in a sentence, and the records that a person reads first; the same for every medium."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
+
+from harness.results.detail import Detail
+from harness.results.readings import by_effect
+from harness.results.records import Record, Records
+from harness.results.table import counted, grouped, plural
+from harness.verdict import SOFT, SOUND, Verdict
+
+if TYPE_CHECKING:
+    from harness.results.cross_check import Cause
+    from harness.results.engine_lines import Answer
+
+_Named = TypeVar("_Named", Record, "Cause")
+# Of more records those that agree are counted, and not shown one by one.
+MOST_ROWS = 30
+# Of those that are not as expected; of more the first are.
+_MOST_NAMED = 3
+
+
+def conclusion(records: Sequence[Record]) -> str:
+    """How many answers agree, differ for a known reason, and differ unexpectedly; why nothing was compared, where nothing was.
+
+    What no engine offers is not counted.
+    """
+    asked = [one for one in records if one.is_asked]
+    if not was_compared(records):
+        return _nothing(records)
+    systems = {one.system for one in asked}
+    kind = "answer" if any(one.is_further for one in asked) else "pair" if len(systems) > 1 else "subject"
+    head = f"{asked[0].system}: " if len(systems) == 1 else ""
+    agreeing, wrong = [one for one in asked if one.verdict == Verdict.AGREES and one.as_expected], Records(asked).unexpected
+    soft = sum(one.outcome == SOFT for one in agreeing)
+    softly = f" ({soft} {SOFT})" if soft else ""
+    silent = len(records) - len(asked)
+    rest = f"; {counted(silent, 'further one')} {plural(silent, 'is', 'are')} not offered" if silent else ""
+    if len(agreeing) == len(asked):
+        every = f"all {len(asked)} {kind}s agree" if len(asked) > 1 else f"{_name(asked[0], head)} agrees"
+        return f"{head}{every}{softly}{rest}"
+    explained = [one for one in asked if one.verdict in SOUND and one.as_expected and one not in agreeing]
+    known = len(asked) - len(agreeing) - len(explained) - len(wrong)
+    parts = [f"{len(agreeing) or 'none'} {plural(len(agreeing) or 1, 'agrees', 'agree')}{softly}"]
+    parts += [f"{len(explained)} {plural(len(explained), 'is', 'are')} explained by how the engine reads the file"] if explained else []
+    parts += [f"{known} {plural(known, 'differs', 'differ')} for a known reason"] if known else []
+    unexpected = f"{len(wrong)} {'' if known else plural(len(wrong), 'differs ', 'differ ')}unexpectedly"
+    parts += [unexpected] if known or wrong else []
+    return f"{head}{counted(len(asked), kind)}: {', '.join(parts)}{rest}{_named(wrong, head)}{_read(explained)}"
+
+
+def with_short_names(named: Iterable[_Named]) -> list[_Named]:
+    """Records, or causes, of files under the shortest names that tell these apart; what repeats them has the whole path."""
+    known = list(named)
+    if not any("/" in one.system for one in known):
+        return known
+    from harness.results.comparison import names_apart
+
+    names = names_apart(one.system for one in known)
+    return [replace(one, system=names[one.system]) for one in known]
+
+
+def was_compared(records: Iterable[Record]) -> bool:
+    """True where somebody answered, or failed to."""
+    return any(one.states or not one.as_expected for one in records)
+
+
+def first_rows(records: Sequence[Record], detail: Detail) -> Records:
+    """All records where they are few or all is asked for; else those that are not plain agreement."""
+    if len(records) <= MOST_ROWS or detail >= Detail.ALL:
+        return Records(records)
+    return Records(one for one in records if one.is_asked and not (one.verdict == Verdict.AGREES and one.as_expected))
+
+
+def engine_lines(records: Iterable[Record]) -> list[str]:
+    """A line for each engine: what it is right on, and what not."""
+    from harness.results.engine_lines import engine_line
+
+    answers = grouped((one.subject.partition("/")[0], _answer(one)) for one in records if one.is_asked)
+    return [f"{engine}: {engine_line(own)}" for engine, own in sorted(answers.items())]
+
+
+def _answer(record: Record) -> Answer:
+    from harness.results.engine_lines import Answer
+
+    return Answer(
+        name=record.system if not record.is_further else f"{record.quantity} of {record.system}",
+        format=record.subject.partition("/")[2],
+        outcome=record.verdict,
+        features=record.features,
+        from_rigid=record.from_rigid,
+    )
+
+
+def _name(record: Record, head: str) -> str:
+    """A record by what its head leaves open."""
+    return record.series if head else record.title
+
+
+def _named(wrong: Sequence[Record], head: str) -> str:
+    named = [f"{_name(one, head)} {_SAID.get(one.verdict, f'is {one.verdict}')}" for one in wrong[:_MOST_NAMED]]
+    more = [f"{len(wrong) - _MOST_NAMED} more"] if len(wrong) > _MOST_NAMED else []
+    return f": {', '.join([*named, *more])}" if named else ""
+
+
+_SAID = {
+    Verdict.AGREES.value: "agrees",
+    Verdict.DISAGREES.value: "disagrees",
+    Verdict.MISREADS.value: "misreads it",
+    "error": "gives no answer",
+}
+
+
+def _read(explained: Sequence[Record]) -> str:
+    """The readings that move the accelerations of each subject most, with their effects and what its user can do."""
+    if not explained:
+        return ""
+    from harness.results.conclusion import reasons_text
+
+    largest = [reading for one in explained for reading in by_effect(one.readings)[:1]]
+    return "".join(f". {sentence}" for sentence in reasons_text(largest))
+
+
+def _nothing(records: Sequence[Record]) -> str:
+    whys = list(dict.fromkeys(f"{one.title}: {one.message or one.verdict}" for one in records))
+    more = f", and {len(whys) - 1} more" if len(whys) > 1 else ""
+    why = f": {whys[0]}{more}" if whys else ""
+    return f"nothing was compared{why}; name another subject or quantity"
