@@ -75,8 +75,10 @@ def requested(bracket: Bracket, names: Sequence[str]) -> list[tuple[str, str]]:
     return requested
 
 
-def add(bracket: Bracket, engine: str, version: str) -> str:
+def add(bracket: Bracket, engine: str, version: str, err: bool = False) -> str:
     """Make the environment of a version, "" for the newest, where there is none; the name that subjects have for it.
+
+    ``err``: whether what was done is said on standard error.
 
     Raises:
         InvalidRequest: it cannot be installed.
@@ -93,7 +95,7 @@ def add(bracket: Bracket, engine: str, version: str) -> str:
     made = known[0] if known else install(engine, file.requires[1], file.requires[0], version, file.requirements(version))
     if not known:
         bracket.describe_engines()
-    say(f"{made.name}: {'is there' if known else 'made'}, {_megabytes(made.size())} in {made.folder}")
+    say(f"{made.name}: {'is there' if known else 'made'}, {_megabytes(made.size())} in {made.folder}", err=err)
     return made.name
 
 

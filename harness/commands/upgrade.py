@@ -126,10 +126,8 @@ def _bisect(bracket: Bracket, settings: Settings, asked: UpgradeOptions, ends: S
     answers: dict[str, tuple[str, _Answers]] = {}
 
     def ask(version: str) -> tuple[str, _Answers]:
-        name = add(bracket, engine, version)
-        found = _ask(bracket, settings, name)
-        say(*(f"  {one.system} {one.subject}: {one.verdict}" for one in sorted(found.records, key=attrgetter("system", "subject"))))
-        answers[version] = name, found
+        name = add(bracket, engine, version, err=True)
+        answers[version] = name, _ask(bracket, settings, name)
         return answers[version]
 
     def held(one: tuple[str, _Answers], other: tuple[str, _Answers]) -> list[Asked]:
@@ -140,15 +138,13 @@ def _bisect(bracket: Bracket, settings: Settings, asked: UpgradeOptions, ends: S
         return any(pair.is_changed for pair in held(one, other))
 
     found = first_changed(versions, ask, changed)
-    count = f"asked: {', '.join(answers)} of {len(versions)} versions"
-    if found is None:
-        say(f"nothing changed from {versions[0]} to {versions[-1]}; {count}")
-        bracket.finish([], False, True)
-        return
-    (before, old), (now, new) = (answers[version] for version in found)
+    ends = found or (versions[0], versions[-1])
+    (before, old), (now, new) = (answers[version] for version in ends)
     both = _Answers(new.study, [*old.records, *new.records], {**old.portraits, **new.portraits})
-    upgraded = _explained(bracket, settings, asked, both, (before, now), found)
-    say("", f"first changed by {engine} {found[1]}; {found[0]} is as {versions[0]}; {count}")
+    upgraded = _explained(bracket, settings, asked, both, (before, now), ends)
+    which = f"{upgraded.engine} {ends[1]} is the first version that changes anything, and {ends[0]} is as {versions[0]}"
+    none = f"No version of {upgraded.engine} up to {ends[1]} changes what {ends[0]} does"
+    say(f"{which if found else none}; asked: {', '.join(answers)} of {len(versions)} versions")
     say(*upgraded.lines(asked.allows_left_out, bracket.detail))
     bracket.finish([], False, upgraded.is_fine(asked.allows_left_out))
 

@@ -293,7 +293,7 @@ class Upgraded:
 
     def _told(self, change: RunChange, detail: Detail) -> Iterator[str]:
         if change.what == ACCELERATIONS:
-            yield f"accelerations move {_by_up_to(change.size or 0.0)}"
+            yield f"accelerations move by up to {change.now}"
         elif change.what == NUMBERS:
             yield f"{change.what} {change.now}"
         elif change.what in (READING, TERMS) and change.is_better:

@@ -20,7 +20,7 @@ from harness.explain.meant import meant, question_of
 from harness.files.findings import LeftOut
 from harness.library import Library
 from harness.results.readings import share_text
-from harness.results.table import grouped
+from harness.results.table import error_text, grouped
 from harness.results.trend import RunChange
 from harness.results.upgrade import ACCELERATIONS, NUMBERS, CompiledChange
 from harness.study import Note
@@ -126,10 +126,11 @@ def changes_between(system: str, subject: str, before: Portrait, now: Portrait) 
     failures = [failure for failure in (before.failure, now.failure) if failure]
     found = [RunChange(system=system, subject=subject, what=NUMBERS, before="", now=f"not compared: {failure}") for failure in failures[:1]]
     if before.accelerations.shape == now.accelerations.shape and now.accelerations.size:
-        by = np.linalg.norm(now.accelerations - before.accelerations, axis=1)
-        moved = float(by[by > AGREEMENT * (before.roundoff + now.roundoff)].max(initial=0.0))
-        if moved:
-            found.append(RunChange(system=system, subject=subject, what=ACCELERATIONS, before="", now=share_text(moved), size=moved))
+        by, roundoff = np.linalg.norm(now.accelerations - before.accelerations, axis=1), before.roundoff + now.roundoff
+        if (felt := by > AGREEMENT * roundoff).any():
+            moved, roundoffs = float(by[felt].max()), float((by / roundoff).max())
+            said = f"{share_text(moved)} of their size, {error_text(roundoffs)} data roundoffs"
+            found.append(RunChange(system=system, subject=subject, what=ACCELERATIONS, before="", now=said, size=moved))
     return found, list(_numbers(system, subject, _by_name(before), _by_name(now)))
 
 
