@@ -167,6 +167,7 @@ def _file_record(found: Meant) -> FileRecord:
         meshes=robot.meshes,
         left_out=list(robot.left_out),
         impossible=list(robot.impossible),
+        trunk=robot.trunk_on_the_world,
     )
 
 

@@ -23,7 +23,7 @@ from harness.files.left_out import left_out_of_mjcf, left_out_of_urdf
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.mjcf.reading import read_tree as read_mjcf
 from harness.files.tree import Joint, SpringDampers, Tree
-from harness.files.urdf.reading import FLOATING_BASE, UrdfReader
+from harness.files.urdf.reading import UrdfReader
 from harness.library import TEMPLATE_SUFFIX
 
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
@@ -42,6 +42,7 @@ class Meaning:
         tree: without the forces and inertias of ``unread``, and without those of ``spring_dampers``.
         equalities: what is tied beside the tree; a joint that mimics another is one, and follows the other in the tree.
         passed_over: what no model of a mechanism may say, in the order in which it was found.
+        floating_base: name of the free joint that was put under the root of a URDF; "" for none.
     """
 
     format: str
@@ -51,6 +52,7 @@ class Meaning:
     passed_over: tuple[PassedOver, ...]
     unread: tuple[Unread, ...]
     spring_dampers: SpringDampers
+    floating_base: str = ""
 
     @cached_property
     def moving(self) -> tuple[Joint, ...]:
@@ -58,7 +60,7 @@ class Meaning:
         moving = [joint for joint in self.tree.joints if not joint.follows]
         if self.format == "urdf":
             # A tree has them by depth.
-            moving.sort(key=lambda joint: (joint.name != FLOATING_BASE, joint.place.element if joint.place else 0))
+            moving.sort(key=lambda joint: (joint.name != self.floating_base, joint.place.element if joint.place else 0))
         return tuple(moving)
 
 
@@ -101,13 +103,15 @@ def read(
         InvalidModel: something in it has no meaning: a number that is none, a joint without axis, links that are no tree, an element
             that makes bodies by the rules of one engine alone.
     """
-    source = Source(document)
+    source, base = Source(document), ""
     if (format := _format(source)) == "urdf":
-        tree, equalities = UrdfReader(source).read(gravity, floating_base)
+        reader = UrdfReader(source)
+        tree, equalities = reader.read(gravity, floating_base)
+        base = reader.floating_base
         left_out, spring_dampers = left_out_of_urdf(source), SpringDampers()
     elif floating_base:
         source.refuse(source.root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
         tree, equalities, spring_dampers = read_mjcf(source, compile_meshes)
         left_out = left_out_of_mjcf(source, tree)
-    return Meaning(format, tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers)
+    return Meaning(format, tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers, base)

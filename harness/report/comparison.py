@@ -134,6 +134,7 @@ def _description(file: FileRecord) -> list[str]:
     return [
         f"{file.path}: {file.format.upper()}, {file.bodies} bodies, {counted(file.joints, 'joint')}"
         f"{followers}, {file.degrees_of_freedom} degrees of freedom, {file.total_mass:.6g} kg, gravity {gravity} m/s^2",
+        f"  {file.base}" if file.base else "",
         f"  {file.remark}" if file.remark else certified,
         f"  inertia of {meshes} as MuJoCo compiled it ({lines_text(file.meshes)}): not judged" if file.meshes else "",
         *(f"  left out: {one.what}, {len(one.lines)} ({lines_text(one.lines)}): {bearing[one.bears_on_motion]}" for one in file.left_out),

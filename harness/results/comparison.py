@@ -23,6 +23,7 @@ class FileRecord:
         problem: why it has no meaning; "" where it has one. gravity: [m/s^2].
         undecided: number of states without certified truth. remark: why there are no states; "" where there are some.
         meshes: lines of geoms whose inertia is that of a mesh as MuJoCo compiled it.
+        trunk: the body that hangs on the world without a joint though its limbs speak of one that floats; "" for none.
     """
 
     path: str
@@ -40,6 +41,13 @@ class FileRecord:
     meshes: tuple[int, ...] = ()
     left_out: list[LeftOut] = field(default_factory=list)
     impossible: list[Impossible] = field(default_factory=list)
+    trunk: str = ""
+
+    @property
+    def base(self) -> str:
+        """What to do where a trunk is fixed to the world, a sentence; "" where none is."""
+        remedy = "--floating-base for a free one" if self.format == "urdf" else "give it a <freejoint/> for a free one"
+        return f"fixed base: {self.trunk} hangs on the world without a joint; {remedy}" if self.trunk else ""
 
     @property
     def name(self) -> str:

@@ -225,6 +225,8 @@ def _facts(file: FileRecord) -> Iterator[str]:
     what = f"{file.bodies} bodies, {counted(file.joints, 'joint')}{mimics}, {file.degrees_of_freedom} degrees of freedom"
     undecided = f", of which {file.undecided} have no certain accelerations" if file.undecided else ""
     yield f"{what}, {file.total_mass:.6g} kg; {counted(file.states, 'state')}{undecided}"
+    if file.base:
+        yield file.base
     felt = [f"{one.what} ({len(one.lines)})" for one in file.left_out if one.bears_on_motion]
     others = sum(len(one.lines) for one in file.left_out if not one.bears_on_motion)
     if felt or others:

@@ -13,6 +13,8 @@ parameters, ``solref``; Wensing, Kim, Slotine, IEEE RA-L 3(1), 2018, for the ine
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,12 +23,12 @@ from harness.errors import InvalidModel
 from harness.files.document.xml import Document, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
+from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.reading import EXPECTED, GRAVITY, Meaning, read
-from harness.files.tree import Given, Joint, SpringDampers, Tree
+from harness.files.tree import WORLD, Given, Joint, SpringDampers, Tree
 from harness.files.urdf.kinds import BALL_CONSTRAINT
-from harness.files.urdf.reading import FLOATING_BASE
 from harness.programs.evaluation import mass_matrix
 from harness.trees import recursion
 from harness.trees.bodies.inertias import impossible_inertias, total_mass
@@ -37,6 +39,12 @@ __all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "robot_of", "tree_of"
 # M of more has some hundred thousand entries, and its inverse takes minutes to certify.
 MOST_DEGREES_OF_FREEDOM = 500
 _BITS = 192
+# What bodies of robots that float are called, and how many limbs such a robot has at least.
+_FOOT = re.compile(r"(foot|feet|toe|ankle|sole|calf|shank)(?![a-z])", re.IGNORECASE)
+_FINGER = re.compile(r"finger|thumb|gripper", re.IGNORECASE)
+_ROTOR = re.compile(r"rotor|propeller|prop_", re.IGNORECASE)
+_TRUNK = re.compile(r"base(?!ment)|trunk|pelvis|torso|(^|_)body|waist", re.IGNORECASE)
+_LIMBS = 3
 
 
 @dataclass(frozen=True)
@@ -79,6 +87,31 @@ class Robot:
         kinds = {joint.name: joint.kind for joint in self.tree.joints}
         return sum(kinds[name].velocities for name in self.joints)
 
+    @property
+    def trunk_on_the_world(self) -> str:
+        """Name of the body that hangs on the world without a joint though its limbs speak of one that floats; "" for none.
+
+        Feet at two limbs, three rotors, or three limbs of a body that is called as trunks are; hands are called so too.
+        """
+        before, first, carried = self.tree.joints_before, dict[str, str](), {WORLD: ""}
+        for name, above in before.items():
+            first[name] = first[above] if above else name
+        for body in self.tree.bodies:
+            carried[body.name] = body.joints[-1].name if body.joints else carried[body.parent]
+        if any(joint.kind is JointKind.FREE for joint in self.tree.joints):
+            return ""
+        limbs: dict[str, list[str]] = {}
+        for name, joint in carried.items():
+            limbs.setdefault(first.get(joint, ""), []).append(name)
+        standing = [name for name in limbs.pop("", []) if name != WORLD]
+        lengths = Counter(first.values())
+        feet = sum(any(map(_FOOT.search, names)) for names in limbs.values())
+        fingers = sum(any(map(_FINGER.search, names)) for names in limbs.values())
+        rotors = sum(bool(_ROTOR.search(name)) for name in carried)
+        is_trunk = any(map(_TRUNK.search, standing)) and sum(lengths[limb] > 1 for limb in limbs) > _LIMBS - 1 and 2 * fingers < len(limbs)
+        floats = bool(standing) and (feet > 1 or rotors >= _LIMBS or is_trunk)
+        return next((name for name in standing if _TRUNK.search(name)), standing[0]) if floats else ""
+
     def joint(self, name: str) -> Joint:
         """A joint by its name; raises KeyError where there is none."""
         return {joint.name: joint for joint in self.tree.joints}[name]
@@ -104,7 +137,7 @@ def robot_in(
 ) -> Robot:
     """``read_robot`` of a file's elements, which the caller may have changed; raises the same."""
     meaning = read(document, floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
-    return _robot(document.path, meaning, FLOATING_BASE if floating_base else "")
+    return _robot(document.path, meaning)
 
 
 def robot_of(model: ModelFile, gravity: float) -> Robot:
@@ -131,7 +164,7 @@ def _whole(meaning: Meaning) -> Tree:
     return with_spring_dampers(meaning.tree, meaning.spring_dampers)
 
 
-def _robot(path: Path, meaning: Meaning, floating_base: str = "") -> Robot:
+def _robot(path: Path, meaning: Meaning) -> Robot:
     tree = _whole(meaning)
     robot = Robot(
         path=path,
@@ -141,7 +174,7 @@ def _robot(path: Path, meaning: Meaning, floating_base: str = "") -> Robot:
         left_out=meaning.left_out,
         impossible=impossible_inertias(tree),
         total_mass=total_mass(tree),
-        floating_base=floating_base,
+        floating_base=meaning.floating_base,
         # No engine's reader reads Drake's constraints, which are among what is left out.
         equalities=tuple(one for one in meaning.equalities if one.kind != BALL_CONSTRAINT),
     )

@@ -80,6 +80,17 @@ def test_a_joint_that_one_file_alone_moves_stands_still_while_the_rest_is_compar
     assert pair["locked"][0]["name"] == "elbow" and pair["locked"][0]["second_place"] == ""
 
 
+def test_a_trunk_on_the_world_is_told_with_what_makes_it_float(tmp_path: Path) -> None:
+    legs = "".join(
+        f"""<link name="{side}_foot"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+        </inertial></link><joint name="{side}" type="revolute"><parent link="trunk"/><child link="{side}_foot"/></joint>"""
+        for side in "lr"
+    )
+    (tmp_path / "biped.urdf").write_text(f'<robot name="r"><link name="trunk"/>{legs}</robot>')
+    done = harness("compare", "biped.urdf", "--states", "4", cwd=tmp_path)
+    assert "fixed base: trunk hangs on the world without a joint; --floating-base for a free one" in done.stdout
+
+
 WRONG_NAMES = {
     "--map shouldr=shoulder": r"--map shouldr=shoulder: no joint 'shouldr' moves in arm.urdf; did you mean 'shoulder'\?",
     "--map shoulder=sholder": r"--map shoulder=sholder: no joint 'sholder' moves in arm.xml; did you mean 'shoulder'\?",

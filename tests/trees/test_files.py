@@ -206,3 +206,39 @@ def test_data_roundoff_includes_the_rounding_of_each_number_of_the_file(tmp_path
     error = np.abs((other.high - truth.high) + (other.low - truth.low))
     assert error.max() > 0
     assert 0.001 < compare(truth, other.high).backward_error.max() < 2
+
+
+def test_a_floating_base_has_a_name_that_no_joint_of_the_file_has(tmp_path: Path) -> None:
+    """Quadrupeds call the joint that fixes their trunk so."""
+    text = (FILES / "arm.urdf").read_text()
+    name = next(joint.name for joint in read_robot(FILES / "arm.urdf").tree.joints)
+    path = tmp_path / "arm.urdf"
+    path.write_text(text.replace(f'"{name}"', '"floating_base"'))
+    robot = read_robot(path, floating_base=True)
+    assert robot.floating_base == robot.joints[0] == "floating_base_2" and "floating_base" in robot.joints
+    assert read_robot(FILES / "arm.urdf", floating_base=True).floating_base == "floating_base"
+
+
+LEG = """<link name="{side}_thigh"/><link name="{side}_{foot}"/>
+<joint name="{side}_hip" type="revolute"><parent link="base"/><child link="{side}_thigh"/></joint>
+<joint name="{side}_knee" type="revolute"><parent link="{side}_thigh"/><child link="{side}_{foot}"/></joint>"""
+
+
+@pytest.mark.parametrize(
+    ("root", "foot", "sides", "trunk"),
+    [
+        ("base", "foot", ("left", "right"), "base"),
+        ("base", "foot", ("left",), ""),
+        ("base", "link", ("a", "b", "c"), "base"),
+        ("base", "link", ("a", "b"), ""),
+        ("base", "finger_tip", ("a", "b", "c"), ""),
+        ("plate", "link", ("a", "b", "c"), ""),
+        ("plate", "toe", ("a", "b"), "plate"),
+    ],
+)
+def test_a_trunk_that_hangs_on_the_world_is_told(root: str, foot: str, sides: tuple[str, ...], trunk: str, tmp_path: Path) -> None:
+    legs = "".join(LEG.format(side=side, foot=foot) for side in sides)
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="r"><link name="base"/>{legs}</robot>'.replace('"base"', f'"{root}"'))
+    assert read_robot(path).trunk_on_the_world == trunk
+    assert read_robot(path, floating_base=True).trunk_on_the_world == ""

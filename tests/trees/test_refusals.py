@@ -129,11 +129,6 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     assert "expected a robot: a URDF" in refusal(tmp_path, "<sdf/>").problem
     assert "is empty; expected a robot" in refusal(tmp_path, " ").problem
     assert "leave the floating base out" in refusal(tmp_path, MJCF, floating_base=True).problem
-    joint = '<joint name="floating_base" type="revolute"><parent link="base"/><child link="x"/></joint><link name="x"/></robot>'
-    assert (
-        "has the name of the joint that a floating base adds"
-        in refusal(tmp_path, URDF.replace("</robot>", joint), floating_base=True).problem
-    )
     many = "".join('<body><joint type="ball"/><geom size="1"/></body>' for _ in range(167))
     assert (
         "has 501 degrees of freedom; expected at most 500" in refusal(tmp_path, f"<mujoco><worldbody>{many}</worldbody></mujoco>").problem

@@ -40,6 +40,8 @@ class UrdfReader:
     def __init__(self, source: Source) -> None:
         self._source, root = source, source.root
         self._links = source.document.by_name(root.iterchildren("link"))
+        # Of the joint that a floating base adds, which is none of the file.
+        self.floating_base = ""
         if not self._links:
             source.refuse(root, "has no link; expected the bodies of a robot")
         joints = list(children(root, *JOINT_TAGS))
@@ -63,6 +65,9 @@ class UrdfReader:
         """
         source, place = self._source, self._source.place(self._source.root)
         order = self._order()
+        if floating_base:
+            names = (FLOATING_BASE, *(f"{FLOATING_BASE}_{number}" for number in range(2, len(self._joints) + 3)))
+            self.floating_base = next(name for name in names if name not in self._joints)
         beside = Beside(source, self._links, self._joints, self._kinds)
         bodies = tuple(self._body(name, beside, floating_base and name == order[0]) for name in order)
         down = Fraction(0), Fraction(0), Given(-gravity, place, "gravity")
@@ -106,10 +111,7 @@ class UrdfReader:
         link = self._links[name]
         place, inertia, base = self._source.place(link), self._inertia(link), tuple[Joint, ...]()
         if floats:
-            if (joint := self._joints.get(FLOATING_BASE)) is not None:
-                problem = "has the name of the joint that a floating base adds; give it another one"
-                self._source.refuse(joint, f"{describe(joint)} {problem}")
-            base = (Joint(FLOATING_BASE, JointKind.FREE, place=place),)
+            base = (Joint(self.floating_base, JointKind.FREE, place=place),)
         if name not in self._above:
             # The root link is fixed; one called world is the world itself.
             return Body(name, WORLD, (), base, inertia, place)
