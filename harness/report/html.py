@@ -20,7 +20,7 @@ from markupsafe import Markup
 from harness.report import benchmarks, charts, hard_cases
 from harness.report.figures import embed
 from harness.report.markup import equations, picture, tint, tints
-from harness.report.site_tables import badge_text, error_of
+from harness.report.site_counts import badge_text, error_of
 from harness.report.summary import changes_table, state_lines, states_of
 from harness.results.pareto import acceleration_front, motion_front, way_of
 from harness.results.records import Record, changed_versions

@@ -12,6 +12,7 @@ from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
 from harness.report.html import Drawn, draw
 from harness.report.markup import thumbnail
+from harness.report.site_counts import slugs
 from harness.report.site_data import collect, issues, split
 from harness.report.summary import Summary, trends_on, verdicts_on, worst
 from harness.results.atlas import Atlas
@@ -76,7 +77,7 @@ class Pages:
         self._has_changes = bool(self._verdicts.earlier or self.site.nights)
         self._row_pages = {row.name: row.page for row in self.site.rows if row.kind != "robot"}
         self._cell_pages = {(cell.row, cell.column, cell.quantity): cell.page for cell in [*self.site.cells, *self.site.quantities]}
-        words = site_tables.slugs(family.name for family in self._cases.families)
+        words = slugs(family.name for family in self._cases.families)
         self._hard_anchors = {name: f"hard-{word}" for name, word in words.items()}
 
     def drawn(self) -> Iterator[tuple[str, Drawn]]:
@@ -165,7 +166,7 @@ class Pages:
             changes=site_tables.changes(self.site, name),
             differs=[finding for finding in summary.differs if finding.system == name],
             told={subject: [record for record in records if record.subject == subject] for subject in subjects},
-            places=site_tables.slugs(summary.subjects),
+            places=slugs(summary.subjects),
             causes={subject: cause for (system, subject), cause in summary.causes.items() if system == name},
             cases={case.subject: case for cases in summary.worst_cases.values() for case in cases if case.system == name},
             upstream={subject: issues(split(subject)[0], row.features) for subject in subjects},

@@ -20,20 +20,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from harness.report.site_tables import (
-    CHANGES,
-    INDEX,
-    badge_text,
-    changes,
-    engine_counts,
-    engines,
-    feature_lines,
-    features,
-    matrix,
-    quantities,
-    subjects,
-    value_of,
-)
+from harness.report.site_counts import badge_text, engine_counts, feature_lines, value_of
+from harness.report.site_tables import CHANGES, INDEX, changes, engines, features, matrix, quantities, subjects
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.table import Cell, Column, Table
 from harness.results.trend_numbers import TRACKED, logarithm_of, number_of

@@ -14,7 +14,7 @@ from importlib.resources import files
 
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
-from harness.report.site_tables import engine_counts, feature_lines, pages_in, slugs
+from harness.report.site_counts import engine_counts, feature_lines, pages_in, slugs
 from harness.report.summary import Summary
 from harness.results.comparison import FilesComparison, short_names
 from harness.results.readings import by_effect, explanation

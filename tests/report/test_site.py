@@ -26,8 +26,8 @@ from harness.report import MODULES, write
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.hard_cases import HardSummary
 from harness.report.html import badge
+from harness.report.site_counts import slugs
 from harness.report.site_data import collect, declared, issues, known_findings
-from harness.report.site_tables import slugs
 from harness.report.summary import Summary
 from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark, EngineFinding
