@@ -191,7 +191,7 @@ class Upgraded:
         """The answer as plain data, for a JSON file."""
         left_out = [{"name": name, "what": part.what, "lines": part.lines} for those in self.left_out.values() for name, part in those]
         numbers = [number for one in self.asked for number in one.numbers]
-        return {"conclusion": self.headline, "compiled": numbers, "not_compared": left_out}
+        return {"summary": self.headline, "compiled": numbers, "not_compared": left_out}
 
     @property
     def headline(self) -> str:

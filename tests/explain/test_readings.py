@@ -273,6 +273,19 @@ def test_a_reading_is_that_of_versions() -> None:
     assert [place.line for place in reading.places(robot)[1]] == [line_of(FILES / "arm.urdf", 'rpy="0 0.5 0"')]
 
 
+def test_what_pinocchio_passed_over_before_4_is_of_its_readings_then(tmp_path: Path) -> None:
+    path = tmp_path / "ref.xml"
+    joints = '<joint name="pin" axis="0 1 0"/>\n<joint name="turn" axis="1 0 0" ref="20"/>'
+    inertial = '<inertial pos="0 0 1" mass="2" diaginertia="1 1 1"/>'
+    path.write_text(f"<mujoco><worldbody><body>{joints}{inertial}</body></worldbody></mujoco>")
+    robot = meant_by(path).robot
+    old, new = ({one.name for one in find_readings(engine, "mjcf")} for engine in ("pinocchio@3.9.0", "pinocchio@4.0.0"))
+    assert old - new == {"references of joints"} and not new - old
+    [reading] = [one for one in find_readings("pinocchio@3.9.0", "mjcf") if one.name == "references of joints"]
+    assert (reading.places(robot)[0], [place.line for place in reading.places(robot)[1]]) == (1, [2])
+    assert [float(joint.reference) for joint in reading.read(robot).tree.joints] == [0.0, 0.0]
+
+
 FUSED = """<robot name="fused">
   <link name="base"/>
   <link name="arm"><inertial><origin xyz="0.1 0.2 0.05"/><mass value="2"/>

@@ -43,7 +43,7 @@ def test_two_versions_that_do_alike_have_no_changes(library: Path) -> None:
     done, changes = upgraded(library, "toy", "1.0", "1.1")
     assert (done.returncode, [one for one in changes if one["what"] != "time per state"]) == (0, [])
     assert done.stdout == "No: toy 1.1 does not change bar_pendulum against 1.0; accelerations are the same to rounding\n"
-    assert json.loads((library / "out.json").read_text())["conclusion"] == done.stdout.strip()
+    assert json.loads((library / "out.json").read_text())["summary"] == done.stdout.strip()
 
 
 def test_a_version_without_its_zeros_is_that_version(library: Path) -> None:
