@@ -95,8 +95,8 @@ def why_unread(read: Robot, original: Robot) -> str:
     """Why what a reader makes of a robot has no states of that; "" where it has some."""
     if not read.joints:
         return "no joint is left"
-    known = original.tree.joints_before
-    further = [joint.name for joint in read.tree.joints if joint.name not in known]
+    sizes = {joint.name: joint.kind.sizes for joint in original.tree.joints}
+    further = [joint.name for joint in read.tree.joints if sizes.get(joint.name) != joint.kind.sizes]
     return f"it has joints that the file does not have: {', '.join(further)}" if further else ""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +11,11 @@ from pathlib import Path
 import pytest
 import toy_engine
 from comparison.robots import FILES
-from support import BUILT_IN, InThisProcess, completed
+from support import BUILT_IN, InThisProcess, completed, cross_checked
 
 from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
 from harness.comparison.study import ComparisonSettings, RobotComparison
+from harness.crosscheck.settings import Settings
 from harness.engines import describe_engines, load_engine, runs_elsewhere
 from harness.engines.loaded_file import EngineRun
 from harness.engines.request import Refused
@@ -21,6 +23,7 @@ from harness.errors import InvalidRequest
 from harness.explain.changes import readings
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord
+from harness.results.records import Record
 from harness.workers import Workers
 
 # What is right, what has a wrong number, and what leaves the damper out; a version whose program has no such function.
@@ -130,6 +133,25 @@ def test_what_an_engine_elsewhere_leaves_out_is_a_reading_of_its_file_or_unexpla
     plain = records["toy@1.2/urdf", "plain"]
     assert plain.outcome == "explained" and [one.name for one in plain.readings] == ["joint damping"]
     assert records["toy@1.2/urdf", "aided"].outcome == "agrees"
+
+
+def test_a_check_judges_a_plain_engine_elsewhere_as_a_comparison_does(toy: Path, tmp_path: Path) -> None:
+    def checked(version: str, path: Path = BAR) -> Record:
+        library = RobotLibrary.of([str(path)])
+        records, _ = cross_checked(Settings(library=library, subjects=[f"toy@{version}/urdf"], states=16, examples=None))
+        return records[0]
+
+    assert checked("1.0").verdict == "agrees" and not checked("1.0").readings
+    assert checked("1.2").verdict == "disagrees" and checked("1.2").rest, checked("1.2").message
+    declared = toy / "toy_dampers.py"
+    declared.write_text(READINGS)
+    importlib.invalidate_caches()
+    try:
+        # What is read of a file is kept in the process.
+        found = checked("1.2", Path(shutil.copy(BAR, tmp_path)))
+    finally:
+        declared.unlink()
+    assert (found.verdict, [one.name for one in found.readings], found.as_expected) == ("explained", ["joint damping"], True)
 
 
 def test_what_a_version_lacks_and_what_it_refuses_are_told(toy: Path) -> None:
