@@ -18,7 +18,7 @@ SECTION = STUDIES
 @subjects_option
 @quantities_option("accelerations")
 @click.option("--motion", is_flag=True, help="Measure too when engines part in chaos, and the largest stable steps.")
-@computing(time_limit=600.0, scheduler=True, directory=True, seed=False)
+@computing(time_limit=600.0, scheduler=True, directory=True, seed=False, detail=True)
 def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], quantities: tuple[str, ...], motion: bool) -> None:
     """Check every subject along families of hard cases.
 
@@ -41,16 +41,19 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
     bracket.complete(study, lambda: {"atlas": measured})
     summary = HardSummary(run, measured)
-    print_titled("hard cases", tables.rows_of(summary).without("time"))
+    say(summary.sentence)
+    print_sentences(summary)
+    shown = summary.shown(bracket.detail)
+    print_titled("hard cases", tables.rows_of(shown).without("time"))
     print_titled("motions that part", tables.partings(summary).without("largest distance"))
     print_titled("largest stable step times the frequency of an undamped spring", tables.stable_steps(summary))
-    print_sentences(summary)
-    if any(family.reasons for family in summary.families):
+    if any(family.reasons for family in shown.families):
         say("")
-    for family in summary.families:
+    for family in shown.families:
         for asked, why in family.reasons:
             places = ", ".join([family.name, *asked])
             say(f"{places}: {why.verdict} is expected: {why.reason}; {why.remedy} ({why.link})")
-    say("", summary.sentence)
+    if left_out := len(measured.rows) - len(shown.atlas.rows):
+        say("", f"--all shows {left_out} pairs of family and subject that agree")
     write_page(bracket)
-    bracket.finish(study.problems, study.crashed, not (measured.unexpected or measured.problems))
+    bracket.finish(study.problems, study.crashed, summary.is_good)

@@ -12,6 +12,8 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, takes, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_sentences, print_titled, say
+from harness.results.check_conclusion import MOST_ROWS
+from harness.results.detail import Detail
 from harness.results.table import grouped
 
 if TYPE_CHECKING:
@@ -52,7 +54,7 @@ class BenchOptions:
 @click.command("bench")
 @takes(BenchOptions)
 @time_limit_option(None, shown="300, with --profile nightly 3600")
-@computing(directory=True, floating_base=True, aided=True)
+@computing(directory=True, detail=True, floating_base=True, aided=True)
 def command(bracket: Bracket, asked: BenchOptions) -> None:
     """Measure cost against error of every method.
 
@@ -85,24 +87,32 @@ def command(bracket: Bracket, asked: BenchOptions) -> None:
     run, measured = bracket.begin(settings.thoroughness.states, asked.profile, kept), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)
-    _print_benchmark(summary)
+    _print_benchmark(summary, bracket.detail)
     if study.left_out:
         say("", f"left out, because a robot's file holds no energies: {', '.join(study.left_out)}, and energies along motions")
     if study.constrained:
         say("", f"stationary action is left out, because variations would have to keep constraints: {', '.join(study.constrained)}")
     if kept is not None:
         write_page(bracket)
-    bracket.finish(study.problems, study.crashed, not (summary.problems or summary.unexpected))
+    bracket.finish(study.problems, study.crashed, summary.is_good)
 
 
-def _print_benchmark(summary: BenchmarkSummary) -> None:
-    """A table for each part that was measured, what is not as expected, and the cheapest ways."""
+def _print_benchmark(summary: BenchmarkSummary, detail: Detail = Detail.BRIEF) -> None:
+    """The answer, what is not as expected, the cheapest ways, and a table for each part that was measured."""
     from harness.report import benchmarks as tables
 
+    say(summary.sentence)
+    print_sentences(summary)
+    for kind in tables.KINDS:
+        print_titled(f"the cheapest way: {kind}", tables.cheapest(summary, kind))
     costs = [cost for system in summary.systems for cost in summary.accelerations[system]]
+    if len(costs) > MOST_ROWS and detail < Detail.ALL:
+        say("", f"--all shows the cost and error of {len(costs)} ways to accelerations")
+        costs = []
     unused = () if any(cost.from_rigid is not None for cost in costs) else ("distance from rigid",)
+    unused = unused if detail == Detail.VERBOSE else ("fastest", *unused)
     print_titled("accelerations", tables.accelerations(costs).without("slowest", "timed", "states", "remark", *unused))
-    if costs:
+    if costs and detail == Detail.VERBOSE:
         say(f"times: median and fastest call; where Python loops over the states, they hold its calls; {summary.run.load}")
     _print_remarks((cost.method, cost) for cost in costs)
     further = [cost for system in summary.systems for own in summary.quantities(system).values() for cost in own]
@@ -126,11 +136,8 @@ def _print_benchmark(summary: BenchmarkSummary) -> None:
     )
     print_titled("stationary action", tables.paths(summary.benchmark.stationarity))
     print_titled("figures of the text", tables.figures(summary.benchmark.figures))
-    for kind in tables.KINDS:
-        print_titled(f"the cheapest way: {kind}", tables.cheapest(summary, kind))
     for text, places in summary.explanations(["as expected", "differs"]).items():
         say("", text, f"  {'; '.join(places)}")
-    print_sentences(summary)
 
 
 def _print_remarks(costs: Iterable[tuple[str, AccelerationCost]]) -> None:

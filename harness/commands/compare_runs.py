@@ -56,17 +56,19 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
         raise InvalidRequest(f"{before} and {now} are one run, {first.number}; see harness compare-runs --list")
     changes = run_changes(first.records, second.records)
     pair = {"before": first, "now": second}
+    worse = sum(one.is_worse for one in changes)
+    common = {one.title for one in first.records} & {one.title for one in second.records}
+    pairs = len({(one.system, one.subject) for one in changes})
+    said = f"{pairs} of {len(second.records)} records changed, {worse} changes for the worse" if changes else "nothing changed"
+    say(said if common else "the runs have no record in common, so that nothing was compared; name two runs of the same mechanisms")
     for name, one in pair.items():
         asked = f"{one.run.profile}, {one.run.states:,} states a system, seed {one.run.seed}"
         say(f"{name}: run {one.number} of {one.run.started}, {asked}: {len(one.records)} records")
     print_titled("versions", changes_table("version", changed_versions(first.run.versions, second.run.versions)))
     print_titled("changes", changes_between(changes))
-    worse = sum(one.is_worse for one in changes)
-    pairs = len({(one.system, one.subject) for one in changes})
-    say("", f"{pairs} of {len(second.records)} records changed, {worse} changes for the worse" if changes else "nothing changed")
     bracket.run = second.run
     bracket.write_json(compared={name: {"number": one.number, "run": one.run} for name, one in pair.items()}, changes=changes)
-    bracket.finish([], False, not worse)
+    bracket.finish([], False, bool(common) and not worse)
 
 
 def _runs(bracket: Bracket) -> list[int]:

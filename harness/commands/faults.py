@@ -114,19 +114,19 @@ def command(bracket: Bracket, asked: FaultOptions) -> None:
         return {"faults": [row.as_json() for row in rows], **summary}
 
     rows = bracket.complete(study, document)
+    broken = [row for row in rows if not row.as_in_theory] if asked.smallest else broken_bars(rows)
     say(*(f"harness: {sentence}" for sentence in study.deaths), err=True)
     if rows and asked.smallest:
         print_caught(rows)
     elif rows:
         print_kinds(by_kind(rows))
-    elif study.steps and not study.problems and not study.crashed and not asked.smallest:
-        say("no faults: mistakes of these kinds can be made nowhere in the models")
+    elif not study.problems and not study.crashed:
+        say("no faults were planted: nothing in the models can be wrong in this way; name other kinds or mechanisms")
     _print_left_out(study.left_out)
-    broken = [row for row in rows if not row.as_in_theory] if asked.smallest else broken_bars(rows)
     if not asked.smallest:
         _print_faults(rows)
         say(*broken)
-    bracket.finish(study.problems, study.crashed, not broken)
+    bracket.finish(study.problems, study.crashed, bool(rows) and not broken)
 
 
 def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:
@@ -168,15 +168,16 @@ def print_caught(caught: Sequence[SmallestChange]) -> None:
         Column("theory", "error"): "theory",
         Column("ratio", "rounded"): lambda found: Cell(found.ratio, tone="" if found.as_in_theory else "surprise"),
     }
+    fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
+    furthest, beyond = max(found.ratio for found in caught), sum(not found.as_in_theory for found in caught)
+    of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
+    worse = f", {beyond} of them beyond it" if beyond else ""
+    say(f"{len(caught)} live numbers{worse}; {fine:.1%} caught below 1e-10; {of_theory}", "")
     print_rows(Table.of(caught, columns))
     say("", "the number of each model that hides the largest error:")
     pairs = itertools.groupby(caught, key=attrgetter("system", "subject"))
     hiding = Table.of([max(own, key=attrgetter("smallest")) for _, own in pairs], columns)
     print_rows(hiding.without("where", "value", "ratio"))
-    fine = sum(found.smallest < 1e-10 for found in caught) / len(caught)
-    furthest = max(found.ratio for found in caught)
-    of_theory = f"at most {furthest:.2f} times theory, {MOST_ABOVE_THEORY:g} allowed"
-    say("", f"{len(caught)} live numbers; {fine:.1%} caught below 1e-10; {of_theory}")
 
 
 def print_kinds(kinds: Sequence[KindOfFault]) -> None:
@@ -193,10 +194,9 @@ def print_kinds(kinds: Sequence[KindOfFault]) -> None:
         **{Column(name, "count"): name for name in ("misled", "stopped")},
         **{Column(name, "error"): name for name in ("smallest", "theory", "seconds", "longest")},
     }
-    print_rows(Table.of(kinds, columns))
     live, caught = sum(one.live for one in kinds), sum(one.caught for one in kinds)
     found = shares(kinds)
-    say("", f"{live} faults that change the dynamics, {caught} caught")
+    say(f"{caught} of {live} faults that change the dynamics are caught")
     if (of := found.get("known")) and of["judged"]:
         by_name = of["judged"] - of["diagnosed"]
         say(f"{of['judged']} judged: {of['share_named']:.1%} named first, {of['share_in_class']:.1%} first or in their class")
@@ -208,3 +208,5 @@ def print_kinds(kinds: Sequence[KindOfFault]) -> None:
     if (of := found.get("unknown")) and of["diagnosed"]:
         outside = f"{of['diagnosed']} diagnosed of kinds that no hypothesis undoes"
         say(f"{outside}: {of['found_in_class']} explained at one of their places, {of['misled']} elsewhere, {of['stopped']} stopped")
+    say("")
+    print_rows(Table.of(kinds, columns))

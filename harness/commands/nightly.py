@@ -172,9 +172,10 @@ def _print(bracket: Bracket, summary: NightSummary) -> None:
     from harness.report.night import counts_table
     from harness.results.trend import trend_changes_table
 
+    say(summary.sentence)
     for case in summary.bad:
         say("", f"{case.title}: {case.outcome}", *(f"  {line}" for line in (case.details or case.message).split("\n")))
         say(*([f"  replay: {case.replay}"] if case.replay and case.replay not in case.details else []))
     print_titled("cases", counts_table(summary))
     print_titled("changed in the trend", trend_changes_table(summary.changes))
-    say("", summary.sentence, f"summary: {bracket.directory / SUMMARY}", f"JUnit XML: {bracket.directory / JUNIT}")
+    say("", f"summary: {bracket.directory / SUMMARY}", f"JUnit XML: {bracket.directory / JUNIT}")

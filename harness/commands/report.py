@@ -22,7 +22,7 @@ SECTION = STUDIES
 @click.option(
     "--profile", type=click.Choice(sorted(STATES_OF_PROFILE)), default="quick", show_default=True, help="How many states per system."
 )
-@computing(time_limit=60.0, scheduler=True, directory=True)
+@computing(time_limit=60.0, scheduler=True, directory=True, detail=True)
 def command(bracket: Bracket, profile: str) -> None:
     """Cross-check everything and write the report.
 

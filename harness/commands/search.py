@@ -50,5 +50,5 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
     study = StateSearch(settings)
     result = bracket.complete(study)
     bracket.write_json(search=result.to_json())
-    say(*as_lines(result))
+    say(f"{bracket.library.label(name)}: {result.sentence}.", "", *as_lines(result))
     bracket.finish(study.problems, result.crashed, result.status == 0)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
+from pathlib import PurePath
 from typing import Any, TypeVar
 
 from harness.report.sparkline import NO_TREND, Sparkline
@@ -26,7 +27,7 @@ from harness.results.benchmark import (
 )
 from harness.results.pareto import error_of, way_of, with_cheapest
 from harness.results.records import Run
-from harness.results.table import Cell, Column, Table, TableOf, error_text, grouped, seconds_text
+from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, plural, seconds_text
 from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
 _Measured = TypeVar("_Measured", AccelerationCost, DerivativeCost, MotionCost, Drift, Stationarity)
@@ -63,6 +64,43 @@ class BenchmarkSummary:
         self.motion = _by_system(benchmark.motion, lambda cost: (cost.integrator, -(cost.step or cost.tolerance or 0.0)))
         self.drifts = _by_system(benchmark.drifts, attrgetter("integrator"))
         self.paths = _by_system(benchmark.stationarity, lambda entry: (entry.path, -entry.step))
+
+    @property
+    def is_good(self) -> bool:
+        """True where something was measured, and all of it is as theory and text have it."""
+        return self._has_measurements and not self.problems and not self.unexpected
+
+    @property
+    def _has_measurements(self) -> bool:
+        found = self.benchmark
+        costs = [cost.seconds_per_state for part in (found.accelerations, found.quantities) for cost in part]
+        along = (found.orders, found.growth, found.truths, found.motion, found.drifts, found.stationarity)
+        further = (found.derivatives, found.figures, *along)
+        return any(cost is not None for cost in costs) or any(further)
+
+    @property
+    def sentence(self) -> str:
+        """The answer to which way is fast and exact; of several systems, which way is so on most of them."""
+        if not self._has_measurements:
+            return "Nothing was measured: no way that was asked for answers here; name other methods, quantities or mechanisms."
+        parts = list(filter(None, map(self._cheapest, KINDS))) or [f"{counted(len(self.systems), 'system')} measured"]
+        wrong = len(self.unexpected) + len(self.problems)
+        parts += [f"{wrong} {plural(wrong, 'finding is', 'findings are')} not as expected"] if wrong else []
+        return f"{'; '.join(parts)}."
+
+    def _cheapest(self, kind: str) -> str:
+        """The cheapest way to the smallest error that any way reaches."""
+        known = [one for one in self.benchmark.cheapest if one.kind == kind and one.way is not None]
+        if not known:
+            return ""
+        error = min(one.error for one in known)
+        chosen = [one for one in known if one.error == error]
+        ways = grouped((one.way, one) for one in chosen)
+        way, own = max(ways.items(), key=lambda each: len(each[1]))
+        head = f"{PurePath(chosen[0].system).name}: t" if len(self.systems) == 1 else f"On {len(own)} of {len(chosen)} systems t"
+        times = sorted(one.cost for one in own if one.cost is not None)
+        span = " to ".join(dict.fromkeys(seconds_text(time) for time in (times[0], times[-1])))
+        return f"{head}he cheapest {kind} with an error up to {error:.0e} are those of {way} ({span} {KINDS[kind]})"
 
     @cached_property
     def trends(self) -> list[Trend]:

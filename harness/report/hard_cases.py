@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from statistics import median
 
 from harness.results.atlas import Atlas, HardReason, HardRow, Parting, StableStep
+from harness.results.check_conclusion import MOST_ROWS
+from harness.results.detail import Detail
 from harness.results.records import Run
 from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, seconds_text
 from harness.verdict import SEVERITY, Verdict, gravest
@@ -107,7 +109,16 @@ class HardSummary:
         counts = f"{families}, {counted(len(self.subjects), 'subject')}, {counted(points, 'point')}"
         if wrong:
             return f"{counts}: {len(rows) - wrong} of {len(rows)} pairs of family and subject are as expected, {wrong} not."
-        return f"{counts}: every verdict is as expected." if rows else "No family was measured."
+        if rows:
+            return f"{counts}: every verdict is as expected."
+        return "Nothing was measured: no subject that was asked offers this in these cases; name other subjects, quantities or cases."
+
+    def shown(self, detail: Detail) -> HardSummary:
+        """All families where they are few or all is asked for; else the pairs that are not plain agreement."""
+        if len(self.atlas.rows) <= MOST_ROWS or detail >= Detail.ALL:
+            return self
+        rows = [row for row in self.atlas.rows if not (row.as_expected and row.verdict == Verdict.AGREES)]
+        return HardSummary(self.run, replace(self.atlas, rows=rows))
 
     def sizes(self, subject: str) -> dict[str, int]:
         """Verdict to number of families whose gravest verdict of ``subject`` it is, from agreement to error."""

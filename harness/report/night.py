@@ -54,7 +54,7 @@ class NightSummary:
     @property
     def as_expected(self) -> bool:
         """True where every case is good; what a trend says, and what a computation costs, changes nothing of it."""
-        return not self.bad
+        return bool(self.cases) and not self.bad
 
     @property
     def sentence(self) -> str:

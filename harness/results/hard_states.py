@@ -22,8 +22,9 @@ import msgspec
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.records import ACCELERATIONS, Record, state_and_replay
+from harness.results.table import error_text, plural
 from harness.storage import write_atomically
-from harness.verdict import SEVERITY, SOUND, Verdict
+from harness.verdict import AGREEMENT, SEVERITY, SOUND, Verdict
 
 FOLDER = "hard_states"
 _Case = TypeVar("_Case", "FoundState", "RankedCase")
@@ -240,10 +241,25 @@ class SearchResult:
 
     @property
     def status(self) -> int:
-        """Exit status: 3 an engine crashed or timed out, 1 something worse than expected, 0 neither."""
+        """Exit status: 3 an engine crashed or timed out, 1 something worse than expected or nobody asked, 0 neither."""
         if self.crashed:
             return 3
-        return int(bool(self.failures) or not all(case.as_expected for case in self.cases))
+        return int(bool(self.failures) or not (self.states or self.cases) or not all(case.as_expected for case in self.cases))
+
+    @property
+    def sentence(self) -> str:
+        """The result in one sentence: who does worse than is expected of it, and how bad the worst is."""
+        if not (self.states or self.cases):
+            return "no state was tried; name another subject"
+        wrong = list(dict.fromkeys(case.found.subject for case in self.cases if not case.as_expected))
+        asked = f"{sum(self.states.values()):,} states"
+        worst = max(self.worst, key=lambda subject: self.worst[subject], default="")
+        size = f"the worst answer, of {worst}, is {error_text(self.worst[worst])} data roundoffs off" if worst else "none was answered"
+        if wrong:
+            return (
+                f"{', '.join(wrong)} {plural(len(wrong), 'does', 'do')} worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree"
+            )
+        return f"nobody does worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree"
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.plain_json.dumps``."""

@@ -56,7 +56,7 @@ def case(as_expected: bool) -> FoundCase:
 
 
 def test_options_reach_the_search(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = stand_in(monkeypatch)
+    asked = stand_in(monkeypatch, cases=[case(True)])
     assert invoke("simple_pendulum").exit_code == 0
     assert invoke("arm_2r", "--subject", "lagrange", "--budget", "50", "--seed", "3", "--no-keep").exit_code == 0
     plain, chosen = asked
@@ -68,7 +68,7 @@ def test_options_reach_the_search(invoke: Callable[..., Result], monkeypatch: py
 @pytest.mark.parametrize(
     ("outcome", "status"),
     [
-        ({}, 0),
+        ({}, 1),
         ({"cases": [case(True)]}, 0),
         ({"cases": [case(True), case(False)]}, 1),
         ({"failures": {"lagrange": "ValueError: no"}}, 1),

@@ -64,7 +64,13 @@ def progress(total: int, what: str, clock: Callable[[], float] = time.monotonic)
         transient=True,
     ) as bar:
         task = bar.add_task("", total=total)
-        yield lambda description: bar.update(task, advance=1, description=printable(description))
+
+        def advance(description: str) -> None:
+            # What a step turns out to consist of may be more than was known before it.
+            done = int(bar.tasks[task].completed) + 1
+            bar.update(task, completed=done, total=max(total, done), description=printable(description))
+
+        yield advance
 
 
 @contextlib.contextmanager
@@ -84,7 +90,8 @@ def _progress_lines(total: int, what: str, clock: Callable[[], float]) -> Iterat
                 told = now
                 # Whoever closed the stream wants no lines.
                 with contextlib.suppress(OSError, ValueError):
-                    say(f"harness: {what}: {done} of {total} after {now - started:.0f} s{last and '; last '}{last[:60]}", err=True)
+                    after = f"after {now - started:.0f} s{last and '; last '}{last[:60]}"
+                    say(f"harness: {what}: {done} of {max(total, done)} {after}", err=True)
 
     teller = threading.Thread(target=tell, daemon=True)
     # Where a limit leaves no room for a thread, the work goes on without its lines.
