@@ -68,8 +68,9 @@ class CompareOptions:
 def command(bracket: Bracket, asked: CompareOptions) -> None:
     """Compare engines on a robot's FILE, or several FILEs.
 
-    FILE is a URDF or an MJCF, as its root element says. Prints what the file is, what no body
-    can have, what each engine makes of it and why, and whether several files are one robot.
+    FILE is a URDF or an MJCF, as its root element says. Begins with whether the engines agree with the
+    file, or whether several files are one robot; then come the few rows that say why, each with its
+    share of the acceleration, its lines and what to do. --verbose prints all that is known.
     Plain is an engine as its user calls it; aided, one with what it leaves out of the file supplied.
     Joints that one file alone moves stand still in both while the rest of the files is compared.
     The exit status is 0 where every answer is explained and all files are one robot. A refusal, an answer

@@ -20,7 +20,7 @@ from harness.results.detail import Detail
 from harness.results.diagnosis_conclusion import conclude_diagnosis
 from harness.results.readings import reading_lines
 from harness.results.records import quantity_words
-from harness.results.table import counted
+from harness.results.table import counted, grouped
 from harness.verdict import Verdict
 
 SECTION = MECHANISM
@@ -47,7 +47,8 @@ class DiagnoseOptions:
 def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     """Explain why a check of NAME is red.
 
-    Names the engine or model at fault, the wrong terms, and the line and value that explain every answer.
+    Begins with the engine or model at fault and with what to write in which line; the wrong terms and all that explains the
+    answers follow, with --verbose what nearly does.
     Of a robot's FILE it names what the engines' readers make of it. With --mjcf or --urdf
     FILE is the truth, and the other file suspected: the lines that differ are named, the one
     that moves the accelerations most first. Of another quantity than accelerations it names the
@@ -106,13 +107,13 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     if agreeing := len(found.records) - len(wrong):
         say(f"{counted(agreeing, 'subject')} {'agrees' if agreeing == 1 else 'agree'} (--all)")
     print_superfluous(found.superfluous)
+    failed = grouped((record.message, record.subject) for record in found.records if record.verdict == Verdict.ERROR)
+    for message, subjects in failed.items():
+        say_wrapped("", f"{', '.join(subjects)}: {message}")
     for record in found.records:
-        if record.verdict == Verdict.ERROR:
-            say_wrapped("", f"{record.subject}: {record.message}")
         if record.readings:
-            say_wrapped(
-                "", f"{record.subject}: {record.verdict}", *(f"  {line}" for line in reading_lines(record.readings, bracket.detail))
-            )
+            lines = reading_lines(record.readings, bracket.detail)
+            say_wrapped("", f"{record.subject}: {record.verdict}", *(f"  {line}" for line in lines))
     if causes:
         print_diagnoses(causes, held, bracket.detail)
     else:

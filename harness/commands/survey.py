@@ -21,8 +21,9 @@ SECTION = ROBOT
 def command(bracket: Bracket, places: tuple[str, ...], states: int, subjects: tuple[str, ...]) -> None:
     """Compare engines on every robot of a FOLDER or PACKAGE.
 
-    Finds URDF and MJCF files by their root elements, and prints a row for each: the verdict of
-    every engine, the reading that explains most, and the links that no body can be.
+    Finds URDF and MJCF files by their root elements. Begins with how many robots every engine agrees
+    on; a line for each engine follows, and a row for each other robot: what every engine makes of it,
+    the readings that explain most, and the links that no body can be.
     `harness compare FILE` shows one of them in full. A file without meaning is a row too.
     Adds the page robots.html to the report, with the trend of the last surveys of the same places, and says what changed since the last.
 

@@ -173,7 +173,7 @@ def _different_numbers(first: Meant, second: Robot) -> list[FileDifference]:
     for number, pair in enumerate(pairs):
         places = [value.place if isinstance(value, Given) else None for value in (pair.first, pair.second)]
         found.append(
-            difference_of(pair.what, [number_text(float(number)) for number in (pair.first, pair.second)], places, effects.get(number))
+            difference_of(pair.what, [number_text(float(number)) for number in (pair.first, pair.second)], places, effects.get(number, 0.0))
         )
     return found
 

@@ -13,6 +13,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.expected import ExpectedDifference
 from harness.crosscheck.held_quantities import NOTHING, OF_BODIES, OF_JOINTS, OF_MODELS, OF_SPRINGS, HeldQuantity, Value
 from harness.engines import HeldModel, HeldSpring, Model
+from harness.errors import shown_path
 from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ModelFile
@@ -68,7 +70,7 @@ class Difference:
     @property
     def places(self) -> list[str]:
         """File and lines in each format that has lines for it."""
-        return [f"{self.files[name]}:{','.join(map(str, lines))}" for name, lines in self.lines.items() if lines]
+        return [f"{shown_path(Path(self.files[name]))}:{','.join(map(str, lines))}" for name, lines in self.lines.items() if lines]
 
     @property
     def statement(self) -> str:

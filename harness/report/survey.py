@@ -61,7 +61,7 @@ def _survey_table(found: FilesComparison, detail: Detail, pages: Mapping[str, st
     if rows:
         yield table.without(*(title for title in ("unphysical", "problem") if not any(row[-2 + (title == "problem")] for row in rows)))
     if left := len(found.files) - len(shown):
-        yield f"{counted(left, 'robot')}{' more' if rows else ''} on which every engine agrees (--all)"
+        yield f"{counted(left, 'more robot')} on which every engine agrees (--all)"
 
 
 def _trend_table(earlier: Sequence[FilesComparison], found: FilesComparison, pages: Mapping[str, str]) -> Table:

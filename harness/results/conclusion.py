@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord, names_apart
 from harness.results.detail import Detail
-from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_text
+from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_of_qdd, share_text
 from harness.results.table import Table, counted, error_text, grouped
 from harness.verdict import AGREEMENT, Verdict
 
@@ -87,8 +87,7 @@ def _with_remedy(reasons: Sequence[_Reason]) -> Iterator[str]:
     """A sentence for each; the first number says of what it is a part, and the first remedy is told."""
     is_first, is_told = True, False
     for one in reasons:
-        of_what = " of qdd" if is_first and one.share.endswith("%") else " qdd" if is_first and one.share[:1].isdigit() else ""
-        share = f" ({one.share}{of_what})" if one.share else ""
+        share = f" ({share_of_qdd(one.share) if is_first else one.share})" if one.share else ""
         is_first = is_first and not one.share
         yield f"{one.clause}{share}" + (f": {one.remedy}" if one.remedy and not is_told else "")
         is_told = is_told or bool(one.remedy)
@@ -214,7 +213,7 @@ def _equalities(record: EqualitiesRecord) -> str:
 def _of_optimum(record: EqualitiesRecord) -> str:
     if record.stops_early:
         return record.stops_early
-    moved = f", {share_text(record.together)} of qdd away from the file without them" if record.together else ""
+    moved = f", {share_of_qdd(share_text(record.together))} away from the file without them" if record.together else ""
     verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
     return f"{verb} the optimum that it documents{moved}" if record.verdict else record.message or "cannot be judged"
 

@@ -80,9 +80,15 @@ class Gap:
         parts = ((self.of_positions, self.moved, "positions"), (self.of_velocities, self.speed, "velocities"))
         sizes = [f"{share_text(size / whole if whole else None)} of the motion in {name}" for size, whole, name in parts]
         largest = sorted((share for share in self.shares if share.positions >= 0.01), key=lambda share: -share.positions)
-        due = [f"{share_text(share.positions)} to the {share.name}" for share in largest]
+        due = [f"the {share.name} ({share_text(share.positions)}{self._read if share.name == DYNAMICS else ''})" for share in largest]
         end = f"{one} and {other} end {' and '.join(sizes)} apart after {self.first.steps * self.first.length:g} s"
-        return f"{' and '.join(files)}: {end}{'; in positions that is due by ' if due else ''}{', '.join(due)}."
+        return f"{' and '.join(files)}: {end}{'; in positions that is due to ' if due else ''}{' and '.join(due)}."
+
+    @property
+    def _read(self) -> str:
+        """What the readers of the files make of them, behind the share that this has."""
+        sentences = dict.fromkeys(reading for mover in (self.first, self.second) for reading in mover.readings)
+        return f": {'; '.join(sentences)}" if sentences else ""
 
     @property
     def remarks(self) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from harness.results.comparison import FileDifference, FilesComparison, PairRecord, names_apart
 from harness.results.conclusion import MOST_ROWS, MOST_ROWS_OF_SEVERAL, Conclusion, at_most, conclude_alike
 from harness.results.detail import Detail, telling
-from harness.results.readings import share_text
+from harness.results.readings import share_of_qdd, share_text
 from harness.results.table import Cell, Column, Table, counted, error_text, grouped
 from harness.verdict import AGREEMENT
 
@@ -36,13 +36,15 @@ def conclude_pair(pair: PairRecord, detail: Detail = Detail.BRIEF) -> Conclusion
     files = " and ".join(names.values())
     if pair.problem:
         return Conclusion(f"{files} cannot be compared: {pair.problem}.", _standing_still(pair, detail))
-    groups = _groups(pair.differences) if detail == Detail.BRIEF else [_Group([one]) for one in pair.differences]
-    kept, others = telling([_named_apart(group, pair, names) for group in groups], lambda group: group.first.alone, detail)
+    told = [_named_apart(one, pair, names) for one in pair.differences]
+    groups = _groups(told)
+    shown = groups if detail == Detail.BRIEF else [_Group([one]) for one in told]
+    kept, others = telling(shown, lambda group: group.first.alone, detail)
     rows: list[str | Table] = [*_standing_still(pair, detail), *_matched(pair, detail)]
     if kept:
-        shown, left = at_most(kept, detail, MOST_DIFFERENCES)
-        rows += [difference_table(shown, list(names.values())), *filter(None, (left, others))]
-    return Conclusion(f"{files} {_verdict(pair, kept)}.", rows)
+        few, left = at_most(kept, detail, MOST_DIFFERENCES)
+        rows += [difference_table(few, list(names.values())), *filter(None, (left, others))]
+    return Conclusion(f"{files} {_verdict(pair, groups)}.", rows)
 
 
 def difference_table(groups: Sequence[_Group], names: Sequence[str]) -> Table:
@@ -89,25 +91,21 @@ def _groups(differences: Sequence[FileDifference]) -> list[_Group]:
     return [_Group(sorted(own, key=lambda one: -(one.alone or 0.0))) for own in by_kind.values()]
 
 
-def _named_apart(group: _Group, pair: PairRecord, names: dict[str, str]) -> _Group:
-    """The places of a group by the names that tell the files apart; those in included files stay."""
+def _named_apart(one: FileDifference, pair: PairRecord, names: dict[str, str]) -> FileDifference:
+    """A difference with its places by the names that tell the files apart; those in included files stay."""
 
     def place(text: str, path: str) -> str:
         file, _, line = text.rpartition(":")
         return f"{names[path]}:{line}" if file == Path(path).name else text
 
-    members = [
-        replace(one, first_place=place(one.first_place, pair.first), second_place=place(one.second_place, pair.second))
-        for one in group.members
-    ]
-    return _Group(members)
+    return replace(one, first_place=place(one.first_place, pair.first), second_place=place(one.second_place, pair.second))
 
 
 def _verdict(pair: PairRecord, groups: Sequence[_Group]) -> str:
     lacking = [joint for joint in pair.locked if not joint.asked]
     if not pair.alike:
         whole = f" (in all {share_text(pair.relative_error)})" if len(groups) > 1 and pair.relative_error else ""
-        return f"differ: {_told(groups[0])}{whole}" if groups else f"differ by {share_text(pair.relative_error)} of qdd"
+        return f"differ: {_told(groups[0])}{whole}" if groups else f"differ by {share_of_qdd(share_text(pair.relative_error))}"
     apart = "" if pair.backward_error is None else f" ({error_text(pair.backward_error)} data roundoffs apart, {AGREEMENT:g} are allowed)"
     but = f" but for {counted(len(lacking), 'joint')} that the files do not share" if lacking else ""
     unfelt = f"; they differ in numbers that no acceleration feels, most in {_told(groups[0], felt=False)}" if groups else ""

@@ -83,6 +83,11 @@ def share_text(change: float | None) -> str:
     return f"{100 * change:.2g} %" if change >= 1e-4 else error_text(change)
 
 
+def share_of_qdd(share: str) -> str:
+    """ "47 % of qdd", "38 times qdd", "joints lost", of ``share_text``."""
+    return f"{share} of qdd" if share.endswith("%") else f"{share} qdd" if share[:1].isdigit() else share
+
+
 def by_effect(readings: Iterable[Effect]) -> list[Effect]:
     """Readings, the one that moves the accelerations most first."""
     return sorted(readings, key=lambda one: -(one.size or 0.0))

@@ -17,7 +17,7 @@ MOST_COUNTED = 4
 _UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES = (
     ("{} cannot be read", "{} cannot be read"),
     ("{} has an answer that no known reading explains", "{} have an answer that no known reading explains"),
-    ("{} has no answer of some engine", "{} have no answer of some engine"),
+    ("{} is not answered by every engine", "{} are not answered by every engine"),
     ("{} is read otherwise than written, for a known reason", "{} are read otherwise than written, for a known reason"),
     ("{} holds nothing that moves", "{} hold nothing that moves"),
     ("every engine agrees on {}", "every engine agrees on {}"),
@@ -69,7 +69,7 @@ def _engines(found: FilesComparison) -> Iterator[str]:
     for program, own in plain.items():
         outcomes = Counter(one.outcome for one in own).most_common()
         said = [f"{outcome} {count}{_reasons([one for one in own if one.outcome == outcome])}" for outcome, count in outcomes]
-        yield f"{program}: {', '.join(said)}"
+        yield f"{program}: {'; '.join(said)}"
     held = [one for one in found.equalities if one.verdict]
     if held:
         agreeing = sum(one.explained for one in held)

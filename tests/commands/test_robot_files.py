@@ -327,7 +327,7 @@ def test_robots_of_a_library_stand_in_its_report(tmp_path: Path) -> None:
     assert row[0].text_content() == "gripper.urdf" and cells == [("explained", "explained mimic joints 282 %")]
     assert "explained by mimic joints 282 %" in index.xpath("string(//header//table)")
     page = (tmp_path / "out" / "robots" / "gripper.urdf.html").read_text()
-    assert "mimics another" in page and "Robots of the mine library" in (tmp_path / "out" / "robots.html").read_text()
+    assert "leaves a mimic joint free" in page and "Robots of the mine library" in (tmp_path / "out" / "robots.html").read_text()
     told = json.loads((tmp_path / "out.json").read_text())["robots"]
     assert {one["engine"] for one in told["subjects"]} == {"mujoco", "pinocchio"}
     assert "1 robot: 1 is read otherwise than written" in done.stdout

@@ -42,7 +42,7 @@ def written(folder: Path, text: str) -> str:
 def test_an_engine_without_an_answer_has_not_agreed_unless_that_is_expected(outcome: str, tmp_path: Path) -> None:
     text, options, said = UNANSWERED[outcome]
     name = written(tmp_path, text)
-    for command, words in {("compare", name): said, ("survey", "."): "1 robot: 1 has no answer of some engine"}.items():
+    for command, words in {("compare", name): said, ("survey", "."): "1 robot: 1 is not answered by every engine"}.items():
         done = harness(*command, *options, "--states", "8", cwd=tmp_path)
         assert done.returncode == 1 and words in done.stdout.partition("\n")[0], done.stdout + done.stderr
     entry = f'[[expected]]\nfile = "{name}"\nsubject = "{options[1]}"\noutcome = "{outcome}"\nreason = "a test"\n'

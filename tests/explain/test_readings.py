@@ -81,6 +81,13 @@ def test_what_an_engine_refuses_is_named(tmp_path: Path) -> None:
     assert any("rod" in sentence and f"line {line_of(FILES / 'impossible.urdf', '<inertia ')}" in sentence for sentence in record.rest)
 
 
+def test_a_refusal_is_told_without_the_place_in_the_sources_of_the_engine(tmp_path: Path) -> None:
+    path = tmp_path / "field.xml"
+    body = '<body name="one"><joint name="pin" axis="0 1 0"/><inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    path.write_text(f'<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset><worldbody>{body}</worldbody></mujoco>')
+    assert record_of(path, "pinocchio").message == "hfields are not supported yet"
+
+
 def test_a_joint_that_carries_nothing_has_no_acceleration(tmp_path: Path) -> None:
     inertial = FILES.joinpath("impossible.urdf").read_text().partition("<inertial>")[2].partition("</inertial>")[0]
     path = edited(FILES / "impossible.urdf", tmp_path, (f"<inertial>{inertial}</inertial>", ""))

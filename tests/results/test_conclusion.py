@@ -166,7 +166,8 @@ def test_equal_kinds_of_differences_are_one_row() -> None:
     table, others = found.rows
     assert [row[0] for row in table.rows] == ["damping of 7 joints", "mass of link l0 and 2 more"]  # type: ignore[union-attr]
     assert others == "1 more below 0.001 of the largest (--all)"
-    assert len(conclude_pair(pair, Detail.ALL).rows[0].rows) == 11  # type: ignore[union-attr]
+    whole = conclude_pair(pair, Detail.ALL)
+    assert len(whole.rows[0].rows) == 11 and whole.sentence == found.sentence  # type: ignore[union-attr]
 
 
 def test_two_files_of_one_robot() -> None:
@@ -188,10 +189,10 @@ def test_a_survey_counts_robots_by_what_is_to_be_done() -> None:
     subjects[3] = subject("mujoco", "MuJoCo", "unsupported", path=others[2].path)
     found = conclude_survey(FilesComparison(files=[FILE, *others, bad], subjects=subjects))
     assert found.sentence == (
-        "5 robots: 1 cannot be read; 1 has an answer that no known reading explains; 1 has no answer of some engine; "
+        "5 robots: 1 cannot be read; 1 has an answer that no known reading explains; 1 is not answered by every engine; "
         "1 is read otherwise than written, for a known reason; every engine agrees on 1."
     )
-    assert found.rows == ["MuJoCo: agrees 1, refused 1", "Pinocchio: explained 1 (joint damping 1), unexplained 1 (joint damping 1)"]
+    assert found.rows == ["MuJoCo: agrees 1; refused 1", "Pinocchio: explained 1 (joint damping 1); unexplained 1 (joint damping 1)"]
 
 
 def worst(path: str) -> FilesComparison:

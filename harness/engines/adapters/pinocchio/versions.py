@@ -35,7 +35,12 @@ def reasons(refusal: Callable[[str], Exception]) -> Iterator[None]:
         except Unsupported:
             raise
         except Exception as error:
-            raise refusal(captured() or str(error)) from error
+            raise refusal(_without_origin(captured() or str(error))) from error
+
+
+def _without_origin(words: str) -> str:
+    """The message of an exception without the place in Pinocchio's source that it begins with."""
+    return words.rpartition("message:")[2].strip() if words.startswith("From file:") else words
 
 
 def states(*columns: Array) -> Iterator[tuple[Array, ...]]:
