@@ -33,7 +33,7 @@ from harness.crosscheck.loading import (
     why_no_model,
 )
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.stages import Answers, ask_one_by_one, compare_all, measure_componentwise
+from harness.crosscheck.stages import NOT_OFFERED, Answers, ask_one_by_one, compare_all, measure_componentwise
 from harness.crosscheck.superfluous import find_superfluous
 from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
@@ -289,7 +289,8 @@ class CrossCheck(Study):
     def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves, of_file = not quantity_words(pair.quantity), self.settings.library.reads_files
-        if of_file and pair.assignment is not None and pair.verdict != Verdict.AGREES:
+        is_asked = pair.assignment is not None and not pair.failure.startswith(NOT_OFFERED)
+        if of_file and is_asked and pair.verdict != Verdict.AGREES:
             from harness.crosscheck.user_file import readings_and_refusal
 
             about = self.settings.library, pair.subject.engine, system.mechanism, self.settings.seed, pair.failure

@@ -66,7 +66,8 @@ def readings_and_refusal(library: Library, engine: str, own: Mechanism, seed: in
     if failure:
         named = [body.name for body in robot.tree.bodies if f"'{body.name}'" in failure]
         return [], why_refused(robot, named[0] if named else "")
-    return effects(meant(robot, STATES, seed), folded_by(library, engine, own)), []
+    key = library, engine, own.key, seed
+    return _EFFECTS.get(key, lambda: effects(meant(robot, STATES, seed), folded_by(library, engine, own))), []
 
 
 def _robot(mechanism: Mechanism) -> Robot:
@@ -75,3 +76,4 @@ def _robot(mechanism: Mechanism) -> Robot:
 
 _FOLDED: Kept[Folded] = Kept(32)
 _READ: Kept[RobotMechanism] = Kept(32)
+_EFFECTS: Kept[list[Effect]] = Kept(32)
