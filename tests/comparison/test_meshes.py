@@ -81,3 +81,19 @@ def test_a_mesh_of_one_kilogram_is_a_reading_of_pinocchio(tmp_path: Path) -> Non
         ("geoms that cannot collide", (5,)),
         ("inertia of meshes", (2,)),
     ]
+
+
+def test_what_a_missing_mesh_stands_among_keeps_what_it_names(tmp_path: Path) -> None:
+    """Materials, textures that are drawn, and contacts that name the geoms; MuJoCo refused a copy of the file without these."""
+    path = tmp_path / "absent.xml"
+    link = '<inertial pos="0 0 0.1" mass="1" diaginertia="0.1 0.2 0.2"/>'
+    path.write_text(f"""<mujoco><asset><texture name="drawn" type="2d" builtin="checker" width="8" height="8"/>
+    <texture name="picture" type="2d" file="absent.png"/><material name="ground" texture="drawn"/><material name="skin" texture="picture"/>
+    <mesh name="shell" file="absent.stl"/><hfield name="hills" file="absent.png" size="1 1 1 1"/></asset><worldbody>
+    <geom name="floor" type="plane" size="1 1 1" material="ground"/><geom name="hill" type="hfield" hfield="hills"/>
+    <body name="one">{link}<joint name="first" axis="0 1 0"/><geom name="outside" type="mesh" mesh="shell" material="skin"/>
+    <body name="two" pos="0 0 1">{link}<joint name="second" axis="1 0 0"/><geom name="tip" type="mesh" mesh="shell"/></body></body>
+    </worldbody><contact><pair geom1="floor" geom2="tip"/></contact></mujoco>""")
+    for aided in (False, True):
+        record = record_of(path, "mujoco", aided)
+        assert record.verdict == Verdict.AGREES and "absent.stl" in record.notes[0], record.message

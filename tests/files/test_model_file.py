@@ -667,3 +667,12 @@ def test_a_wrong_ball_joint_is_refused(tmp_path: Path, old: str, new: str, fragm
     path.write_text(BALL.replace(old, new))
     with pytest.raises(InvalidModel, match=fragment):
         read_model(path, "urdf")
+
+
+@pytest.mark.parametrize("version", ["0.0", "1", "1.1"])
+def test_the_version_of_an_xml_declaration_says_nothing(version: str, read: Reader) -> None:
+    """Both engines read such files, and a quarter of a public collection is written so."""
+    assert MJCF.startswith('<?xml version="1.0"?>')
+    text = MJCF.replace('version="1.0"', f'version="{version}"')
+    model, plain = read(text, "mjcf"), read(MJCF, "mjcf")
+    assert model.text == text and model.joint_lines == plain.joint_lines and model.force_elements == plain.force_elements

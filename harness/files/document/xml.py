@@ -7,6 +7,7 @@ better messages, only knows where it ends.
 
 from __future__ import annotations
 
+import re
 import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ MAXIMUM_ELEMENTS = 50_000
 # libxml2 stops at 256, and links a few thousand deep overflow Pinocchio's stack.
 MAXIMUM_DEPTH = 200
 _SHOWN = 60
+# The version of an XML declaration, which stands at the beginning of a file.
+_VERSION = re.compile(r"""\A(\ufeff?<\?xml\s+version\s*=\s*)(["'])[\w.:-]*\2""")
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,9 @@ def parse_any(path: Path, text: str, expected: str, any_prefix: bool = False) ->
     """The document of a file at ``path`` that would hold ``text``; raises as ``read_any``."""
     if not text.strip("\ufeff \t\r\n"):
         raise InvalidModel(path, None, f"is empty; expected {expected}")
-    lines, comments, complaint = _scan(path, text)
+    # Readers of robots' files take any version; every one that is met means the first.
+    parsed = _VERSION.sub(r"\1\g<2>1.0\2", text, count=1)
+    lines, comments, complaint = _scan(path, parsed)
     parser = etree.XMLParser(
         encoding="utf-8",
         resolve_entities=False,
@@ -101,7 +106,7 @@ def parse_any(path: Path, text: str, expected: str, any_prefix: bool = False) ->
         recover=any_prefix and complaint is None,
     )
     try:
-        root = etree.fromstring(text.encode(), parser)
+        root = etree.fromstring(parsed.encode(), parser)
     except etree.XMLSyntaxError as error:
         raise _malformed(path, error.lineno, error.msg) from None
     if complaint is not None:

@@ -41,6 +41,8 @@ _ELEMENT = re.compile(r"Element name '([^']*)'")
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
 # Of its solver of constraints, which needs two or three of Newton's method.
 _MOST_ITERATIONS = 100
+# Radius of a geom that stands for one of a mesh [m].
+_POINT = 1e-3
 # Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
 _PARTS = {JointKind.PLANAR: 3}
 
@@ -118,12 +120,20 @@ def _plain(request: Request) -> tuple[Any, list[str]]:
         if not _MISSING.search(str(error)):
             raise
         spec = _spec(request)
-        return _without_meshes(spec).compile(), [f"refused with its meshes, and read without them: {' '.join(str(error).split())}"]
+        return _without_files(spec).compile(), [f"refused with its meshes, and read without them: {' '.join(str(error).split())}"]
 
 
-def _without_meshes(spec: Any) -> Any:
-    shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
-    for part in [*(geom for geom in spec.geoms if geom.type in shapes or geom.meshname), *spec.meshes, *spec.materials, *spec.textures]:
+def _without_files(spec: Any) -> Any:
+    """The model without what it has from other files; a geom of a mesh becomes a massless point, which whatever names it finds."""
+    shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF, mujoco.mjtGeom.mjGEOM_HFIELD)
+    for geom in spec.geoms:
+        if geom.type in shapes or geom.meshname:
+            geom.type, geom.size, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [_POINT, 0.0, 0.0], 0.0
+            geom.meshname = geom.hfieldname = ""
+    for material in spec.materials:
+        for role in range(len(material.textures)):
+            material.textures[role] = ""
+    for part in [*spec.meshes, *spec.hfields, *spec.skins, *spec.textures]:
         delete(spec, part)
     return spec
 
