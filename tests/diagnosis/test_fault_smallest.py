@@ -20,6 +20,7 @@ import pytest
 from msgspec.structs import replace
 from support import cross_checked, harness, make_library
 
+from harness.arrays import Array
 from harness.crosscheck import run
 from harness.crosscheck.expected import AGREES
 from harness.crosscheck.run import CrossCheck
@@ -147,7 +148,14 @@ def test_data_roundoff_hides_a_change_of_1e_11_of_the_lightest_links_alone() -> 
 @pytest.mark.nightly
 def test_what_is_granted_to_motion_and_weight_hides_no_further_link(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the share the same systems hide a change of 1e-11: it is the data's own roundoff."""
-    monkeypatch.setattr(Reference, "roundoff_with_share", Reference.data_roundoff)
+    with_share = Reader.theory
+
+    def without_share(reader: Reader, slope: Array | None) -> float:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Reference, "roundoff_with_share", Reference.data_roundoff)
+            return with_share(reader, slope)
+
+    monkeypatch.setattr(Reader, "theory", without_share)
     monkeypatch.setattr(bench, "smallest_caught", lambda theory, catches: theory)
 
     def hides(name: str, subject: Subject) -> bool:
