@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
 
 from harness import workers as processes
-from harness.api.compared_files import ComparedFiles
+from harness.api.findings import CheckedRecords, ComparedFiles
 from harness.api.loaded_system import Accelerations, CertifiedValues, Derivatives, LoadedSystem
 from harness.comparison.robot_library import resolved
 from harness.comparison.study import ComparisonSettings, RobotComparison
@@ -28,7 +28,7 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, matching, nearest
 from harness.results.comparison import FilesComparison
 from harness.results.cross_check import Causes
-from harness.results.records import ACCELERATIONS, Records, quantity_words
+from harness.results.records import ACCELERATIONS, quantity_words
 from harness.study import complete
 from harness.truth.compare import Comparison
 from harness.truth.quantities import require_quantity, select_quantities
@@ -126,7 +126,7 @@ class Options(TypedDict, total=False):
     aided: bool
 
 
-def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options: Unpack[Options]) -> Records:
+def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options: Unpack[Options]) -> CheckedRecords:
     """Cross-check mechanisms, all of the library and the variants of their models for none, on worker processes; or robots.
 
     Args:
@@ -148,7 +148,7 @@ def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options:
     with _checked(settings, options, chosen) as (studies, _):
         for problem in (problem for study in studies for problem in study.problems):
             raise problem
-        return Records(record for study in studies for record in study.result().records)
+        return CheckedRecords(record for study in studies for record in study.result().records)
 
 
 def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Options]) -> Causes:

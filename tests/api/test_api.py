@@ -196,7 +196,7 @@ def test_a_check_is_a_table_of_records(tmp_path: Path) -> None:
     assert {record.subject for record in records} >= {"lagrange", "mujoco/mjcf", "pinocchio/urdf"}
     assert all(isinstance(record, harness.Record) and record.verdict == harness.Verdict.AGREES for record in records)
     assert "<table" in records._repr_html_() and "mujoco/mjcf" in str(records)
-    assert repr(records) == str(records)
+    assert repr(records) == str(records) and repr(records).startswith("bar_pendulum: all 5 subjects agree.\n\n")
     assert [record.subject for record in harness.check("bar_pendulum", subjects="lagrange", states=40)] == ["lagrange"]
     wanted = {"subjects": ["mujoco/mjcf"], "states": 20}
     both = harness.check("bar_pendulum", quantities=["mass_matrix", "accelerations"], **wanted)
@@ -224,6 +224,7 @@ def test_a_check_of_a_file_says_which_reading_explains_an_answer() -> None:
     path = Path(__file__).parents[1] / "comparison" / "files" / "arm.urdf"
     records = harness.check(path, subjects="pinocchio/urdf", states=8)
     assert [record.verdict for record in records] == ["explained"]
+    assert repr(records).startswith("arm.urdf: 1 subject") and records[0].system == str(path)
     assert "Pinocchio's ABA applies no joint damping" in repr(records) and "applies no joint damping" in records._repr_html_()
 
 
