@@ -162,6 +162,7 @@ def make_library(root: Path, names: Iterable[str], engines: Mapping[str, str] | 
 def expected_entry(system: str, subject: str, verdict: str, backward_error: float) -> str:
     """An entry of a library's expected verdicts, as text."""
     about = f"subject = {json.dumps(subject)}\nverdict = {json.dumps(verdict)}\nbackward_error = {backward_error}"
+    about += "\nmedian_backward_error = inf\nshare = 1.0" if verdict in ("unstable", "misreads", "disagrees") else ""
     return f'[[expected]]\nsystem = {json.dumps(system)}\n{about}\nreason = "planted"\nlink = "here"\n'
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from harness.arrays import Array
-from harness.engines import EQUATIONS, ConstraintLaw, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
+from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
 from harness.engines.interface import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
@@ -212,6 +212,7 @@ def load_audited(assignment: Assignment) -> Model:
     Raises:
         InvalidModel: the engine refuses the model, or holds another mechanism than the system's.
         ValueError: so does an engine of an environment.
+        harness.engines.Misread: that is what its reader is known to make of the file.
         harness.engines.Unsupported: the engine cannot express it.
     """
     library, subject, model, mechanism = assignment.library, assignment.subject, assignment.model, assignment.as_read.mechanism
@@ -221,6 +222,13 @@ def load_audited(assignment: Assignment) -> Model:
             loaded = load_model(library, subject, mechanism, model)
             audit(loaded.loaded(), model, mechanism)
         except InvalidModel as error:
+            if model is not None:
+                # Imported late: a run in which all is well needs nothing of it.
+                from harness.explain.meant import misread_by
+
+                _, folded = misread_by(model, mechanism.gravity, subject.engine, library)
+                if folded.applied:
+                    raise Misread(f"its reader makes another mechanism of the file: {error.problem}") from error
             if not runs_elsewhere(load_engine(library, subject.engine)):
                 raise
             # What an engine of an environment makes of a file is no fault of the file, which those beside the harness read.

@@ -2,9 +2,10 @@
 
 ``expected_verdicts.toml`` of a library holds ``[[expected]]`` tables with ``system``, ``subject``,
 ``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains. An entry with the verdict
-``unstable`` also bounds what the reason explains of the sampled states: the ``median_backward_error``, and the ``share`` of them that
-is unstable. One with the verdict ``disagrees`` may bound the median, where what it explains shows at few states.
-An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing.
+``unstable``, ``misreads`` or ``disagrees`` also bounds what the reason explains of the sampled states: the ``median_backward_error``,
+and the ``share`` of them that do not agree. A second fault shows beside it.
+An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing. One with
+``misreads`` has none where the reader leaves joints out, so that nothing can be compared.
 An entry with a ``quantity`` is about that; without one it is about accelerations, and what cannot be asked for those cannot be asked
 for anything. One with ``versions``, a specifier as "<3.7", is about those versions of the subject's engine alone, asked by name as
 ``engine@version``. A list in place of a system or subject stands for a table for each of them.
@@ -42,11 +43,8 @@ Text = Annotated[str, msgspec.Meta(min_length=1)]
 TABLES = ("expected", "differs")
 # Fields of an entry that are no texts.
 _NUMBERS = ("backward_error", "median_backward_error", "share")
-# Which of the last two an entry with a verdict has.
-_BOUNDS: Mapping[str, Sequence[list[str]]] = {
-    Verdict.UNSTABLE: ([*_NUMBERS[1:]],),
-    Verdict.DISAGREES: ([], ["median_backward_error"]),
-}
+# Verdicts whose entries have all of them.
+_BOUNDED = (Verdict.UNSTABLE, Verdict.MISREADS, Verdict.DISAGREES)
 
 
 class TableOfReasons(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -81,8 +79,10 @@ class Entry(TableOfReasons, frozen=True, kw_only=True):
 
     @property
     def limit(self) -> float:
-        """The largest backward error that the reason explains; infinite where answers are not compared."""
-        return math.inf if self.backward_error is None else self.backward_error
+        """The largest backward error that the reason explains; infinite where answers are not compared, none where joints are missing."""
+        if self.backward_error is None:
+            return 0.0 if self.verdict == Verdict.MISREADS else math.inf
+        return self.backward_error
 
     @property
     def median_limit(self) -> float:
@@ -91,7 +91,7 @@ class Entry(TableOfReasons, frozen=True, kw_only=True):
 
     @property
     def share_limit(self) -> float:
-        """The largest share of unstable states that the reason explains."""
+        """The largest share of states that do not agree that the reason explains."""
         return 1.0 if self.share is None else self.share
 
 
@@ -175,7 +175,7 @@ def read_entries(
 ) -> list[_Entry]:
     """The ``[[expected]]`` tables of a file.
 
-    ``known`` holds the values that a field may have; an entry has a ``backward_error`` where its verdict is one of ``compared``.
+    ``known`` holds the values that a field may have; an entry bounds answers where its verdict is one of ``compared``.
     ``tables`` are the names of all tables that the file may have.
 
     Raises:
@@ -183,22 +183,20 @@ def read_entries(
     """
     entries = []
     for where, entry in _read_tables(path, kind, known, tables, "expected"):
-        if (entry.backward_error is None) == (entry.verdict in compared):
-            rest = "a backward_error" if entry.backward_error is None else f"no backward_error, for what is {entry.verdict} is not compared"
+        given = [name for name in _NUMBERS if getattr(entry, name) is not None]
+        wanted = [name for name in _NUMBERS[: 3 if entry.verdict in _BOUNDED else 1] if entry.verdict in compared]
+        if given != wanted and (given or entry.verdict != Verdict.MISREADS):
+            rest = " and ".join(wanted) or f"no {' and no '.join(given)}, for what is {entry.verdict} is not compared"
             raise InvalidInput(path, None, f"{where} must have {rest}")
-        bounds = [name for name in _NUMBERS[1:] if getattr(entry, name) is not None]
-        allowed = _BOUNDS.get(entry.verdict, ([],))
-        if bounds not in allowed:
-            rest = f"{' and '.join(allowed[0])}, for it is" if allowed[0] else f"no {bounds[-1]}, for it is not"
-            raise InvalidInput(path, None, f"{where} must have {rest} about lost digits")
         entries.append(entry)
     return entries
 
 
 def of_quantity(entries: Iterable[Any], quantity: str) -> list[Any]:
-    """The entries about a quantity; what cannot be asked for accelerations cannot be asked for anything."""
-    everywhere = [one for one in entries if one.verdict == Verdict.UNSUPPORTED and not quantity_words(one.quantity)]
-    return [*everywhere, *(one for one in entries if one.quantity == quantity)]
+    """The entries about a quantity; what cannot be asked for accelerations cannot be asked for anything, and a file is misread for all."""
+    of_any = (Verdict.UNSUPPORTED, Verdict.MISREADS)
+    everywhere = [one for one in entries if one.verdict in of_any and not quantity_words(one.quantity) and quantity_words(quantity)]
+    return [*(structs.replace(one, **dict.fromkeys(_NUMBERS)) for one in everywhere), *(one for one in entries if one.quantity == quantity)]
 
 
 @dataclass(frozen=True)

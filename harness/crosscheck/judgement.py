@@ -51,10 +51,10 @@ class Pair:
         shown: the answer that decides, and the one with the largest backward error, with their states.
         stored: how many of the first batch are stored with the system. found: what hypothesis found.
         seconds: cost per state of each timing [s]. failed_at: the state at which an engine crashed.
-        failure, unsupported: as of ``Answers``, where some of them are missing. refused: whether the failure is that a file
+        failure, unsupported, misread: as of ``Answers``, where some of them are missing. refused: whether the failure is that a file
             cannot be used.
         explained: the sentence of ``Explanation`` where one number explains what would be lost digits; None where none was looked for.
-        readings: that explain what a user's file is read as. rest: sentences on what they leave, or on why the file is refused.
+        readings: that explain what a file is read as. rest: sentences on what they leave, or on why a user's file is refused.
         remarks: sentences that change no verdict.
         from_rigid: how far answers that are held against a declared truth are from the rigid one, relative, part by part.
     """
@@ -76,6 +76,7 @@ class Pair:
     seconds: list[float] = field(default_factory=list)
     failure: str = ""
     unsupported: bool = False
+    misread: bool = False
     refused: bool = False
     failed_at: dict[str, list[float]] | None = None
     explained: str | None = None
@@ -89,16 +90,16 @@ class Pair:
         """Its name among the pairs of its system, as ``Assignment.title``."""
         return " ".join([str(self.subject), *quantity_words(self.quantity)])
 
-    def fail(self, failure: str, unsupported: bool = False, refused: bool = False) -> None:
+    def fail(self, failure: str, unsupported: bool = False, refused: bool = False, misread: bool = False) -> None:
         """The first failure is the one that is reported."""
         if not self.failure:
-            self.failure, self.unsupported, self.refused = failure, unsupported, refused
+            self.failure, self.unsupported, self.refused, self.misread = failure, unsupported, refused, misread
 
     @property
     def verdict(self) -> str:
         """The gravest of the answers; where one number explains the errors of all states they are no lost digits."""
         if self.failure or not self.counts:
-            return (Verdict.UNSUPPORTED if self.unsupported else Verdict.ERROR).value
+            return (Verdict.MISREADS if self.misread else Verdict.UNSUPPORTED if self.unsupported else Verdict.ERROR).value
         verdict = gravest(self.counts)
         return Verdict.DISAGREES.value if verdict == Verdict.UNSTABLE and self.explained else verdict
 
@@ -169,12 +170,12 @@ def record_of(settings: Settings, expectations: Expectations, system: SystemProg
         seconds_per_state=float(np.median(pair.seconds)) if pair.seconds else None,
         fastest_seconds_per_state=min(pair.seconds, default=None),
         message=message,
-        failed=bool(pair.failure) and not (pair.unsupported or pair.refused),
+        failed=bool(pair.failure) and not (pair.unsupported or pair.refused or pair.misread),
         median_backward_error=float(np.median(sample)) if len(sample) else None,
         percentile_99_backward_error=float(np.percentile(sample, 99)) if len(sample) else None,
         median_bounds=_bounds(sample, 0.5),
         percentile_99_bounds=_bounds(sample, 0.99),
-        unstable_share=verdicts[Verdict.UNSTABLE.value] / max(1, verdicts.total()),
+        share=_share(verdicts),
         distribution=distribution_of(backward),
         verdict_counts=dict(counts),
         granted=pair.granted,
@@ -207,8 +208,13 @@ def _expected(settings: Settings, expectations: Expectations, name: str, pair: P
     if expectation is AGREES and pair.unsupported and engine_files(library)[pair.subject.engine].elsewhere:
         # What an engine beside the harness cannot do is listed, so that a new refusal shows. Others and other versions say why.
         expectation = structs.replace(AGREES, verdict=Verdict.UNSUPPORTED.value, reason=pair.failure)
+    if quantity_words(pair.quantity) and (expectation.verdict, verdict) == (Verdict.MISREADS, Verdict.AGREES):
+        # It need not feel what the reader makes of the file.
+        return AGREES
     few = settings.state is not None or settings.states < DEFAULT_STATES
-    if few and verdict == Verdict.AGREES and expectation.verdict != Verdict.UNSUPPORTED:
+    # What a reader makes of a file is felt at almost every state.
+    wanted = (Verdict.UNSUPPORTED, *((Verdict.MISREADS,) if settings.state is None else ()))
+    if few and verdict == Verdict.AGREES and expectation.verdict not in wanted:
         # So few states need not meet the one that the expectation is about.
         return AGREES
     if pair.unsupported and message.startswith(NOT_OFFERED):
@@ -221,6 +227,12 @@ def _bounds(sample: Array, share: float) -> list[float]:
     """The bounds of a quantile of a sample, none where it is too small."""
     ranks = quantile_ranks(len(sample), share)
     return [] if ranks is None else [float(error) for error in np.partition(sample, ranks)[list(ranks)]]
+
+
+def _share(verdicts: Counter[str]) -> float:
+    """The share of answers that do not agree; where there is no certified truth nobody can tell."""
+    agree, known = verdicts[Verdict.AGREES.value], verdicts.total() - verdicts[Verdict.UNDECIDED.value]
+    return (known - agree) / max(1, known)
 
 
 def _distance(pair: Pair) -> str:

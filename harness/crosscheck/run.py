@@ -151,7 +151,8 @@ class CrossCheck(Study):
             yield from self._asked_at(system, states)
             if number:
                 continue
-            pairs = answering(system.pairs.values())
+            # A reader that is known to make another mechanism of its file tells nothing of this one.
+            pairs = [pair for pair in answering(system.pairs.values()) if pair.verdict != Verdict.MISREADS]
             # What engines hold after loading, which their accelerations need not feel. The replay of a state is about that state alone.
             readers, natives = (readers_among(library, pairs), natives_among(library, pairs)) if settings.state is None else ([], [])
             if self._audits and len(readers) > 1:
@@ -245,7 +246,7 @@ class CrossCheck(Study):
         if answers.problem is not None:
             self.report(answers.problem)
         if answers.failure:
-            pair.fail(answers.failure, answers.unsupported, refused=answers.problem is not None)
+            pair.fail(answers.failure, answers.unsupported, refused=answers.problem is not None, misread=answers.misread)
         if answers.remark and f"{answers.remark}." not in pair.remarks:
             pair.remarks.append(f"{answers.remark}.")
         if answers.comparison is not None and states is not None:
@@ -286,15 +287,26 @@ class CrossCheck(Study):
             pairs = answering(pairs)
         return None
 
+    def _readings_of(self, system: SystemProgress, pair: Pair) -> tuple[Any, ...] | None:
+        """What finds the readings that explain a pair's answers, with its arguments; None where none has to do with them."""
+        if pair.assignment is None or pair.failure.startswith(NOT_OFFERED):
+            return None
+        if self.settings.library.reads_files:
+            from harness.crosscheck import user_file
+
+            about = self.settings.library, pair.subject.engine, system.mechanism, self.settings.seed, pair.failure
+            return (user_file.readings_and_refusal, *about) if pair.verdict != Verdict.AGREES else None
+        if pair.verdict != Verdict.MISREADS:
+            return None
+        from harness.crosscheck import misreading
+
+        return misreading.readings_and_refusal, pair.assignment, self.settings.seed
+
     def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves, of_file = not quantity_words(pair.quantity), self.settings.library.reads_files
-        is_asked = pair.assignment is not None and not pair.failure.startswith(NOT_OFFERED)
-        if of_file and is_asked and pair.verdict != Verdict.AGREES:
-            from harness.crosscheck.user_file import readings_and_refusal
-
-            about = self.settings.library, pair.subject.engine, system.mechanism, self.settings.seed, pair.failure
-            outcome = yield from ask(call, readings_and_refusal, *about, affinity=system.name)
+        if (asked := self._readings_of(system, pair)) is not None:
+            outcome = yield from ask(call, *asked, affinity=system.name)
             pair.readings, pair.rest = outcome.value or ([], [])
             if failure := self.failure(outcome):
                 pair.remarks.append(f"What the readings do is not known: {failure}.")

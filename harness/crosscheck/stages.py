@@ -19,7 +19,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
-from harness.engines import InvalidAnswer, Model, NotOffered, Unsupported, accelerations, load_engine
+from harness.engines import InvalidAnswer, Misread, Model, NotOffered, Unsupported, accelerations, load_engine
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
@@ -32,6 +32,8 @@ from harness.verdict import Verdict
 
 # Begins the message of a subject whose engine does not claim to compute a quantity.
 NOT_OFFERED = "not offered: "
+# Why a further quantity of such a subject is another one.
+MISREAD = "its reader makes another mechanism of the file, and its accelerations are those of that"
 # Timings of a batch: that many at least, and more until they take that long, up to the most.
 LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
 # A longer call is timed once; one that is shorter is set up for the size of its batch by a call before.
@@ -48,6 +50,7 @@ class Answers:
         failure: why there are no answers, "" where there are. problem: the same where a file is invalid.
         remark: what the answers have in common, as a sentence; "" for nothing.
         unsupported: whether the failure is that the engine cannot express the mechanism.
+        misread: whether it is that the engine's reader is known to make another mechanism of the file.
         from_rigid: how far answers that are held against a declared truth are from the rigid one, relative; none for the others.
     """
 
@@ -56,6 +59,7 @@ class Answers:
     failure: str = ""
     problem: InvalidInput | None = None
     unsupported: bool = False
+    misread: bool = False
     remark: str = ""
     from_rigid: Array = field(default_factory=lambda: np.empty(0))
 
@@ -129,6 +133,14 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
         if quantity.is_asked_again:
             require_repeatable(truth, model, states, answers, certified)
         comparison = truth.judge(certified, states, answers[0], model)
+        if (comparison.verdicts == Verdict.DISAGREES.value).any() and assignment.model is not None:
+            # Imported late: a run in which all is well needs nothing of it.
+            from harness.crosscheck import misreading
+
+            if quantity.is_default:
+                comparison = misreading.judged(assignment, states, comparison)
+            elif misreading.is_for_what_is_read(assignment, states).all():
+                return Answers(failure=MISREAD, misread=True)
         remark = declared_precision(assignment) if quantity.is_default else ""
         if not remark and (comparison.verdicts == Verdict.DISAGREES.value).any():
             remark = truth.describe(certified, states, answers[0], model)
@@ -137,6 +149,12 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
             return Answers(comparison, seconds, remark=remark)
         rigid = compare(truths.of(truth.rigid), answers[0])
         return Answers(comparison, seconds, remark=remark, from_rigid=rigid.known("relative_error"))
+    except Misread as error:
+        from harness.crosscheck import misreading
+
+        if quantity.is_default:
+            return Answers(misreading.judged_alone(assignment, states), remark=str(error))
+        return Answers(failure=str(error), misread=bool(misreading.is_for_what_is_read(assignment, states).all()))
     except NotOffered as error:
         # Every engine claims to compute the default one.
         return Answers.missing(error) if quantity.is_default else Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)

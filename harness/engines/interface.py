@@ -203,6 +203,10 @@ class Unsupported(Exception):
     """The engine cannot express the mechanism; the message is the reason. Verdict ``unsupported``."""
 
 
+class Misread(Unsupported):
+    """The engine accepts the file, and its reader is known to make another mechanism of it, which cannot be asked about this one."""
+
+
 class NotOffered(Unsupported):
     """What was asked for is not among what the engine claims to compute, or the mechanism has nothing of the kind."""
 

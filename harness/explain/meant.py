@@ -15,18 +15,19 @@ from typing import TypeVar
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, request
+from harness.engines import Engine, load_engine, request
 from harness.engines.request import AskedJoint, EngineAnswers, EngineQuestion, Held, Request, in_columns
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
 from harness.explain.changes.readings import Reading, find_readings
+from harness.files.model_file import ModelFile
 from harness.files.tree import Joint, Tree
-from harness.library import Stance
+from harness.library import Library, Stance
 from harness.programs.states import States
 from harness.results.readings import FELT, Effect
 from harness.storage import Kept
 from harness.trees.bodies.inertias import bounded
 from harness.trees.mechanism import mechanism_of
-from harness.trees.robot import Robot
+from harness.trees.robot import Robot, robot_of
 from harness.truth.compare import Comparison, Flags, compare
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 from harness.truth.sampling import sample
@@ -271,6 +272,16 @@ def read_by(robot: Robot, name: str, engine: Engine, stance: Stance) -> Folded:
     """
     readings = find_readings(name, robot.format, engine.reader)
     return fold(robot, (one for one in readings if not (stance == Stance.AIDED and one.supplied)))
+
+
+def misread_by(file: ModelFile, gravity: float, engine: str, library: Library) -> tuple[Robot, Folded]:
+    """The robot in a mechanism's model, and what an engine's misreadings make of it; those of numbers that the harness supplies do nothing.
+
+    ``gravity`` [m/s^2] is that of a URDF, which holds none.
+    """
+    robot = robot_of(file, gravity)
+    readings = find_readings(engine, file.format, getattr(load_engine(library, engine), "reader", ""))
+    return robot, fold(robot, (one for one in readings if one.is_misread and not one.supplied))
 
 
 def effects(found: Meant, folded: Folded) -> list[Effect]:

@@ -68,7 +68,7 @@ class Record:
             is refused is no such failure.
         median_backward_error, percentile_99_backward_error: over the sampled states, which no search has chosen [units of data
             roundoff]; over all where none is sampled.
-        unstable_share: of those states, how many are ``unstable``, from 0 to 1.
+        share: of those states, how many do not agree, from 0 to 1.
         distribution: ``half_decade`` of a backward error to number of states.
         verdict_counts: verdict to number of states.
         expected_backward_error, expected_median_backward_error, expected_share: the largest backward error, median and share of
@@ -120,7 +120,7 @@ class Record:
     fastest_seconds_per_state: Annotated[float | None, Column("fastest", "seconds")] = None
     componentwise_error: Annotated[float | None, Column("componentwise there", "error")] = None
     percentile_99_backward_error: Annotated[float | None, Column("99 % backward error", "error")] = None
-    unstable_share: float = 0.0
+    share: float = 0.0
     expected_median_backward_error: float = math.inf
     expected_share: float = 1.0
     failed: bool = False
@@ -189,7 +189,7 @@ class Record:
         bounds = (
             ("worst backward error", self.backward_error, self.expected_backward_error),
             ("median backward error", self.median_backward_error, self.expected_median_backward_error),
-            ("share of unstable states", self.unstable_share, self.expected_share),
+            ("share of states that do not agree", self.share, self.expected_share),
         )
         return [f"{name} {found:.3g}, expected up to {most:g}" for name, found, most in bounds if (found or 0.0) > most]
 
@@ -282,7 +282,7 @@ class Records(UserList[Record]):
     def remarks(self) -> list[str]:
         """Lines on each unexpected record, and on what there is to say of one that is as expected although it was compared."""
         lines = [line for record in self.unexpected for line in ("", *record.explanation.split("\n"))]
-        told = [one for one in self if one.as_expected and one.backward_error is not None and (one.message or one.readings)]
+        told = [one for one in self if one.as_expected and one.states and (one.message or one.readings)]
         # Quantities that are explained by the same readings are told together.
         alike = grouped(((one.system, one.subject, one.message or one.verdict, *reading_lines(one.readings)), one) for one in told)
         for (system, subject, said, *readings), own in alike.items():

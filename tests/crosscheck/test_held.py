@@ -14,6 +14,7 @@ import pytest
 from catalogue import BUILT_IN, MODELLED, MODELS, TREES
 
 from harness.arrays import Array
+from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.held import SOUND, Difference, differences
 from harness.crosscheck.held_quantities import OF_BODIES
 from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_native, load_engine, subjects
@@ -205,7 +206,8 @@ def test_the_readers_of_a_variant_hold_what_its_plain_model_says_to_its_own_engi
     expected = held_by_all({model_format: plain}, 9.81)[native]
     held = held_by_all({model_format: variant}, 9.81)
     assert native in held
-    for subject, found in held.items():
+    misread = {subject for subject in held if load_expectations(BUILT_IN).of(name, subject).verdict == "misreads"}
+    for subject, found in ((subject, found) for subject, found in held.items() if subject not in misread):
         # Only what a motion feels: a pin may stand elsewhere, and about its own length a planar bar has any inertia.
         assert dict.fromkeys(found.joints) == dict.fromkeys(expected.joints)
         for joint, (ours, theirs) in {joint: (found.joints[joint], expected.joints[joint]) for joint in expected.joints}.items():

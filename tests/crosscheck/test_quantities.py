@@ -32,6 +32,8 @@ subject = "turned/mjcf"
 {quantity}
 verdict = "disagrees"
 backward_error = 1e18
+median_backward_error = 1e18
+share = 1.0
 reason = "its moments have the other sign"
 link = "https://example.org"
 """

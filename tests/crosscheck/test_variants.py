@@ -21,7 +21,6 @@ from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings, describe_run
 from harness.engines import load_engine
 from harness.engines.adapters.mujoco import urdf as mujoco_urdf
-from harness.engines.adapters.pinocchio import mjcf as pinocchio_mjcf
 from harness.errors import InvalidInput, InvalidRequest
 from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism
@@ -224,23 +223,6 @@ def _relative_errors(name: str, model_format: str, answers: Callable[[States], A
     states = States.at(*np.random.default_rng(1).normal(size=(3, 50, len(joints))))
     truth = plain.forward_dynamics(states.q, states.v, states.tau)
     return np.asarray(np.linalg.norm(answers(states) - truth, axis=1) / np.linalg.norm(truth, axis=1))
-
-
-@pytest.mark.parametrize(
-    ("name", "low", "high"), [("acrobot.euler_fixed_axes", 0.2, 0.4), ("furuta_pendulum.class_in_childclass", 1e12, 1e15)]
-)
-def test_pinocchio_s_mjcf_reader_is_as_wrong_as_the_entry_says(name: str, low: float, high: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pinocchio_mjcf, "_refuse_ignored", lambda file, document: None)
-    file = read_model(BUILT_IN.model_path(name, "mjcf"), "mjcf")
-    model = load_engine(BUILT_IN, "pinocchio").load(file, list(file.joint_lines), 9.81)
-    errors = _relative_errors(name, "mjcf", lambda states: model.forward_dynamics(states.q, states.v, states.tau))
-    assert low < np.median(errors) < high
-
-
-def test_pinocchio_s_mjcf_reader_passes_over_what_stands_in_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pinocchio_mjcf, "_refuse_ignored", lambda file, document: None)
-    loaded = pinocchio_mjcf.read(read_model(BUILT_IN.model_path("acrobot.frames", "mjcf"), "mjcf"))
-    assert list(loaded.names) == ["universe", "shoulder"]
 
 
 def test_pinocchio_has_everything_of_a_mimic_joint_but_aba() -> None:

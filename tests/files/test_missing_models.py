@@ -78,7 +78,10 @@ def test_a_model_that_an_entry_excuses_is_unsupported_and_the_equations_are_comp
     assert (records["lagrange"].verdict, records["lagrange"].states) == ("agrees", 40)
 
 
-WRONG = ENTRY.format(subject="mujoco/mjcf", verdict="disagrees", reason="wrong") + "backward_error = inf\n"
+WRONG = (
+    ENTRY.format(subject="mujoco/mjcf", verdict="disagrees", reason="wrong")
+    + "backward_error = inf\nmedian_backward_error = inf\nshare = 1.0\n"
+)
 # Entries, subjects that are an error in spite of them, and models that are reported.
 NOT_EXCUSED = {
     "no entry": ("", [*REASONS], ["bar_pendulum.urdf", "bar_pendulum.xml"]),
@@ -139,7 +142,10 @@ def test_a_model_that_cannot_be_read_is_not_missing(root: Path) -> None:
     ("verdict", "more", "fragment"),
     [
         ("unsupported", "backward_error = 1.0\n", "no backward_error, for what is unsupported is not compared"),
-        ("unstable", "", "number 1 must have a backward_error"),
+        ("unstable", "", "number 1 must have backward_error and median_backward_error and share"),
+        ("disagrees", "backward_error = 1.0\n", "number 1 must have backward_error and median_backward_error and share"),
+        ("misreads", "backward_error = 1.0\nshare = 1.0\n", "number 1 must have backward_error and median_backward_error and share"),
+        ("undecided", "backward_error = 1.0\nshare = 1.0\n", "number 1 must have backward_error"),
         ("unstable", "backward_error = true\n", "number 1: Expected `float | null`, got `bool` - at `$.backward_error`"),
         ("unsupported", "note = 1\n", "unknown field `note`; expected the texts subject, verdict, reason, link, system"),
         ("unsuported", "", "did you mean 'unsupported'"),

@@ -411,7 +411,7 @@ def test_a_library_that_cannot_be_written_is_told_and_searched(library: Library,
 def test_what_is_expected_does_not_fail(library: Library, workers: Workers) -> None:
     entry = 'system = "bar_pendulum"\nsubject = "wrong/mjcf"\nverdict = "disagrees"\nreason = "planted"\nlink = "here"\n'
     for most, status in ((1e12, 0), (100.0, 1)):
-        library.expected_verdicts.write_text(f"[[expected]]\n{entry}backward_error = {most}\n")
+        library.expected_verdicts.write_text(f"[[expected]]\n{entry}backward_error = {most}\nmedian_backward_error = inf\nshare = 1.0\n")
         assert searched(library, workers, "wrong/mjcf", keep=False).status == status
 
 

@@ -82,7 +82,7 @@ def smallest(library: Library, names: Sequence[str], subjects: Sequence[str], st
 def select_pairs(
     library: Library, names: Sequence[str], subjects: Sequence[Subject]
 ) -> tuple[list[tuple[str, Subject]], dict[tuple[str, Subject], str]]:
-    """(system, subject) of all pairs that read a model, and the reasons of those that are expected to be unsupported.
+    """(system, subject) of all pairs that read a model, and the reasons of those that are expected to be unsupported, or misread.
 
     Without ``names``, families are represented by their smallest member, whose numbers are those of all.
 
@@ -94,7 +94,7 @@ def select_pairs(
     systems = library.select(names) if names else smallest
     pairs = [(name, subject) for name in systems for subject in subjects if subject.format != EQUATIONS]
     expected = {pair: known.of(*pair) for pair in pairs}
-    reasons = {pair: one.reason for pair, one in expected.items() if one.verdict == Verdict.UNSUPPORTED}
+    reasons = {pair: one.reason for pair, one in expected.items() if one.verdict in (Verdict.UNSUPPORTED, Verdict.MISREADS)}
     return [pair for pair in pairs if pair not in reasons], reasons
 
 

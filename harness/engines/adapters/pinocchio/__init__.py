@@ -6,7 +6,7 @@ about a joint is what is left of one about the origin, and loses digits that ``a
 ABA applies no springs and dampers; those the file declares are added to the applied forces by
 ``harness.engines.adapters.pinocchio.forces``. The reflected inertias a URDF declares become the model's armature, which ABA
 adds to a joint's own inertia. A URDF holds no gravity, so the harness gives it; an MJCF does, and Pinocchio's
-reader passes over it, as over much else that ``harness.engines.adapters.pinocchio.mjcf`` refuses by name.
+reader passes over it, as over much else that ``harness.explain.changes.readings.pinocchio_mjcf`` declares.
 
 A model with constraints is computed by ``pinocchio.constraintDynamics`` instead, with the settings that
 ``harness.engines.adapters.pinocchio.constraints`` names and the reasons for them; the constraints are those of the file. Joints that mimic

@@ -31,6 +31,7 @@ from harness.engines.adapters.pinocchio.solver import Solver
 from harness.engines.adapters.pinocchio.versions import (
     Columns,
     carrier,
+    has_body,
     mass_matrix,
     read_mimics,
     ready_for_constraints,
@@ -176,6 +177,8 @@ class LoopConstraints:
 
     def _place(self, body: str, pose: Pose, turned: bool) -> tuple[int, Any]:
         """The joint that carries a body, and a frame of the body in that of the joint."""
+        if not has_body(self._model, body):
+            raise Unsupported(f"body {body!r}, which a constraint holds, is not in the model: the reader leaves it out")
         w, x, y, z = turn_of(pose) if turned else UNTURNED
         turn = pinocchio.Quaternion(w, x, y, z).normalized().toRotationMatrix() if any((x, y, z)) else np.eye(3)
         local = pinocchio.SE3(turn, np.array(point_of(pose)))

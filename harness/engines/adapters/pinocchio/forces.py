@@ -25,7 +25,7 @@ import numpy as np
 import pinocchio
 
 from harness.arrays import Array
-from harness.engines.adapters.pinocchio.versions import carrier
+from harness.engines.adapters.pinocchio.versions import carrier, has_body
 from harness.engines.request import AskedJoint
 from harness.engines.state_by_state import Pull, pull_of
 from harness.files.joint_kinds import JointKind
@@ -125,6 +125,8 @@ class ForceElements:
     """
 
     def __init__(self, model: Any, elements: Sequence[ForceElement], places: Mapping[str, JointPlace]) -> None:
+        # A reader that leaves joints and bodies out leaves nothing for these to act at.
+        elements = [one for one in elements if _has_ends(model, one, places)]
         self.model = model
         self._data = model.createData()
         self.elements = tuple(elements)
@@ -229,6 +231,12 @@ class ForceElements:
         jacobian = pinocchio.getJointJacobian(self.model, self._data, joint, pinocchio.LOCAL_WORLD_ALIGNED).reshape(6, -1)
         arm = position - self._data.oMi[joint].translation
         return position, np.concatenate([jacobian[:3] - pinocchio.skew(arm) @ jacobian[3:], jacobian[3:]])
+
+
+def _has_ends(model: Any, element: ForceElement, places: Mapping[str, JointPlace]) -> bool:
+    if isinstance(element, PointSpring):
+        return all(has_body(model, body) for body, _ in element.ends)
+    return element.joint in places
 
 
 def _owners(places: Mapping[str, JointPlace], nv: int) -> Array:

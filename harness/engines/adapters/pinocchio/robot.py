@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.engines import NotOffered
 from harness.engines.adapters.pinocchio.forces import ForceElements, places_of
 from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
-from harness.engines.adapters.pinocchio.versions import has_body, mass_matrix, reasons, set_armature
+from harness.engines.adapters.pinocchio.versions import mass_matrix, reasons, set_armature
 from harness.engines.coordinates import accelerations_from_body, body_turn, to_body
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.request import AskedJoint, Refused, Request
@@ -55,9 +55,7 @@ class PinocchioFile(LoadedFile):
     def __init__(self, model: Any, request: Request) -> None:
         places = places_of(model, request.joints)
         super().__init__(request, places)
-        # A reader that leaves bodies out leaves nothing for springs to pull at.
-        self._springs = [one for one in self.aid.springs if all(has_body(model, body) for body, _ in one.ends)]
-        self.placed = self._with(ForceElements(model, self._springs, places))
+        self.placed = self._with(ForceElements(model, self.aid.springs, places))
         if request.aid is not None:
             model.gravity.linear = request.aid.gravity
             set_armature(model, self.addresses[1], request.aid.armature[self.v_columns])
@@ -73,7 +71,7 @@ class PinocchioFile(LoadedFile):
 
     def _elements(self) -> Iterator[ForceElement]:
         """The springs and dampers that are supplied."""
-        yield from self._springs
+        yield from self.aid.springs
         forces, by_velocity = self.aid.forces, {joint.velocities[0]: joint for joint in self.found}
         for velocity, joint in by_velocity.items():
             if damping := float(forces.damping[velocity]):

@@ -1,0 +1,106 @@
+"""A reader that is known to make another mechanism of a file is asked every time: mended, or wrong in another way too, it is noticed."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from catalogue import BUILT_IN
+from support import InThisProcess, completed
+
+from harness.crosscheck import assignment
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
+from harness.engines.adapters.pinocchio import mjcf, model
+from harness.files.model_file import ModelFile, read_model
+from harness.results.records import Record
+from harness.storage import Kept
+
+EULER, CLASS, FRAME, FURTHER = "acrobot.euler_fixed_axes", "furuta_pendulum.class_in_childclass", "acrobot.frames", "coupled_oscillators"
+TEXTS = sorted((Path(__file__).parents[2] / "docs" / "issues").glob("*.md"))
+
+
+def record_of(name: str, quantity: str = "accelerations", states: int = 200) -> Record:
+    settings = Settings(library=BUILT_IN, names=[name], subjects=["pinocchio/mjcf"], states=states, examples=None)
+    study = CrossCheck(settings, [quantity])
+    (record,) = completed(study, InThisProcess()).records
+    assert not study.problems
+    return record  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("name", "reading", "low", "high"),
+    [(EULER, "Euler angles about fixed axes", 0.2, 2.0), (CLASS, "class beside a childclass", 1e12, 1e15)],
+)
+def test_a_misreading_has_its_error_its_reading_and_its_effect(name: str, reading: str, low: float, high: float) -> None:
+    record = record_of(name)
+    assert (record.verdict, record.as_expected, record.verdict_counts) == ("misreads", True, {"misreads": record.states})
+    (effect,) = record.readings
+    assert effect.name == reading and effect.alone is not None and low < effect.alone < high and effect.remedy and effect.lines
+    assert record.backward_error is not None and record.backward_error > 1e14 and record.share == 1.0
+
+
+@pytest.mark.parametrize(("name", "reading"), [(FRAME, "frames"), (FURTHER, "further trees")])
+def test_a_reader_that_drops_joints_is_asked_for_those_that_it_has(name: str, reading: str) -> None:
+    record = record_of(name)
+    assert (record.verdict, record.as_expected, record.backward_error) == ("misreads", True, None)
+    assert [effect.name for effect in record.readings] == [reading] and "has no moving joint" in record.message and record.states
+
+
+def test_a_mended_reader_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = read_model(BUILT_IN.model_path("acrobot", "mjcf"), "mjcf")
+    read: Callable[[ModelFile], Any] = mjcf.read
+    monkeypatch.setattr(mjcf, "read", lambda file: read(plain))
+    monkeypatch.setattr(assignment, "_MODELS", Kept(1))
+    record = record_of(EULER)
+    assert (record.verdict, record.expected, record.as_expected) == ("agrees", "misreads", False)
+
+
+def test_a_second_fault_beside_a_misreading_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twice the answer where the first joint turns fast enough."""
+    exact = model.PinocchioModel.forward_dynamics
+
+    def doubled(self: Any, q: Any, v: Any, tau: Any) -> Any:
+        return np.where(np.abs(v[:, :1]) > 2.0, 2.0, 1.0) * exact(self, q, v, tau)
+
+    monkeypatch.setattr(model.PinocchioModel, "forward_dynamics", doubled)
+    record = record_of(EULER)
+    assert (record.verdict, record.as_expected) == ("disagrees", False)
+    assert 0 < record.verdict_counts["disagrees"] < record.states
+
+
+def test_every_quantity_of_a_misread_file_is_misread_or_does_not_feel_it() -> None:
+    verdicts = {name: record_of(EULER, name, states=20) for name in ("mass_matrix", "power", "steps")}
+    assert all(record.as_expected for record in verdicts.values())
+    assert {verdicts["mass_matrix"].verdict, verdicts["steps"].verdict} == {"misreads", "unsupported"}
+
+
+def test_what_is_an_engine_s_fault_links_to_an_issue_or_its_text() -> None:
+    tables = tomllib.loads(BUILT_IN.expected_verdicts.read_text())["expected"]
+    assert {one["verdict"] for one in tables} >= {"misreads", "disagrees"}
+    linked = {one["link"] for one in tables if one["verdict"] == "misreads" or one.get("versions")}
+    assert all(link.startswith("docs/issues/") or re.search(r"github\.com/.*/(issues|pull|commit)/", link) for link in linked)
+    of_texts = {one["link"].removeprefix("docs/issues/") for one in tables if one["link"].startswith("docs/")}
+    assert of_texts == {path.name for path in TEXTS}
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
+def test_the_program_of_an_issue_prints_what_its_text_says(path: Path, tmp_path: Path) -> None:
+    text = path.read_text()
+    program = re.search(r"```python\n(.*?)```", text, re.DOTALL)
+    printed = re.search(r"```text\ncomputed (.*)\nexpected (.*)\n```", text)
+    assert text.startswith("# ") and program and printed and printed[1] != printed[2]
+    # That of an older version, or of an engine that is not beside the harness, cannot be run here.
+    if f"Pinocchio {version('pin')}" not in text:
+        assert re.search(r"(Pinocchio|MuJoCo|PyBullet) \d+\.\d+\.\d+, `", text)
+        return
+    done = subprocess.run([sys.executable, "-c", program[1]], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout.splitlines()[-2:] == [f"computed {printed[1]}", f"expected {printed[2]}"]
