@@ -43,7 +43,7 @@ from harness.results.hard_states import (
     worst_of_each,
 )
 from harness.results.records import ACCELERATIONS, quantity_options
-from harness.study import Inquiry, Note, Part, Study, ask
+from harness.study import Inquiry, Note, Part, Study, ask, call
 from harness.truth.quantities import find_quantities, require_quantity
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
@@ -155,8 +155,16 @@ class StateSearch(Study):
         own = self._worst[assignment.subject]
         outcome = yield from ask(examine, assignment, States.concatenate([own[number] for number in sorted(own)]))
         yield Part(f"{assignment.subject} explained", None)
-        if not self._has_failed(outcome, assignment.subject):
-            self._found += outcome.value
+        if self._has_failed(outcome, assignment.subject):
+            return
+        self._found += outcome.value
+        if any(found.verdict == Verdict.EXPLAINED for found, _ in outcome.value):
+            from harness.crosscheck.user_file import readings_and_refusal
+
+            about = assignment.library, assignment.subject.engine, assignment.mechanism, self.settings.seed, ""
+            outcome = yield from ask(call, readings_and_refusal, *about)
+            if not self._has_failed(outcome, assignment.subject):
+                self._result.readings[str(assignment.subject)] = outcome.value[0]
 
     def _replay(self, assignment: Assignment, crash: Crash) -> Inquiry[None]:
         """The state at which the engine died; without one if it does not die again."""

@@ -21,6 +21,7 @@ import msgspec
 
 from harness.errors import InvalidInput
 from harness.library import Library
+from harness.results.readings import Effect, explanation, reading_lines
 from harness.results.records import ACCELERATIONS, Record, state_and_replay
 from harness.results.table import error_text, plural
 from harness.storage import write_atomically
@@ -226,6 +227,7 @@ class SearchResult:
         states, undecided: subject to states tried, and to those of them without certified truth.
         worst: subject to the largest backward error before shrinking; inf for an answer that is not finite.
         failures: subject to why a part of its search gave nothing.
+        readings: subject to what its engine's reader makes of a user's file, where that explains its answers.
         crashed: whether an engine's process died or ran out of time.
         place: where what was found would be stored, and not_stored why it was not; "" where it was.
     """
@@ -235,6 +237,7 @@ class SearchResult:
     undecided: dict[str, int] = field(default_factory=dict)
     worst: dict[str, float] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
+    readings: dict[str, list[Effect]] = field(default_factory=dict)
     crashed: bool = False
     place: Path
     not_stored: str = "the search has not ended"
@@ -259,11 +262,12 @@ class SearchResult:
             return (
                 f"{', '.join(wrong)} {plural(len(wrong), 'does', 'do')} worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree"
             )
-        return f"nobody does worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree"
+        read = [f"; {subject} answers for the file as it reads it: {explanation(one)}" for subject, one in self.readings.items()]
+        return f"nobody does worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree{''.join(read)}"
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.plain_json.dumps``."""
-        numbers = {name: getattr(self, name) for name in ("states", "undecided", "worst", "failures", "not_stored")}
+        numbers = {name: getattr(self, name) for name in ("states", "undecided", "worst", "failures", "readings", "not_stored")}
         return {"found": self.cases, "stored": not self.not_stored} | numbers
 
 
@@ -271,6 +275,7 @@ def as_lines(result: SearchResult) -> list[str]:
     """Plain text for the terminal: each case with its state, digits, term, replay and reproducer, then what was stored."""
     unstored = f"not stored: {result.not_stored}; its place is {result.place}"
     return [
+        *(line for subject, own in result.readings.items() for line in (f"{subject}: explained", *reading_lines(own), "")),
         *(line for case in result.cases for line in _case_lines(case)),
         *(f"{subject}: {reason}" for subject, reason in result.failures.items()),
         *(_tried(result, subject, count) for subject, count in result.states.items()),
@@ -280,9 +285,10 @@ def as_lines(result: SearchResult) -> list[str]:
 
 def _case_lines(case: FoundCase) -> list[str]:
     found = case.found
+    expected = "" if case.expected == found.verdict else f", expected {case.expected}"
     error = "no finite answer" if found.backward_error is None else f"{found.backward_error:.3g} data roundoffs"
     return [
-        f"{found.subject}: {found.verdict}, expected {case.expected}: {error}, {found.digits_lost:.1f} digits lost ({found.term})",
+        f"{found.subject}: {found.verdict}{expected}: {error}, {found.digits_lost:.1f} digits lost ({found.term})",
         f"  {found.statement}",
         *(f"  {line}" for line in state_and_replay(found.state, case.replay)),
         *([] if case.as_expected else [f"    {line}" for line in case.reproducer.splitlines()]),

@@ -182,6 +182,10 @@ def test_a_search_asks_every_engine_that_reads_the_file(folder: Path) -> None:
     done = harness("search", "mimic.urdf", "--budget", "16", "--no-keep", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert all(f"{subject}: 1" in done.stdout for subject in ("mujoco/urdf", "pinocchio/urdf"))
+    # Both leave the joint free that mimics another: the first line says so, and the rest what to do.
+    first, *rest = done.stdout.splitlines()
+    assert all(f"{subject} answers for the file as it reads it: mimic joints" in first for subject in ("mujoco/urdf", "pinocchio/urdf"))
+    assert "pinocchio/urdf: explained" in rest and any("leaves a mimic joint free" in line for line in rest)
     assert not (folder / "hard_states").exists()
 
 
