@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
 from harness.report.site_counts import error_of, gravest_tone, largest, slugs, value_of
-from harness.results.engine_lines import percent_text
+from harness.results.readings import share_text
 from harness.results.site import ShownCell, ShownColumn, ShownTable, Site, SiteCell, SiteColumn
 from harness.results.table import Cell, Column, Table, grouped
 from harness.results.trend_numbers import change_of
@@ -44,7 +45,9 @@ class Pictured:
         return self.name
 
     def __html__(self) -> str:
-        return f"{self.drawing}<span>{escape(self.name)}</span>"
+        # A long name is broken where its words end.
+        words = re.sub(r"([._])", r"\1<wbr>", escape(self.name))
+        return f"{self.drawing}<span>{words}</span>"
 
 
 def asked_columns(site: Site) -> list[SiteColumn]:
@@ -105,7 +108,7 @@ def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str
 
 def _note(cell: SiteCell) -> str:
     """What stands below the outcome, on one line: the distance from rigid constraints, the backward error, and what was expected."""
-    away = f"{percent_text(float(cell.from_rigid))} from rigid" if cell.outcome == SOFT and cell.from_rigid is not None else ""
+    away = f"{share_text(float(cell.from_rigid))} from rigid" if cell.outcome == SOFT and cell.from_rigid is not None else ""
     error = "" if cell.backward_error is None or cell.reading else error_of(cell.backward_error)
     return ", ".join(filter(None, [away, cell.reading, error, *expectation(cell)]))
 

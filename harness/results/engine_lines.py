@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from harness.results.readings import share_text
 from harness.results.table import counted, grouped
 from harness.verdict import Verdict, is_soft
 
@@ -40,11 +41,6 @@ class Answer:
     reading: str = ""
     features: Sequence[str] = ()
     from_rigid: float | None = None
-
-
-def percent_text(share: float) -> str:
-    """A share of 1 in percent, three digits: "25.8 %"."""
-    return f"{100 * share:.3g} %"
 
 
 def engine_line(answers: Iterable[Answer]) -> str:
@@ -87,7 +83,7 @@ def _soft(answers: Sequence[Answer]) -> list[str]:
     ties = [feature for feature in TIES if any(feature in one.features for one in soft)]
     distances = [one.from_rigid or 0.0 for one in soft]
     names = counted(len({one.name for one in soft}), "mechanism")
-    away = " to ".join(dict.fromkeys(percent_text(bound) for bound in (min(distances), max(distances))))
+    away = " to ".join(dict.fromkeys(share_text(bound) for bound in (min(distances), max(distances))))
     return [f"{_joined(ties) or 'constraints'} soft, as documented (accelerations {away} from rigid ones, {names})"]
 
 
