@@ -41,8 +41,8 @@ __all__ = ["Earlier", "Survey", "build", "write"]
 _SHARED = ("site.js", "charts.js")
 # Of ``rebuild.py``, each after those that it imports. They use the standard library alone, and no two give one name to different things.
 MODULES = (
-    "verdict.py", "results/table.py", "results/detail.py", "results/readings.py", "results/site.py", "results/trend_numbers.py", "results/engine_lines.py", "report/sparkline.py",
-    "report/site_counts.py", "report/site_tables.py", "report/rebuild.py",
+    "verdict.py", "results/table.py", "results/detail.py", "results/readings.py", "results/site.py", "results/trend_numbers.py",
+    "results/engine_lines.py", "report/sparkline.py", "report/site_counts.py", "report/site_tables.py", "report/rebuild.py",
 )  # fmt: skip
 
 
