@@ -15,7 +15,7 @@ from harness.commands.frame.options import states_option, takes
 from harness.commands.frame.terminal import say
 from harness.errors import InvalidRequest
 from harness.library import matching
-from harness.results.upgrade import Asked, Upgraded
+from harness.results.upgrade import FILE, MECHANISM, Asked, Upgraded
 
 if TYPE_CHECKING:
     from harness.crosscheck.run import CrossCheck
@@ -166,7 +166,7 @@ def _explained(
 
     changes: list[RunChange] = bracket.complete(Explanations(settings, found.records, *names), kept=False)
     pairs = held_against(found.records, found.portraits, *names, changes)
-    noun = "file" if bracket.library.reads_files else "mechanism"
+    noun = FILE if bracket.library.reads_files else MECHANISM
     engine = names[0].partition("@")[0]
     upgraded = Upgraded(engine=bracket.run.titles.get(engine, engine), before=versions[0], now=versions[1], noun=noun, asked=pairs)
     records = sorted(found.records, key=attrgetter("system", "subject"))

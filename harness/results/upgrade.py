@@ -24,6 +24,8 @@ ACCELERATIONS, READING, TERMS, NUMBERS = "accelerations", "reading", "terms", "c
 _ERRORS, _MINOR = (MEDIAN, PERCENTILE_99, WORST), (TIME, WORST, MESSAGE)
 # Objects, lines and systems that are named; the others are counted.
 _MOST_NAMED, _MOST_ROWS = 4, 8
+# What is asked about.
+FILE, MECHANISM = "file", "mechanism"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +155,7 @@ class Upgraded:
     """Two versions of an engine on the same mechanisms or files.
 
     Attributes:
-        engine: as its authors write it. before, now: the versions. noun: of what was asked about, "mechanism" or "file". asked: by
+        engine: as its authors write it. before, now: the versions. noun: ``FILE`` or ``MECHANISM``. asked: by
             system and format.
     """
 
@@ -203,7 +205,9 @@ class Upgraded:
         of = grouped((one.now.system, one) for one in compared)
         changed = {system: those for system, those in of.items() if any(one.is_changed for one in those)}
         if not changed:
-            same = "accelerations and compiled numbers are" if self._has_numbers else "accelerations are"
+            known = {one.has_numbers for one in compared}
+            same = "accelerations and compiled numbers are" if known == {True} else "accelerations are"
+            same = "accelerations, and compiled numbers where both versions read the file, are" if len(known) > 1 else same
             none = f"does not change {self._names[next(iter(of))]}" if len(of) == 1 else f"changes none of {counted(len(of), self.noun)}"
             return f"No: {engine} {none} against {self.before}; {same} the same to rounding"
         those = [one for found in changed.values() for one in found]
@@ -213,10 +217,6 @@ class Upgraded:
         if len(of) > 1:
             which = f"{len(changed)} of {counted(len(of), self.noun)} against {self.before} ({names})"
         return f"Yes{how}: {engine} changes {which}: {self._what(those)}"
-
-    @property
-    def _has_numbers(self) -> bool:
-        return all(one.has_numbers for one in self._compared)
 
     @property
     def _unanswered(self) -> list[str]:
@@ -249,7 +249,8 @@ class Upgraded:
                 parts.append(f"{what}, {'line' if len(lines) == 1 else 'lines'} {named([str(line) for line in lines])}")
             else:
                 parts.append(f"{what} of {counted(len({name for name, _ in where}), self.noun)}")
-        if self._unanswered and self._compared:
+        # Of a library's mechanisms it says itself which an engine cannot express.
+        if self._unanswered and self._compared and self.noun == FILE:
             parts.append(f"neither version answers about {named(self._unanswered)}")
         return f"not compared: {'; '.join(parts)}" if parts else ""
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, load_audited
-from harness.crosscheck.held import SOUND, held_by
-from harness.engines import HeldModel, Subject, Unsupported, load_engine
-from harness.engines.interface import AXES, QUATERNION, CompiledNumber
+from harness.crosscheck.assignment import Assignment
+from harness.crosscheck.held import SOUND
+from harness.engines import Subject, Unsupported, load_engine
+from harness.engines.interface import QUATERNION, CompiledNumber
 from harness.engines.request import Refused
 from harness.engines.tree_request import model_request
 from harness.explain.meant import meant, question_of
@@ -25,6 +25,7 @@ from harness.results.trend import RunChange
 from harness.results.upgrade import ACCELERATIONS, NUMBERS, CompiledChange
 from harness.study import Note
 from harness.trees.mechanism import RobotMechanism
+from harness.trees.robot import Robot
 from harness.truth.compare import Certified
 from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
@@ -59,56 +60,43 @@ def portray(library: Library, system: str, subject: Subject, seed: int, note: No
         Exception: whatever else an engine raises.
     """
     one = Assignment.of(library, system, subject)
-    found, robot = Portrait(), None
-    if isinstance(one.mechanism, RobotMechanism) and library.reads_files:
-        robot = one.mechanism.robot
-        found = Portrait(left_out=tuple(part for part in robot.left_out if part.bears_on_motion))
-    with suppress(Refused, Unsupported, ValueError, KeyError):
-        note(f"numbers of {subject}")
-        found = replace(found, numbers=tuple(_numbers_of(one)))
-        note(f"accelerations of {subject}")
-        if robot is None:
-            states = generic_sample(one.mechanism, STATES, seed)
-            truth, answers = one.truth.evaluate(states), one.answers(states)
-        else:
-            of_file = meant(robot, STATES, seed)
-            question = question_of(of_file, library.stance)
-            truth, answers = of_file.truth, load_engine(library, subject.engine).ask(question).of(robot.joints)
-        shares, roundoff = _in_metric(truth, answers)
-        found = replace(found, accelerations=shares, roundoff=roundoff)
-    return found
-
-
-def _numbers_of(one: Assignment) -> Iterable[CompiledNumber]:
-    """The numbers that an engine holds of a file as its user loads it; of a model that it is given more of, those of what it is given."""
-    engine, mechanism = load_engine(one.library, one.subject.engine), one.mechanism
-    found: Iterable[CompiledNumber] = ()
-    with suppress(Refused):
-        if one.library.reads_files:
-            found = engine.compiled(mechanism.handed_to_engines)
-        elif one.model is not None:
-            found = engine.compiled(model_request(one.model, mechanism.joints, mechanism.gravity))
-    if found or one.library.reads_files or (held := held_by(load_audited(one))) is None:
+    robot = one.mechanism.robot if library.reads_files and isinstance(one.mechanism, RobotMechanism) else None
+    note(f"numbers of {subject}")
+    numbers = _numbers_of(one)
+    note(f"accelerations of {subject}")
+    answered = _answers(one, seed) if robot is None else _answers_on_file(one, robot, seed)
+    found = Portrait(numbers, left_out=() if robot is None else tuple(part for part in robot.left_out if part.bears_on_motion))
+    if answered is None:
         return found
-    return _of_held(held)
+    shares, roundoff = _in_metric(*answered)
+    return replace(found, accelerations=shares, roundoff=roundoff)
 
 
-def _of_held(held: HeldModel) -> Iterator[CompiledNumber]:
-    yield CompiledNumber("gravity", "", tuple(held.gravity.tolist()), AXES)
-    for name, joint in held.joints.items():
-        yield CompiledNumber("kind", name, (str(joint.kind),))
-        yield CompiledNumber("parent", name, (joint.parent,))
-        for quantity in ("anchor", "axis"):
-            yield CompiledNumber(quantity, name, tuple(getattr(joint, quantity).tolist()), AXES)
-        for quantity in ("armature", "damping", "stiffness", "spring_reference"):
-            yield CompiledNumber(quantity, name, (float(getattr(joint, quantity)),))
-    for name, body in held.bodies.items():
-        yield CompiledNumber("mass", name, (float(body.mass),))
-        yield CompiledNumber("centre of mass", name, tuple(body.centre.tolist()), AXES)
-        yield CompiledNumber.of_inertia("inertia", name, body.inertia)
-    for number, spring in enumerate(held.springs, start=1):
-        for quantity in ("stiffness", "damping", "free_length"):
-            yield CompiledNumber(quantity, f"spring {number}", (float(getattr(spring, quantity)),))
+def _answers(one: Assignment, seed: int) -> tuple[Certified, Array] | None:
+    """Certified accelerations, and those of an engine; None where it cannot say them."""
+    states = generic_sample(one.mechanism, STATES, seed)
+    with suppress(Unsupported):
+        return one.truth.evaluate(states), one.answers(states)
+    return None
+
+
+def _answers_on_file(one: Assignment, robot: Robot, seed: int) -> tuple[Certified, Array] | None:
+    """The same over the joints of a file, whatever an engine reads of it."""
+    of_file = meant(robot, STATES, seed)
+    answers = load_engine(one.library, one.subject.engine).ask(question_of(of_file, one.library.stance))
+    return (of_file.truth, answers.of(robot.joints)) if set(robot.joints) <= set(answers.accelerations) else None
+
+
+def _numbers_of(one: Assignment) -> tuple[CompiledNumber, ...]:
+    """The numbers that an engine holds of a file as its user loads it; none of one that it does not read without help."""
+    mechanism, request = one.mechanism, None
+    if one.library.reads_files:
+        request = mechanism.handed_to_engines
+    elif one.model is not None:
+        request = model_request(one.model, mechanism.joints, mechanism.gravity)
+    with suppress(Refused, Unsupported):
+        return () if request is None else load_engine(one.library, one.subject.engine).compiled(request)
+    return ()
 
 
 def _in_metric(truth: Certified, answers: Array) -> tuple[Array, Array]:
