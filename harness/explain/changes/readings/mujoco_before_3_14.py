@@ -158,4 +158,5 @@ READINGS = readings_of(
         },
     },
     "<3.14",
+    is_misread=True,
 )

@@ -24,4 +24,5 @@ READINGS = readings_of(
         },
     },
     "<4",
+    is_misread=True,
 )
