@@ -45,7 +45,7 @@ def render_markdown(
 def _cross_check(summary: Summary) -> Iterator[str]:
     versions = ", ".join(f"{name} {version}" for name, version in sorted(summary.run.versions.items()))
     told = " ".join([summary.sentence, *summary.remarks])
-    yield f"{told} A backward error counts data roundoffs; up to {AGREEMENT:g} agrees."
+    yield f"{markdown_line(told)} A backward error counts data roundoffs; up to {AGREEMENT:g} agrees."
     wrong = [
         *(_unexpected(summary, record) for record in summary.unexpected),
         *(f"**superfluous**, {_pair(part.system, part.subject)}: {markdown_line(str(part))}" for part in summary.superfluous),

@@ -32,6 +32,7 @@ class Summary:
     """Records arranged for a reader.
 
     Attributes:
+        sentence: the result, as the command prints it. is_good: whether something was compared and everything is as expected.
         run, cards, earlier: of the arguments; cards by name, earlier runs oldest first.
         systems, subjects: sorted names of every card and record.
         records: those of accelerations. further: those of other quantities.
@@ -48,7 +49,8 @@ class Summary:
     """
 
     def __init__(self, run: Run, found: CrossCheckResult, history: Sequence[Earlier] = ()) -> None:
-        self.run = run
+        self.run, self.sentence = run, found.conclusion()
+        self.is_good = bool(found.records) and found.as_expected
         self.cards = {card.name: card for card in found.systems}
         self.records, self.further = (Records(one for one in found.records if one.is_further is further) for further in (False, True))
         earlier = [(one, [record for record in records if not record.is_further]) for one, records in history]
@@ -73,37 +75,6 @@ class Summary:
         self.worst_cases = grouped((case.subject, case) for case in found.worst_cases)
 
     @property
-    def is_good(self) -> bool:
-        """True where something was compared and everything is as expected."""
-        failing = any(part.fails for part in self.superfluous) or any(finding.fails for finding in self.differs)
-        return bool(self.records) and not self.unexpected and not failing
-
-    @property
-    def sentence(self) -> str:
-        """The result in one sentence, without the names of what is not as expected."""
-        parts = len(self.superfluous)
-        superfluous = f"{counted(parts, 'part')} of the models {'is' if parts == 1 else 'are'} superfluous"
-        apart = len([finding for finding in self.differs if finding.fails])
-        held = f"{counted(apart, 'difference')} after loading {'is' if apart == 1 else 'are'} not expected"
-        wrong = len(self.further.unexpected)
-        others = f"{counted(wrong, 'answer')} for other quantities {'is' if wrong == 1 else 'are'} not as expected"
-        found = [*([others] if wrong else []), *([superfluous] if parts else []), *([held] if apart else [])]
-        return f"{'; '.join([self._compared.removesuffix('.'), *found])}." if found else self._compared
-
-    @property
-    def _compared(self) -> str:
-        total, wrong = len(self.records), len(self.records.unexpected)
-        if not total:
-            return "Nothing was compared: this run holds no records."
-        pairs = f"{counted(total, 'pair')} of system and subject"
-        known = sum(self.differing.values())
-        reasons = f", {known} of which {'differs' if known == 1 else 'differ'} for a known reason" if known else ""
-        if not wrong:
-            return f"All {pairs} are as expected{reasons}." if total > 1 else f"The {pairs} is as expected{reasons}."
-        right = total - wrong
-        return f"{right} of {pairs} {'is' if right == 1 else 'are'} as expected{reasons}; {wrong} {'is' if wrong == 1 else 'are'} not."
-
-    @property
     def differing(self) -> dict[str, int]:
         """Verdict to number of the pairs that differ for a known reason, the gravest first."""
         verdicts = [record.verdict for record in self.records if record.as_expected and record.verdict != Verdict.AGREES]
@@ -111,15 +82,11 @@ class Summary:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences that qualify the result: what is missing, what else was asked, and at which states."""
+        """Sentences that qualify the result: what is missing, and at which states was asked."""
         remarks = []
         if self.missing:
             verb = "has" if len(self.missing) == 1 else "have"
             remarks.append(f"{counted(len(self.missing), 'pair')} of the table {verb} no record: not run.")
-        if names := {record.quantity for record in self.further}:
-            agree, silent = (sum(record.verdict == verdict for record in self.further) for verdict in (Verdict.AGREES, Verdict.UNSUPPORTED))
-            others = counted(len(names), "other quantity").replace("ys", "ies")
-            remarks.append(f"Of {others} {agree:,} of {len(self.further):,} answers agree, and {silent:,} are not offered.")
         return [*remarks, *([f"{self.records.origins.capitalize()}."] if self.records.origins else [])]
 
     def expectations(self, further: bool) -> dict[tuple[str, str, str], list[Record]]:

@@ -222,7 +222,7 @@ def test_a_report_holds_the_benchmark_beside_its_verdicts() -> None:
     )  # fmt: skip
     built = build(RUN, CrossCheckResult(records=[record]), benchmarks=[(RUN, sample())])
     page = site_of(built)
-    assert "The pair of system" not in page.words and "1 pair of system and subject" in page.words
+    assert "ollar: lagrange agrees." in page.words
     assert not missing(built)
     assert "mechanisms/collar.html#cost" in page.links and "benchmark.html" in page.links and "The cheapest way to an error" in page.words
     assert "benchmark" in json.loads(built["report.json"])

@@ -122,7 +122,7 @@ def test_every_pair_has_its_place(page: Page, files: dict[str, str]) -> None:
     for entry in night(3):
         assert entry.replay in page.text
         assert (f"**{entry.system}, {entry.subject}: {entry.verdict}**" in files["report.md"]) is not entry.as_expected
-    assert "7 of 9 pairs of system and subject are as expected, 1 of which differs for a known reason; 2 are not." in page.text
+    assert "9 pairs: 6 agree, 1 differs for a known reason, 2 unexpectedly: bar_pendulum pinocchio/urdf disagrees, " in page.text
 
 
 def test_numbers_and_messages_are_complete(page: Page, files: dict[str, str]) -> None:
@@ -147,13 +147,13 @@ def test_superfluous_parts_are_told_everywhere_and_spoil_the_result() -> None:
     built = build(run_on(0), CARDS, entries, superfluous=[finding])
     page = site_of(built)
     for text in (page.words, built["report.md"]):
-        assert "All 3 pairs of system and subject are as expected; 1 part of the models is superfluous." in text
+        assert "ollar: all 3 subjects agree; not as expected: 1 superfluous part." in text
         assert "mjcf/collar.xml:7: " in text and "somebody" not in text
     assert 'class="result bad"' in built["index.html"]
     [told] = json.loads(built["report.json"])["superfluous"]
     assert told["path"] == "mjcf/collar.xml" and told["line"] == 7
     warned = build(run_on(0), CARDS, entries, superfluous=[replace(finding, fails=False)])
-    assert 'class="result good"' in warned["index.html"] and "1 part of the models is superfluous." in warned["report.md"]
+    assert 'class="result good"' in warned["index.html"] and "1 superfluous part is a warning." in warned["report.md"]
     clean = build(run_on(0), CARDS, entries)
     assert 'class="result good"' in clean["index.html"] and json.loads(clean["report.json"])["superfluous"] == []
 
@@ -168,7 +168,7 @@ def test_differences_after_loading_are_told_everywhere_and_spoil_the_result() ->
     built = build(run_on(0), CARDS, entries, differs=[finding])
     page = site_of(built)
     for text in (page.words, built["report.md"]):
-        assert "All 3 pairs of system and subject are as expected; 1 difference after loading is not expected." in text
+        assert "ollar: all 3 subjects agree; not as expected: 1 difference after loading." in text
         assert "mass of rod is 1, but 2; mjcf/collar.xml:7" in text and "somebody" not in text
     assert 'class="result bad"' in built["index.html"]
     assert json.loads(built["report.json"])["differs"][0]["places"] == ["mjcf/collar.xml:7"]

@@ -219,7 +219,7 @@ def test_the_index_opens_with_a_line_for_each_engine_and_the_harness_own_code_is
     assert [line.find(".//a").get("class") for line in lines] == ["verdict unstable", "verdict misreads"]
     [told] = page.xpath("//p[contains(@class, 'result')]")
     assert " ".join(told.text_content().split()) == (
-        "All 5 pairs of system and subject are as expected, 2 of which differ for a known reason. 1 misreads 1 unstable"
+        "5 pairs: 3 agree (1 soft, as documented), 2 differ for a known reason, 0 unexpectedly. 1 misreads 1 unstable"
     )
     heads = [head.text_content() for head in page.xpath("//table[contains(@class, 'verdicts')]/thead//th")]
     assert heads == ["mechanism or robot", "mujoco/mjcf (4.0.0)", "pinocchio/mjcf"]
@@ -282,7 +282,7 @@ def test_other_quantities_have_a_table_of_their_own_on_the_page_of_their_mechani
     assert "Farthest off is the entry." in files["mechanisms/collar.html"]
     assert "**collar, mujoco/mjcf, mass_matrix: disagrees**" in files["report.md"] and "Farthest off is the entry." in files["report.md"]
     index = lxml.html.fromstring(files["index.html"])
-    assert "1 answer for other quantities is not as expected" in index.text_content()
+    assert "1 of 3 answers for further quantities differs unexpectedly" in index.text_content()
     assert index.xpath('//ul[@class="unexpected"]//a/@href') == ["mechanisms/collar.html#quantities"]
     write(tmp_path, files)
     done = rebuild(tmp_path)
