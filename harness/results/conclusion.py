@@ -55,7 +55,7 @@ def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -
         return f" cannot be read: {file.problem}.", ()
     subjects = [one for one in found.of(file.path) if not one.aided]
     if not subjects:
-        return f": no engine was asked{file.remark and f', for {file.remark}'}.", tuple(_facts(file))
+        return f": no engine was asked{file.remark and f', for {file.remark}'}.", tuple(_facts(file, detail))
     held = [one for one in found.equalities if one.path == file.path]
     subjects = sorted(subjects, key=lambda one: -_weight(one))
     reasons = [
@@ -63,7 +63,7 @@ def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -
         *(_reason_of_equalities(one) for one in held if not one.explained or one.stops_early),
     ]
     sentences = [_who_agrees(subjects), *_with_remedy(reasons[:MOST_REASONS])]
-    rows = [*_rows(found.of(file.path), file, detail), *filter(None, map(_equalities, held)), *_facts(file)]
+    rows = [*_rows(found.of(file.path), file, detail), *filter(None, map(_equalities, held)), *_facts(file, detail)]
     shown, others = at_most(rows, detail, most) if most else ([], "")
     return f": {'. '.join(sentences)}.", (*shown, *filter(None, [others]))
 
@@ -218,7 +218,7 @@ def _of_optimum(record: EqualitiesRecord) -> str:
     return f"{verb} the optimum that it documents{moved}" if record.verdict else record.message or "cannot be judged"
 
 
-def _facts(file: FileRecord) -> Iterator[str]:
+def _facts(file: FileRecord, detail: Detail) -> Iterator[str]:
     """What the file holds, and what of it was not compared."""
     mimics = f" ({file.followers} of them mimic{'s' * (file.followers == 1)} another)" if file.followers else ""
     what = f"{file.bodies} bodies, {counted(file.joints, 'joint')}{mimics}, {file.degrees_of_freedom} degrees of freedom"
@@ -226,10 +226,17 @@ def _facts(file: FileRecord) -> Iterator[str]:
     yield f"{what}, {file.total_mass:.6g} kg; {counted(file.states, 'state')}{undecided}"
     if file.base:
         yield file.base
+    if detail == Detail.ALL:
+        bearing = {True: "which would move it", False: "which moves nothing"}
+        yield from (
+            f"Not compared: {one.what}, {len(one.lines)}, {lines_text(one.lines)}, {bearing[one.bears_on_motion]}" for one in file.left_out
+        )
+        return
     felt = [f"{one.what} ({len(one.lines)})" for one in file.left_out if one.bears_on_motion]
     others = sum(len(one.lines) for one in file.left_out if not one.bears_on_motion)
     if felt or others:
-        yield f"Not compared: {', '.join([*felt, *([f'{others} elements that move nothing'] if others else [])])}"
+        still = f"{counted(others, 'element')} that {'moves' if others == 1 else 'move'} nothing"
+        yield f"Not compared: {', '.join([*felt, *([still] if others else [])])}"
 
 
 def at_most(rows: Sequence[_Row], detail: Detail, most: int) -> tuple[list[_Row], str]:

@@ -43,18 +43,19 @@ def conclude_pair(pair: PairRecord, detail: Detail = Detail.BRIEF) -> Conclusion
     rows: list[str | Table] = [*_standing_still(pair, detail), *_matched(pair, detail)]
     if kept:
         few, left = at_most(kept, detail, MOST_DIFFERENCES)
-        rows += [difference_table(few, list(names.values())), *filter(None, (left, others))]
+        rows += [difference_table(few, list(names.values()), detail), *filter(None, (left, others))]
     return Conclusion(f"{files} {_verdict(pair, groups)}.", rows)
 
 
-def difference_table(groups: Sequence[_Group], names: Sequence[str]) -> Table:
+def difference_table(groups: Sequence[_Group], names: Sequence[str], detail: Detail) -> Table:
     """A row for each group, with the value of its largest difference in either file, and what that alone does."""
+    value = _in_brief if detail == Detail.BRIEF else str
     columns: list[Column | str] = ["difference", *names, Column("of qdd", "plain")]
     rows = [
         [
             group.what,
-            Cell(group.first.first, [group.first.first_place]),
-            Cell(group.first.second, [group.first.second_place]),
+            Cell(value(group.first.first), [group.first.first_place]),
+            Cell(value(group.first.second), [group.first.second_place]),
             share_text(group.first.alone),
         ]
         for group in groups

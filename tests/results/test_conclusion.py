@@ -120,6 +120,16 @@ def test_a_row_has_effect_lines_and_remedy() -> None:
     assert sum("Pinocchio does" in str(row) for row in conclude(found, FILE, Detail.ALL).rows) == 5
 
 
+def test_what_is_left_out_is_one_line_of_counts_or_all_of_it() -> None:
+    file = replace(FILE, left_out=[LeftOut("contacts", (3, 4), True), LeftOut("safety controllers", (9,), False)])
+    found = FilesComparison(files=[file], subjects=[AGREES])
+    assert conclude(found, file).rows[-1] == "Not compared: contacts (2), 1 element that moves nothing"
+    assert conclude(found, file, Detail.ALL).rows[-2:] == (
+        "Not compared: contacts, 2, lines 3, 4, which would move it",
+        "Not compared: safety controllers, 1, line 9, which moves nothing",
+    )
+
+
 def test_readings_in_a_cell() -> None:
     readings = [effect("a", 0.14), effect("b", 0.47), effect("c", 1e-5), effect("d", 0.0)]
     assert explanation(readings) == "b 47 %, a 14 %, 1 more"
