@@ -6,17 +6,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from harness.results.comparison import (
-    EqualitiesRecord,
     FileRecord,
     FilesComparison,
     SubjectRecord,
     names_apart,
 )
-from harness.results.conclusion import MORE, conclude
+from harness.results.conclusion import MORE, conclude, optimum_text
 from harness.results.detail import Detail
 from harness.results.gap import Gaps
 from harness.results.pair_conclusion import conclusions
-from harness.results.readings import MOST_LINES, by_effect, lines_text
+from harness.results.readings import MOST_LINES, by_effect, lines_text, reading_line
 from harness.results.records import Run
 from harness.results.table import Table, TableOf, counted, error_text
 from harness.verdict import AGREEMENT
@@ -165,7 +164,7 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
 def _reading_lines(subject: SubjectRecord) -> list[str]:
     is_refused = subject.outcome == "refused"
     readings = by_effect(subject.readings)
-    told = [(f"  {one.statement}", f"    {one.source}") for one in readings]
+    told = [(f"  {reading_line(one, MOST_LINES)}", f"    {one.source}") for one in readings]
     these = "these readings" if len(readings) > 1 else "this reading"
     return [
         f"  {'it says: ' if is_refused else ''}{subject.message}" if subject.message else "",
@@ -182,23 +181,12 @@ def _reading_lines(subject: SubjectRecord) -> list[str]:
 def _equalities(found: FilesComparison, file: FileRecord) -> Iterator[str]:
     """Lines on what each engine makes of the equalities of a file."""
     for one in (record for record in found.equalities if record.path == file.path):
-        yield f"{one.subject}, plain, with the file's equalities: {_with_equalities(one)}"
+        yield f"{one.subject}, plain, with the file's equalities: {optimum_text(one)}"
         for kind, why_not in dict.fromkeys((part.kind, part.why_not) for part in one.parts):
             alike = [part for part in one.parts if (part.kind, part.why_not) == (kind, why_not)]
             most = max(alike, key=lambda part: part.alone or 0.0)
             told = [f"{kind}, {len(alike)}, {lines_text([part.line for part in alike])}", f"not judged: it {why_not}" if why_not else ""]
             yield "  " + "; ".join(filter(None, [*told, most.moves and f"{'at most, ' if len(alike) > 1 else ''}{most.moves}"]))
-
-
-def _with_equalities(one: EqualitiesRecord) -> str:
-    """The outcome in words."""
-    if not one.verdict or one.backward_error is None:
-        return one.message or "not judged"
-    if one.stops_early:
-        return f"explained, {one.stops_early}: {one.remedy}"
-    outcome = str(one.verdict) if one.explained else "unexplained"
-    optimum = f"{error_text(one.backward_error)} data roundoffs from the optimum that its documentation gives"
-    return f"{outcome}, {optimum}" + (f", {error_text(one.together)} times the tree's own qdd away from that" if one.together else "")
 
 
 def subject_lines(subject: SubjectRecord) -> list[str]:
@@ -226,7 +214,7 @@ def _unexplained(found: FilesComparison) -> Iterator[str]:
     names = names_apart([*(one.path for one in found.equalities), *(one.path for one in found.subjects)])
     for record in found.equalities:
         if not record.explained:
-            yield f"{names[record.path]} {record.subject}, plain, with the file's equalities: {_with_equalities(record)}"
+            yield f"{names[record.path]} {record.subject}, plain, with the file's equalities: {optimum_text(record)}"
     for subject in found.subjects:
         if not subject.explained:
             message = "" if subject.rest else f": {subject.message}"

@@ -150,7 +150,7 @@ def _of_reading(reading: Effect) -> _Reason:
 
 
 def _reason_of_equalities(record: EqualitiesRecord) -> _Reason:
-    return _Reason(f"With the file's equalities {record.program} {_of_optimum(record)}", remedy=record.remedy)
+    return _Reason(f"With the file's equalities {record.program} {optimum_text(record)}")
 
 
 def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -> Iterator[str]:
@@ -206,16 +206,19 @@ def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:
 
 
 def _equalities(record: EqualitiesRecord) -> str:
+    return f"With the file's equalities {record.program} {optimum_text(record)}" if record.verdict else ""
+
+
+def optimum_text(record: EqualitiesRecord) -> str:
+    """How far an engine with the equalities of a file is from the optimum that it documents, a clause behind its name."""
+    if not record.verdict:
+        return record.message or "is not judged"
     remedy = f": {record.remedy}" if record.remedy else ""
-    return f"With the file's equalities {record.program} {_of_optimum(record)}{remedy}" if record.verdict else ""
-
-
-def _of_optimum(record: EqualitiesRecord) -> str:
     if record.stops_early:
-        return record.stops_early
-    moved = f", {share_of_qdd(share_text(record.together))} away from the file without them" if record.together else ""
+        return f"{record.stops_early}{remedy}"
     verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
-    return f"{verb} the optimum that it documents{moved}" if record.verdict else record.message or "cannot be judged"
+    moved = f", {share_of_qdd(share_text(record.together))} away from the file without them" if record.together else ""
+    return f"{verb} the optimum that it documents{moved}{remedy}"
 
 
 def _facts(file: FileRecord, detail: Detail) -> Iterator[str]:

@@ -53,21 +53,7 @@ class Effect:
     @property
     def statement(self) -> str:
         """Sentence, number and lines of the elements concerned, and effect."""
-        return f"{self.sentence}: {self.concerned()}; {self.moves}"
-
-    @property
-    def moves(self) -> str:
-        """The effect in words."""
-        if self.alone is None:
-            return "with it alone the accelerations are not certain"
-        if self.alone == math.inf:
-            return "alone it takes joints out of the robot"
-        if self.alone > FELT:
-            return f"alone it moves qdd by {share_text(self.alone)}"
-        if self.beside is None or self.beside <= FELT:
-            return "alone it moves no acceleration"
-        felt = "takes joints out of the robot" if self.beside == math.inf else f"moves qdd by {share_text(self.beside)}"
-        return f"alone it moves no acceleration, and beside the others it {felt}"
+        return f"{self.sentence}: {self.concerned()}; {share_of_qdd(share_text(self.size))}"
 
 
 def share_text(change: float | None) -> str:
@@ -110,12 +96,14 @@ def reading_lines(readings: Iterable[Effect], detail: Detail = Detail.BRIEF) -> 
     The last one counts the others.
     """
     kept, others = telling(by_effect(readings), lambda one: one.size, detail)
-    return [*map(_line, kept), *([others] if others else [])]
+    return [*map(reading_line, kept), *([others] if others else [])]
 
 
-def _line(reading: Effect) -> str:
+def reading_line(reading: Effect, most_lines: int = FEW_LINES) -> str:
+    """What a reading moves, what it is, the elements that it concerns, and what its user can do."""
     size = "no qdd" if reading.size is not None and reading.size <= FELT else share_text(reading.size)
-    return f"{size:>6}  {reading.sentence} ({reading.concerned(FEW_LINES)}): {reading.remedy}".removesuffix(": ")
+    beside = "; beside the other readings alone" if reading.size != reading.alone else ""
+    return f"{size:>6}  {reading.sentence} ({reading.concerned(most_lines)}{beside}): {reading.remedy}".removesuffix(": ")
 
 
 def lines_text(lines: Sequence[int], most: int = MOST_LINES) -> str:
