@@ -211,7 +211,8 @@ class Upgraded:
             none = f"does not change {self._names[next(iter(of))]}" if len(of) == 1 else f"changes none of {counted(len(of), self.noun)}"
             return f"No: {engine} {none} against {self.before}; {same} the same to rounding"
         those = [one for found in changed.values() for one in found]
-        how = ", for the worse" if any(one.is_worse for one in those) else ", for the better" if all(one.is_better for one in those) else ""
+        better = all(one.is_better and not one.is_open for one in those)
+        how = ", for the worse" if any(one.is_worse for one in those) else ", for the better" if better else ""
         names = named([self._names[system] for system in changed])
         which = f"{names} against {self.before}"
         if len(of) > 1:
@@ -230,9 +231,9 @@ class Upgraded:
         numbers = [number for one in changed for number in one.numbers]
         parts = [f"accelerations {_by_up_to(moved)}"] if moved else []
         if numbers:
-            largest = max(numbers, key=lambda one: one.size)
-            by = f" {_by_up_to(largest.size)}" if math.isfinite(largest.size) else ""
-            parts.append(f"compiled numbers{by} ({largest.quantity})")
+            numbers = telling(sorted(numbers, key=lambda one: -one.size), lambda one: one.size)[0]
+            by = f" {_by_up_to(numbers[0].size)}" if math.isfinite(numbers[0].size) else ""
+            parts.append(f"compiled numbers{by} ({named(list(dict.fromkeys(one.quantity for one in numbers)))})")
         others = [one for one in changed if one.before.verdict != one.now.verdict and not one.moved]
         verdicts = [f"from {old} to {new}" for old, new in dict.fromkeys((one.before.verdict, one.now.verdict) for one in others)]
         parts += [named(verdicts)] if verdicts else []

@@ -27,6 +27,7 @@ VERSIONS = {
     "1.3": toy_engine.HEAVIER + "GAINS = (0.0, -5.0)\n",
     # Before 2.0 it left dampers out.
     "1.4": RIGHT.replace("-0.3 * v", "0.0 * v"),
+    "1.6": RIGHT.replace("-0.3 * v", "0.0 * v").replace("-5.0", "-3.05"),
     "1.5": toy_engine.LACKING.replace("def mass", "def masses"),
 }
 ADAPTER = """
@@ -75,7 +76,7 @@ ENGINE = Toy()
 READINGS = """
 from harness.explain.changes.readings import _left_out, readings_of
 said = ("The toy before 1.5 applies no damping", "add it to tau", "its own text, in a test")
-READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: said}}, "==1.4")
+READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: said}}, ">=1.4,<2,!=1.5")
 """
 BAR = BUILT_IN.model_path("bar_pendulum", "urdf").read_text()
 
@@ -136,6 +137,12 @@ def test_a_reading_that_a_version_lost_or_got_is_told_with_its_effect_and_remedy
     done = upgraded(folder, "1.0", "1.4")
     assert done.returncode == 1 and done.stdout.startswith("Yes, for the worse: toy 1.4 changes bar.urdf against 1.0")
     assert "  new: The toy before 1.5 applies no damping: 1 joint" in done.stdout and "; add it to tau\n" in done.stdout
+
+
+def test_what_becomes_better_beside_what_nobody_judges_is_no_improvement(folder: Path) -> None:
+    done = upgraded(folder, "1.6", "1.0")
+    assert done.returncode == 1
+    assert done.stdout.startswith("Yes: toy 1.0 changes bar.urdf against 1.6: ") and "\nbar.urdf, toy/urdf: changed\n" in done.stdout
 
 
 def test_a_wrong_number_is_for_the_worse(folder: Path) -> None:
