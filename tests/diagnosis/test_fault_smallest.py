@@ -238,8 +238,9 @@ def test_what_only_a_campaign_does_is_refused_beside_smallest(options: list[str]
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> None:
     done = harness("faults", "rolling_disc", *options)
-    assert done.returncode == 0, done
-    (line,) = done.stdout.splitlines()
+    # Where nothing was planted nothing was caught.
+    assert done.returncode == 1, done
+    _, line = done.stdout.splitlines()
     assert line.startswith("rolling_disc: no ") and "mjcf" in line and "urdf" in line
     assert "a disc that rolls freely ties rates" in line
 

@@ -31,6 +31,7 @@ from harness.engines.interface import audit
 from harness.errors import InvalidInput, InvalidModel
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
+from harness.explain.meant import misread_by
 from harness.explain.pattern import NOTHING, UNDECIDED, infer
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
@@ -122,6 +123,8 @@ class FaultBench:
                 model = read_model(self._library.model_path(self._name, subject.format), subject.format)
             except InvalidModel:
                 return ""
+        if model is not None and misread_by(model, self.mechanism.gravity, subject.engine, self._library)[1].applied:
+            return f"{subject}: its reader makes another mechanism of {model.path.name}"
         path = self._library.system_path(self._name) if model is None else model.path
         try:
             watched = watch(engine, self.mechanism, self.model, self._states) if model is self.model else None
