@@ -18,6 +18,7 @@ from harness.environments import (
     install,
     interpreter_in,
     split_name,
+    the_version,
     this_python,
     versions_between,
 )
@@ -54,6 +55,15 @@ def test_versions_are_sorted_as_versions_and_the_newest_stands_for_all() -> None
     assert environment_of("mujoco", "3.3.7").name == "mujoco@3.3.7"
     with pytest.raises(InvalidRequest, match=r"mujoco 3\.4\.0; there are environments of 3\.3\.7, .*: harness engines add mujoco==3\.4\.0"):
         environment_of("mujoco", "3.4.0")
+
+
+def test_a_version_may_be_named_without_its_zeros() -> None:
+    for version in ("3.3.7", "3.13.0"):
+        made(version)
+    assert environment_of("mujoco", "3.13").version == "3.13.0"
+    assert (the_version("3.13", ["3.1.3", "3.13.0"]), the_version("3.3", ["3.3.7"])) == ("3.13.0", None)
+    with pytest.raises(InvalidRequest, match=r"'latest' is no version; expected one as 3\.13\.0"):
+        the_version("latest", ["3.13.0"])
 
 
 def test_what_is_incomplete_or_damaged_or_of_another_python_is_none() -> None:
@@ -104,7 +114,7 @@ def index(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.costly
 def test_versions_come_from_the_indexes_of_the_user_and_are_sorted(index: Path) -> None:
     assert available_versions("toy-engine") == ["1.0", "1.2", "1.10", "2.0"]
-    assert versions_between("toy-engine", "1.2", "2.0") == ["1.2", "1.10", "2.0"]
+    assert versions_between("toy-engine", "1.2", "2.0") == versions_between("toy-engine", "1.2.0", "2") == ["1.2", "1.10", "2.0"]
     with pytest.raises(InvalidRequest, match=r"no package index offers toy-engine 1\.3; they offer 1\.0, 1\.2"):
         versions_between("toy-engine", "1.3", "2.0")
     with pytest.raises(InvalidRequest, match="expected the older version first"):
