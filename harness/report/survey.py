@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from harness.report.comparison import Section, rest
 from harness.report.sparkline import Sparkline
-from harness.results.comparison import FilesComparison, changes, names_apart, short_names, trends
+from harness.results.comparison import FilesComparison, names_apart, short_names
 from harness.results.detail import Detail
 from harness.results.records import Run
-from harness.results.survey_conclusion import conclude_survey, is_agreed, outcome_text
+from harness.results.survey_conclusion import changes, conclude_survey, is_agreed, outcome_text, trends
 from harness.results.table import Cell, Column, Table, counted
 
 # Of which a trend is shown, this one among them.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -362,29 +362,3 @@ def short_names(found: FilesComparison) -> dict[str, str]:
 def survey_profile(places: Sequence[str], floating_base: bool = False) -> str:
     """The profile of a survey's run, by which the history tells surveys of the same places."""
     return " ".join(["survey", *places, *(["with floating bases"] if floating_base else [])])
-
-
-def trends(earlier: Sequence[FilesComparison], now: FilesComparison) -> dict[tuple[str, str, str], list[float]]:
-    """``error`` of each subject of now in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
-    found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}
-    for survey in (*earlier, now):
-        for one in survey.subjects:
-            if (values := found.get((one.path, one.subject, one.kind))) is not None and one.error is not None:
-                values.append(one.error)
-    return found
-
-
-def changes(before: FilesComparison, now: FilesComparison) -> Iterator[str]:
-    """A sentence for each subject whose outcome or dominating reading is another than before, and for each file that came or went."""
-    earlier = {(one.path, one.subject, one.kind): one for one in before.subjects}
-    for one in now.subjects:
-        was = earlier.get((one.path, one.subject, one.kind))
-        if was is not None and (was.outcome, was.dominating) != (one.outcome, one.dominating):
-            yield f"{one.path} {one.subject}, {one.kind}: {_outcome_text(one)}; it was: {_outcome_text(was)}"
-    known, found = ({file.path for file in comparison.files} for comparison in (before, now))
-    yield from (f"{path}: new" for path in sorted(found - known))
-    yield from (f"{path}: no longer there" for path in sorted(known - found))
-
-
-def _outcome_text(subject: SubjectRecord) -> str:
-    return f"{subject.outcome} ({subject.dominating})" if subject.dominating else subject.outcome

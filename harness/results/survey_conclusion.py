@@ -1,4 +1,4 @@
-"""The answer of a survey: how many robots every engine agrees on, and a line for each engine."""
+"""The answer of a survey: how many robots every engine agrees on, a line for each engine, and what changed since earlier surveys."""
 
 from __future__ import annotations
 
@@ -81,3 +81,25 @@ def _reasons(subjects: Sequence[SubjectRecord]) -> str:
     reasons = Counter(one.dominating for one in subjects if one.dominating and one.verdict != Verdict.AGREES)
     named = [f"{name} {count}" for name, count in reasons.most_common(MOST_COUNTED)]
     return f" ({', '.join(named)})" if named else ""
+
+
+def trends(earlier: Sequence[FilesComparison], now: FilesComparison) -> dict[tuple[str, str, str], list[float]]:
+    """``error`` of each subject of now in the surveys ``earlier``, oldest first, and now, by path, subject and kind."""
+    found: dict[tuple[str, str, str], list[float]] = {(one.path, one.subject, one.kind): [] for one in now.subjects}
+    for survey in (*earlier, now):
+        for one in survey.subjects:
+            if (values := found.get((one.path, one.subject, one.kind))) is not None and one.error is not None:
+                values.append(one.error)
+    return found
+
+
+def changes(before: FilesComparison, now: FilesComparison) -> Iterator[str]:
+    """A sentence for each subject whose outcome or dominating reading is another than before, and for each file that came or went."""
+    earlier = {(one.path, one.subject, one.kind): one for one in before.subjects}
+    for one in now.subjects:
+        was = earlier.get((one.path, one.subject, one.kind))
+        if was is not None and (was.outcome, was.dominating) != (one.outcome, one.dominating):
+            yield f"{one.path} {one.subject}, {one.kind}: {outcome_text(one)}; it was: {outcome_text(was)}"
+    known, found = ({file.path for file in comparison.files} for comparison in (before, now))
+    yield from (f"{path}: new" for path in sorted(found - known))
+    yield from (f"{path}: no longer there" for path in sorted(known - found))

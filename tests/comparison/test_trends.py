@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from harness.report.sparkline import Sparkline
 from harness.report.survey import survey_sections
-from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord, trends
+from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
 from harness.results.detail import Detail
+from harness.results.survey_conclusion import trends
 from harness.verdict import Verdict
 
 
