@@ -122,8 +122,9 @@ class ExpectedDifference(TableOfReasons, frozen=True, kw_only=True):
 
 # Of a pair without an entry.
 AGREES = Expectation(system="", subject="", verdict=Verdict.AGREES.value, reason="", link="")
-# Verdicts on a user's file that need no entry, with the reason: the file is the truth itself, of which both are an explanation.
+# Verdicts on a user's file that need no entry, with the reason: the file is the truth itself, of which these are an explanation.
 _ON_FILES = {
+    Verdict.MISREADS.value: "it is the answer for what the engine's reader, as one of its readings says, makes of the file",
     Verdict.EXPLAINED.value: "it is the answer for what the engine's readings make of the file",
     Verdict.UNSTABLE.value: "digits are lost as the condition of M, or the distance of its links, explains, and no number of the file does",
 }
@@ -132,7 +133,7 @@ _ON_FILES = {
 def on_file(expectation: Expectation, verdict: str) -> Expectation:
     """The expectation of an answer on a user's file."""
     if expectation is AGREES and verdict in _ON_FILES:
-        return structs.replace(AGREES, verdict=verdict, reason=_ON_FILES[verdict])
+        return structs.replace(AGREES, verdict=verdict, reason=_ON_FILES[verdict], backward_error=math.inf)
     return expectation
 
 

@@ -25,7 +25,7 @@ from harness.programs.states import States
 from harness.results.cross_check import SystemCard
 from harness.results.hard_states import replay_command
 from harness.results.quantiles import half_decade, half_decade_edges, quantile_ranks
-from harness.results.readings import Effect, by_effect
+from harness.results.readings import Effect, are_misread, by_effect
 from harness.results.records import ACCELERATIONS, Record, Representative, quantity_options, quantity_words
 from harness.results.table import counted, error_text
 from harness.truth.compare import Comparison
@@ -97,10 +97,15 @@ class Pair:
 
     @property
     def verdict(self) -> str:
-        """The gravest of the answers; where one number explains the errors of all states they are no lost digits."""
+        """The gravest of the answers.
+
+        Where one number explains the errors of all states they are no lost digits, and an explanation by a misreading is one.
+        """
         if self.failure or not self.counts:
             return (Verdict.MISREADS if self.misread else Verdict.UNSUPPORTED if self.unsupported else Verdict.ERROR).value
         verdict = gravest(self.counts)
+        if verdict == Verdict.EXPLAINED and are_misread(self.readings):
+            return Verdict.MISREADS.value
         return Verdict.DISAGREES.value if verdict == Verdict.UNSTABLE and self.explained else verdict
 
     def add(self, states: States, comparison: Comparison, sampled: slice = slice(0)) -> None:

@@ -308,6 +308,7 @@ def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Readi
         source=reading.source,
         remedy=reading.remedy,
         beside=beside,
+        is_misread=reading.is_misread,
     )
 
 

@@ -172,7 +172,7 @@ def _robot_cells(robots: FilesComparison, pages: Mapping[tuple[bool, str], str])
         yield SiteCell(
             row=name,
             column=subject.subject,
-            verdict=subject.verdict,
+            verdict=Verdict.MISREADS.value if subject.outcome == Verdict.MISREADS else subject.verdict,
             expected=Verdict.AGREES.value,
             as_expected=subject.as_expected,
             outcome=subject.outcome,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
-from harness.results.readings import FELT, Effect, share_text
+from harness.results.readings import FELT, Effect, are_misread, share_text
 from harness.results.records import StudyResult
 from harness.results.table import Cell, Column, error_text
 from harness.verdict import Verdict
@@ -122,7 +122,8 @@ class SubjectRecord:
 
     @property
     def outcome(self) -> str:
-        """The verdict in a word or two: "agrees", "lost digits", "explained", "explained, digits lost", "refused", "unexplained".
+        """The verdict in a word or two: "agrees", "lost digits", "explained", "misreads", "explained, digits lost", "refused",
+        "unexplained".
 
         "nothing left" is one of an engine whose reader drops all that moves.
         """
@@ -134,6 +135,8 @@ class SubjectRecord:
             return self.verdict
         if not self.explained:
             return "unexplained"
+        if are_misread(self.readings):
+            return Verdict.MISREADS.value
         if not self.lost_digits:
             return "explained"
         return "explained, digits lost" if self.readings else "lost digits"
@@ -167,7 +170,7 @@ class SubjectRecord:
         """The looks of the outcome; what readings explain has its own, for the answer is not that of the file."""
         if not self.explained or self.left_nothing:
             return "disagrees surprise"
-        if self.lost_digits:
+        if self.lost_digits and self.outcome != Verdict.MISREADS:
             return f"{Verdict.UNSTABLE} expected"
         return f"{self.outcome} expected" if self.verdict == Verdict.DISAGREES else f"{self.verdict} expected"
 

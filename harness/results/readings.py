@@ -27,6 +27,7 @@ class Effect:
         beside: the same beside all other readings, where it moves nothing alone; None where it does, or where there is no other.
         remedy: what the engine's user can do about it, an imperative.
         count: number of the elements concerned, of which several may have one line; 0 in records that do not tell.
+        is_misread: whether the reader accepts what it does not read as the format says, and no documentation of the engine tells.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Effect:
     beside: float | None = None
     remedy: str = ""
     count: int = 0
+    is_misread: bool = False
 
     @property
     def size(self) -> float | None:
@@ -72,6 +74,11 @@ def share_text(change: float | None) -> str:
 def share_of_qdd(share: str) -> str:
     """ "47 % of qdd", "38 times qdd", "joints lost", of ``share_text``."""
     return f"{share} of qdd" if share.endswith("%") else f"{share} qdd" if share[:1].isdigit() else share
+
+
+def are_misread(readings: Iterable[Effect]) -> bool:
+    """True where one of the readings that explain an answer is a misreading that moves something."""
+    return any(one.is_misread and (one.size is None or one.size > FELT) for one in readings)
 
 
 def by_effect(readings: Iterable[Effect]) -> list[Effect]:

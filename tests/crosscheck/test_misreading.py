@@ -16,6 +16,7 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed
 
+from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck import assignment
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
@@ -81,6 +82,17 @@ def test_every_quantity_of_a_misread_file_is_misread_or_does_not_feel_it() -> No
     verdicts = {name: record_of(EULER, name, states=20) for name in ("mass_matrix", "power", "steps")}
     assert all(record.as_expected for record in verdicts.values())
     assert {verdicts["mass_matrix"].verdict, verdicts["steps"].verdict} == {"misreads", "unsupported"}
+
+
+def test_a_user_s_file_that_is_misread_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "fixed.xml"
+    inertial = '<inertial pos="0.1 0 0.3" mass="2" diaginertia="0.3 0.4 0.5"/>'
+    path.write_text(f"""<mujoco model="fixed"><worldbody><body name="base" quat="0.6 0.8 0 0">
+<body name="arm"><joint name="pin" axis="0 1 0" damping="0.5"/>{inertial}</body></body></worldbody></mujoco>""")
+    settings = Settings(library=RobotLibrary.of([str(path)]), subjects=["pinocchio/mjcf"], states=20, examples=None)
+    (record,) = completed(CrossCheck(settings), InThisProcess()).records
+    assert (record.verdict, record.as_expected) == ("misreads", True)
+    assert {one.name: one.is_misread for one in record.readings} == {"pose of a body fixed to the world": True, "joint damping": False}
 
 
 def test_what_is_an_engine_s_fault_links_to_an_issue_or_its_text() -> None:

@@ -68,6 +68,8 @@ def test_a_misreading_is_what_the_reader_does(name: str, tmp_path: Path) -> None
     assert plain.explained and [one.name for one in plain.readings] == [reading] and plain.left is not None and plain.left <= AGREEMENT
     assert plain.readings[0].alone is None or plain.readings[0].alone > 1e-3
     assert record_of(path, "mujoco").verdict == "agrees"
+    # A file that data do not feel is misread all the same; what is supplied is not.
+    assert (plain.outcome, plain.tone) == ("misreads", "misreads expected")
     aided = record_of(path, "pinocchio", aided=True)
     assert aided.explained and [one.name for one in aided.readings] == ([] if reading == ROTORS else [reading])
 
