@@ -67,7 +67,7 @@ def _answer(cell: SiteCell, model_format: str) -> Answer:
         format=model_format,
         outcome=cell.outcome if cell.is_robot else cell.verdict,
         is_robot=cell.is_robot,
-        reading=cell.reading,
+        readings=cell.readings,
         features=cell.features,
         from_rigid=value_of(cell.from_rigid),
     )

@@ -17,7 +17,7 @@ from harness.report.hard_cases import HardSummary
 from harness.report.site_counts import engine_counts, feature_lines, pages_in, slugs
 from harness.report.summary import Summary
 from harness.results.comparison import FilesComparison, short_names
-from harness.results.readings import by_effect, explanation
+from harness.results.readings import by_effect, explanation, names_of
 from harness.results.records import Record, Run
 from harness.results.site import Site, SiteCell, SiteChange, SiteColumn, SiteFinding, SiteRow, SiteTrend, Upstream, plain_number
 from harness.verdict import AGREEMENT, Verdict
@@ -153,7 +153,8 @@ def _cell(record: Record, page: str, diagnosis: Sequence[str] = (), reproducer: 
         relative_error=plain_number(record.relative_error),
         from_rigid=plain_number(record.from_rigid),
         seconds_per_state=plain_number(record.seconds_per_state),
-        reading="",
+        reading=explanation(record.readings, 2),
+        readings=names_of(record.readings),
         reason=record.expected_reason,
         link=record.expected_link,
         message=record.message,
@@ -188,6 +189,7 @@ def _robot_cells(robots: FilesComparison, pages: Mapping[tuple[bool, str], str])
             from_rigid=None,
             seconds_per_state=None,
             reading=explanation(subject.readings, 2),
+            readings=names_of(subject.readings),
             reason="; ".join(reading.sentence for reading in readings),
             link="",
             message=subject.message,

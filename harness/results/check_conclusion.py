@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 from harness.results.detail import Detail
-from harness.results.readings import by_effect
+from harness.results.readings import by_effect, names_of
 from harness.results.records import Record, Records
 from harness.results.table import counted, grouped, plural
 from harness.verdict import SOFT, SOUND, Verdict
@@ -90,6 +90,7 @@ def _answer(record: Record) -> Answer:
         name=record.system if not record.is_further else f"{record.quantity} of {record.system}",
         format=record.subject.partition("/")[2],
         outcome=record.verdict,
+        readings=names_of(record.readings),
         features=record.features,
         from_rigid=record.from_rigid,
     )

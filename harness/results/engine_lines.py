@@ -30,7 +30,7 @@ class Answer:
     Attributes:
         name: of the mechanism or robot. format: of the file that the engine read; "" for the equations.
         outcome: a value of ``Verdict``; of a robot's file as of ``SubjectRecord``. is_robot: True for one.
-        reading: as of ``SiteCell``. features: as of ``Record``. from_rigid: how far constraints that give, as the engine documents,
+        readings: as of ``SiteCell``. features: as of ``Record``. from_rigid: how far constraints that give, as the engine documents,
             are from rigid ones; None where they do not give.
     """
 
@@ -38,7 +38,7 @@ class Answer:
     format: str
     outcome: str
     is_robot: bool = False
-    reading: str = ""
+    readings: Sequence[str] = ()
     features: Sequence[str] = ()
     from_rigid: float | None = None
 
@@ -49,7 +49,9 @@ def engine_line(answers: Iterable[Answer]) -> str:
     mechanisms, robots = known.get(False, []), known.get(True, [])
     parts = _right(mechanisms)
     for verdict, said in _SAID.items():
-        named = list(dict.fromkeys(one.name for one in mechanisms if one.outcome == verdict))
+        own = [one for one in mechanisms if one.outcome == verdict]
+        # What is misread says more than where.
+        named = list(dict.fromkeys(name for one in own for name in (one.readings[:1] if verdict == Verdict.MISREADS else ()) or [one.name]))
         parts += [f"{said} {_listed(named)}"] if named else []
         parts += _soft(mechanisms) if verdict == Verdict.UNSTABLE else []
     parts += [f"of {counted(len(robots), 'robot file')} {_joined(_outcomes(robots))}"] if robots else []
@@ -60,7 +62,7 @@ def _outcomes(robots: Sequence[Answer]) -> list[str]:
     """How many answers have which outcome, with what is read otherwise."""
     told = []
     for outcome, own in sorted(grouped((one.outcome, one) for one in robots).items()):
-        readings = _joined(list(dict.fromkeys(one.reading for one in own if one.reading)))
+        readings = _joined(list(dict.fromkeys(name for one in own for name in one.readings)))
         verb = "agree" if outcome == Verdict.AGREES and len(own) > 1 else outcome
         told.append(f"{len(own)} {verb}{f' by {readings}' if readings else ''}")
     return told

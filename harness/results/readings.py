@@ -86,6 +86,11 @@ def by_effect(readings: Iterable[Effect]) -> list[Effect]:
     return sorted(readings, key=lambda one: -(one.size or 0.0))
 
 
+def names_of(readings: Iterable[Effect]) -> list[str]:
+    """The names of the readings that move accelerations, the largest first."""
+    return [one.name for one in by_effect(readings) if one.size is None or one.size > FELT]
+
+
 def explanation(readings: Iterable[Effect], most: int | None = None) -> str:
     """The readings that move accelerations, the largest first: "joint damping 47 %, mimic joints 14 %".
 

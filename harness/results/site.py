@@ -63,7 +63,8 @@ class SiteCell:
         is_robot: whether the row is a robot's file. tone: class of the style sheet.
         quantity: what was compared. features: what this subject's file of the row asks of it.
         backward_error: the worst [data roundoffs]; median_backward_error, relative_error, from_rigid, seconds_per_state: as of ``Record``.
-        reading: what moves the accelerations of a robot most, of what its engine reads otherwise, and by how much; "" for nothing.
+        reading: what moves the accelerations most, of what the engine reads otherwise in the file, and by how much; "" for nothing.
+        readings: names of all that it reads otherwise and moves them.
         reason, link: why another verdict than agreement is expected. message: what was said of it.
         diagnosis: lines. replay: shell command. reproducer: program that needs the engine alone; "" where there is none.
         page: where all of this is told.
@@ -87,6 +88,7 @@ class SiteCell:
     from_rigid: Number
     seconds_per_state: Number
     reading: str
+    readings: list[str]
     reason: str
     link: str
     message: str

@@ -31,6 +31,11 @@ def test_what_is_wrong_is_named_with_its_mechanism(verdict: str, said: str) -> N
     assert engine_line([answer("arm"), answer("collar", verdict)]) == f"right on 1 of 2 MJCF mechanisms; {said}"
 
 
+def test_what_is_misread_is_named_where_it_is_known() -> None:
+    answers = [answer("arm.frames", "misreads", readings=["frames", "damping"]), answer("collar.frames", "misreads", readings=["frames"])]
+    assert engine_line([*answers, answer("disc", "misreads")]) == "right on 0 of 3 MJCF mechanisms; misreads frames and disc"
+
+
 def test_softness_is_told_with_its_size_and_with_what_gives() -> None:
     soft = [
         answer("four_bar", features=["loops", "springs"], from_rigid=0.0169),
@@ -50,7 +55,7 @@ def test_of_many_the_first_are_named() -> None:
 
 def test_robots_are_counted_by_themselves() -> None:
     found = (("go", "explained", "joint damping"), ("arm", "agrees", ""), ("leg", "explained", "mimic joints"))
-    robots = [answer(name, outcome, "urdf", is_robot=True, reading=reading) for name, outcome, reading in found]
+    robots = [answer(name, outcome, "urdf", is_robot=True, readings=[reading] if reading else []) for name, outcome, reading in found]
     told = "of 3 robot files 1 agrees and 2 explained by joint damping and mimic joints"
     assert engine_line([answer("arm"), *robots]) == f"right on 1 of 1 MJCF mechanism; {told}"
 
