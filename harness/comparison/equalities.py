@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.robot_library import ask_engine, engine_of
+from harness.comparison.robot_library import ask_engine, engine_of, engines_of_files
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, Held
 from harness.explain.changes.readings import element_at
@@ -79,6 +79,19 @@ def judge_equalities(meant: Meant, engine: str) -> EqualitiesRecord:
         return record
     ended = compare(declared, _asked(meant, caller, judged, to_the_end=True).of(joints), factorises=True)
     return replace(record, explained=True, to_the_end=worst(ended), remedy=caller.to_the_end) if _is_held(ended) else record
+
+
+def truth_with(meant: Meant, equality: Equality | None) -> Reference | None:
+    """The truth of a robot with one equality, by the law that an engine documents; None where it is not judged.
+
+    With none, or one that is switched off, it is that of the robot alone.
+    """
+    if equality is None or not equality.is_active:
+        return meant.truth
+    caller = next((one for one in engines_of_files().values() if not one.why_no_equalities and meant.robot.format in one.formats), None)
+    if caller is None or _why_not(equality, meant.robot):
+        return None
+    return _declared_truth(replace(meant, robot=replace(meant.robot, equalities=(equality,))), caller, [0])
 
 
 def _is_held(compared: Comparison) -> bool:

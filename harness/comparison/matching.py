@@ -24,6 +24,7 @@ from harness.engines.request import AskedJoint
 from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidRequest
 from harness.explain.changes.readings import with_bodies, with_joints, with_tree
+from harness.files.equalities import Linkage, Rows, Sum, Tendon, TendonLinkage
 from harness.files.facts import in_radians
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Coupling, Joint
@@ -157,9 +158,23 @@ def renamed_to(robot: Robot, names: Mapping[str, str]) -> Robot:
     def change(joint: Joint) -> Joint:
         return replace(joint, name=names.get(joint.name, joint.name), follows=names.get(joint.follows, joint.follows))
 
+    def of_tendon(tendon: Tendon) -> Tendon:
+        if not isinstance(tendon, Sum):
+            return tendon
+        return replace(tendon, terms=tuple((names.get(name, name), multiple) for name, multiple in tendon.terms))
+
+    def tied(says: Rows | None) -> Rows | None:
+        if isinstance(says, Linkage):
+            return replace(says, joint=names.get(says.joint, says.joint), leader=says.leader and names.get(says.leader, says.leader))
+        if isinstance(says, TendonLinkage):
+            return replace(says, tendon=of_tendon(says.tendon), leader=says.leader and of_tendon(says.leader))
+        return says
+
     if all(one == other for one, other in names.items()):
         return robot
-    return with_tree(robot, with_joints(robot.tree, change))
+    equalities = tuple(replace(one, says=tied(one.says)) for one in robot.equalities)
+    declared = tuple(one.about(names) for one in robot.declared)
+    return replace(with_tree(robot, with_joints(robot.tree, change)), equalities=equalities, declared=declared)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.comparison.constraints import constraint_differences, not_held
 from harness.comparison.matching import Matching, SameStates, locked, match, renamed_to
 from harness.comparison.quantities import difference_of, differences_of_nodes, place_text
 from harness.explain.changes.readings import freed, with_joints, with_tree
@@ -83,12 +84,15 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str], withou
     verdicts = set(compared.verdicts[first.truth.certified & other.truth.certified].tolist())
     alike = verdicts == {Verdict.AGREES.value} and not led
     try:
-        differences = _different_numbers(first, second)
+        differences, are_built_alike = _different_numbers(first, second), True
     except _OtherShape:
-        differences = differences_of_nodes(first, second)
+        differences, are_built_alike = differences_of_nodes(first, second), False
+    constraints = constraint_differences(first, second, free, are_built_alike)
     return replace(
         record,
-        same=alike and all(joint.asked for joint in record.locked),
+        same=alike and not constraints and all(joint.asked for joint in record.locked),
+        constraints=constraints,
+        not_held=not_held(first.robot, second, are_built_alike),
         alike=alike,
         backward_error=worst(compared),
         relative_error=worst(compared, "relative_error"),

@@ -6,15 +6,16 @@ URDF.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from lxml import etree
 
 from harness.files.document.source import Source
-from harness.files.document.xml import literal_tag
+from harness.files.document.xml import describe, literal_tag
 from harness.files.findings import LeftOut
 from harness.files.mjcf.attributes import JOINTS, Attributes, resolved_text
-from harness.files.tree import Tree
+from harness.files.tree import WORLD, Place, Tree
 from harness.files.urdf.beside import FORCES_WITHOUT_AXIS, UNREAD_ROTORS, has_rotor
 from harness.files.urdf.kinds import BALL_CONSTRAINT, FIXED, JOINT_TAGS, LIMITED, POINT_SPRING
 from harness.files.urdf.reading import DAMPING_OF_SEVERAL
@@ -63,15 +64,63 @@ _PATHS_READ = frozenset(
 )
 
 Found = Iterator[tuple[str, bool, etree._Element]]
+# Of elements that are left out: told by the tree and its equalities, and of no bearing.
+_TOLD, _LOOKS = (_LIMITS, _FRICTION, "equality constraints"), ("class", "childclass", "group", "material", "name", "rgba", "user")
+_TARGETS = ("joint", "jointinparent", "tendon", "body", "site", "cranksite", "geom1", "geom2", "body1", "body2")
 
 
-def left_out_of_mjcf(source: Source, tree: Tree) -> tuple[LeftOut, ...]:
-    """What is left out, what bears on the motion first."""
+@dataclass(frozen=True)
+class Declared:
+    """An element that no equation of motion holds and that bears on the motion.
+
+    Attributes:
+        what: as of ``LeftOut``. owner: the link, joint or other things that it is about, as "link hand" or "joint elbow".
+        values: its attributes, default classes applied; of a URDF those of its parts too.
+    """
+
+    what: str
+    owner: str
+    values: Mapping[str, str]
+    place: Place
+
+    def about(self, names: Mapping[str, str]) -> Declared:
+        """The same where joints have other names, ``{joint: new name}``."""
+        kind, _, name = self.owner.partition(" ")
+        values = {key: names.get(value, value) if key in ("joint", "jointinparent") else value for key, value in self.values.items()}
+        return replace(self, owner=f"{kind} {names.get(name, name)}" if kind == "joint" else self.owner, values=values)
+
+
+def _declared(source: Source, elements: Iterable[tuple[str, etree._Element]]) -> tuple[Declared, ...]:
+    attributes: dict[str, set[str]] = {}
+    for default in source.root.iter("default"):
+        for part in default.iterchildren("*"):
+            attributes.setdefault(str(part.tag), set()).update(part.attrib)
+    found = []
+    for what, element in elements:
+        names = _OF_FLUID if element.tag == "option" else sorted({*element.attrib, *attributes.get(str(element.tag), ())})
+        values = {name: text for name in names if (text := resolved_text(element, name))}
+        for part in element.iterdescendants("*"):
+            values |= {f"{literal_tag(part)} {name}": str(value) for name, value in part.attrib.items()}
+        targets = [(name, element.get(name)) for name in _TARGETS if element.get(name)]
+        holder = next(element.iterancestors("body", "link", "worldbody"), None)
+        if targets:
+            owner = f"{targets[0][0]} {' and '.join(str(value) for _, value in targets)}"
+        elif holder is not None:
+            owner = f"link {holder.get('name') or 'without name' if holder.tag != 'worldbody' else WORLD}"
+        else:
+            owner = describe(element)
+        found.append(Declared(what, owner, {key: text for key, text in values.items() if key not in _LOOKS}, source.place(element)))
+    return tuple(found)
+
+
+def left_out_of_mjcf(source: Source, tree: Tree) -> tuple[tuple[LeftOut, ...], tuple[Declared, ...]]:
+    """What is left out, what bears on the motion first; and the elements of that which neither tree nor equalities tell."""
     found: dict[tuple[str, bool], list[etree._Element]] = {}
     for what, bears, element in (*_of_sections(source.root), *_of_bodies(source.root), *_of_tendons(source), *_of_joints(source, tree)):
         found.setdefault((what, bears), []).append(element)
     parts = [LeftOut(what, source.lines(elements), bears) for (what, bears), elements in found.items()]
-    return tuple(sorted(parts, key=lambda part: not part.bears_on_motion))
+    own = [(what, element) for (what, bears), elements in found.items() if bears and what not in _TOLD for element in elements]
+    return tuple(sorted(parts, key=lambda part: not part.bears_on_motion)), _declared(source, own)
 
 
 def _of_sections(root: etree._Element) -> Found:
@@ -127,14 +176,16 @@ def _of_joints(source: Source, tree: Tree) -> Found:
             yield "limits of actuators' forces", False, element
 
 
-def left_out_of_urdf(source: Source) -> tuple[LeftOut, ...]:
-    """What is left out of a tree that has been read, what bears on the motion first."""
+def left_out_of_urdf(source: Source) -> tuple[tuple[LeftOut, ...], tuple[Declared, ...]]:
+    """The same of a tree that has been read from a URDF."""
     found: dict[str, set[int]] = {}
-    for what, element in _findings(source):
+    findings = list(_findings(source))
+    for what, element in findings:
         found.setdefault(what, set()).update(source.lines([element]))
     for one in source.passed_over:
         found.setdefault(one.what, set()).add(one.line)
-    return tuple(LeftOut(what, tuple(sorted(found[what])), bears) for what, bears in _BEARS_ON_MOTION.items() if what in found)
+    own = _declared(source, [(what, element) for what, element in findings if _BEARS_ON_MOTION[what] and what not in _TOLD])
+    return tuple(LeftOut(what, tuple(sorted(found[what])), bears) for what, bears in _BEARS_ON_MOTION.items() if what in found), own
 
 
 def _findings(source: Source) -> Iterator[tuple[str, etree._Element]]:

@@ -19,7 +19,7 @@ from harness.files.document.source import PassedOver, Source, Unread
 from harness.files.document.xml import Document, describe, literal_tag, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import LeftOut
-from harness.files.left_out import left_out_of_mjcf, left_out_of_urdf
+from harness.files.left_out import Declared, left_out_of_mjcf, left_out_of_urdf
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.mjcf.reading import read_tree as read_mjcf
 from harness.files.tree import Joint, SpringDampers, Tree
@@ -43,6 +43,7 @@ class Meaning:
         equalities: what is tied beside the tree; a joint that mimics another is one, and follows the other in the tree.
         passed_over: what no model of a mechanism may say, in the order in which it was found.
         floating_base: name of the free joint that was put under the root of a URDF; "" for none.
+        declared: elements that are left out and bear on the motion, but limits, friction and equalities.
     """
 
     format: str
@@ -53,6 +54,7 @@ class Meaning:
     unread: tuple[Unread, ...]
     spring_dampers: SpringDampers
     floating_base: str = ""
+    declared: tuple[Declared, ...] = ()
 
     @cached_property
     def moving(self) -> tuple[Joint, ...]:
@@ -108,10 +110,10 @@ def read(
         reader = UrdfReader(source)
         tree, equalities = reader.read(gravity, floating_base)
         base = reader.floating_base
-        left_out, spring_dampers = left_out_of_urdf(source), SpringDampers()
+        (left_out, declared), spring_dampers = left_out_of_urdf(source), SpringDampers()
     elif floating_base:
         source.refuse(source.root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
         tree, equalities, spring_dampers = read_mjcf(source, compile_meshes)
-        left_out = left_out_of_mjcf(source, tree)
-    return Meaning(format, tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers, base)
+        left_out, declared = left_out_of_mjcf(source, tree)
+    return Meaning(format, tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers, base, declared)

@@ -248,6 +248,7 @@ class FileDifference:
     Attributes:
         what: as "mass of link forearm". first, second: its value in either file with its place. alone: what it alone does to qdd of
             the first file, relative in the energy norm; None where that is not certain.
+        is_judged: False for what no equation of motion holds, and no law that is evaluated.
     """
 
     what: str
@@ -256,6 +257,7 @@ class FileDifference:
     first_place: str
     second_place: str
     alone: float | None
+    is_judged: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -279,10 +281,12 @@ class PairRecord:
     """Two files held against each other.
 
     Attributes:
-        same: whether they are one robot to ``AGREEMENT`` data roundoffs. backward_error, relative_error: of the second's truth
-            against that of the first. problem: why they cannot be compared.
+        same: whether they are one robot to ``AGREEMENT`` data roundoffs, their constraints among it. backward_error, relative_error: of
+            the second's truth against that of the first. problem: why they cannot be compared.
         alike: the same of what moves in both, while the joints ``locked`` stand still.
         equivalent: True where numbers differ and no acceleration feels it. remarks: on how joints were matched.
+        constraints: differences in limits, dry friction, equalities, contacts and actuators. not_held: what of these could not be held
+            against the other file.
     """
 
     first: str
@@ -295,6 +299,8 @@ class PairRecord:
     locked: list[LockedJoint] = field(default_factory=list)
     equivalent: bool = False
     differences: list[FileDifference] = field(default_factory=list)
+    constraints: list[FileDifference] = field(default_factory=list)
+    not_held: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 

@@ -36,15 +36,15 @@ def conclude_pair(pair: PairRecord, detail: Detail = Detail.BRIEF) -> Conclusion
     files = " and ".join(names.values())
     if pair.problem:
         return Conclusion(f"{files} cannot be compared: {pair.problem}.", _standing_still(pair, detail))
-    told = [_named_apart(one, pair, names) for one in pair.differences]
-    groups = _groups(told)
-    shown = groups if detail == Detail.BRIEF else [_Group([one]) for one in told]
+    felt, tied = ([_named_apart(one, pair, names) for one in own] for own in (pair.differences, pair.constraints))
+    groups = _groups(felt), _groups(tied)
+    shown = [*groups[0], *groups[1]] if detail == Detail.BRIEF else [_Group([one]) for one in (*felt, *tied)]
     kept, others = telling(shown, lambda group: group.first.alone, detail)
     rows: list[str | Table] = [*_standing_still(pair, detail), *_matched(pair, detail)]
     if kept:
         few, left = at_most(kept, detail, MOST_DIFFERENCES)
         rows += [difference_table(few, list(names.values()), detail), *filter(None, (left, others))]
-    return Conclusion(f"{files} {_verdict(pair, groups)}.", rows)
+    return Conclusion(f"{files} {_verdict(pair, *groups)}.", rows)
 
 
 def difference_table(groups: Sequence[_Group], names: Sequence[str], detail: Detail) -> Table:
@@ -56,7 +56,7 @@ def difference_table(groups: Sequence[_Group], names: Sequence[str], detail: Det
             group.what,
             Cell(value(group.first.first), [group.first.first_place]),
             Cell(value(group.first.second), [group.first.second_place]),
-            share_text(group.first.alone),
+            share_text(group.first.alone) if group.first.is_judged else "not judged",
         ]
         for group in groups
     ]
@@ -102,16 +102,20 @@ def _named_apart(one: FileDifference, pair: PairRecord, names: dict[str, str]) -
     return replace(one, first_place=place(one.first_place, pair.first), second_place=place(one.second_place, pair.second))
 
 
-def _verdict(pair: PairRecord, groups: Sequence[_Group]) -> str:
+def _verdict(pair: PairRecord, felt: Sequence[_Group], tied: Sequence[_Group]) -> str:
     lacking = [joint for joint in pair.locked if not joint.asked]
     if not pair.alike:
-        whole = f" (in all {share_text(pair.relative_error)})" if len(groups) > 1 and pair.relative_error else ""
-        return f"differ: {_told(groups[0])}{whole}" if groups else f"differ by {share_of_qdd(share_text(pair.relative_error))}"
+        whole = f" (in all {share_text(pair.relative_error)})" if len(felt) > 1 and pair.relative_error else ""
+        return f"differ: {_told(felt[0])}{whole}" if felt else f"differ by {share_of_qdd(share_text(pair.relative_error))}"
     apart = "" if pair.backward_error is None else f" ({error_text(pair.backward_error)} data roundoffs apart, {AGREEMENT:g} are allowed)"
     but = f" but for {counted(len(lacking), 'joint')} that the files do not share" if lacking else ""
-    unfelt = f"; they differ in numbers that no acceleration feels, most in {_told(groups[0], felt=False)}" if groups else ""
     left_out = f", {counted(len(pair.locked) - len(lacking), 'joint')} left out" if len(pair.locked) > len(lacking) else ""
-    return f"are the same robot{but}{left_out}{apart}{unfelt}"
+    if tied:
+        return f"move alike{but}{left_out}{apart}, and differ in what no equation of motion holds: {_told(tied[0])}"
+    unfelt = f"; they differ in numbers that no acceleration feels, most in {_told(felt[0], felt=False)}" if felt else ""
+    held = "limits, dry friction and equalities" if pair.not_held else "limits, dry friction, equalities, contacts and actuators"
+    others = f"; not compared: {', '.join(pair.not_held)}" if pair.not_held else ""
+    return f"are the same robot{but}{left_out}{apart}, {held} included{unfelt}{others}"
 
 
 def _told(group: _Group, felt: bool = True) -> str:
@@ -119,7 +123,7 @@ def _told(group: _Group, felt: bool = True) -> str:
     one = group.first
     sides = ((one.first, one.first_place), (one.second, one.second_place))
     values = [f"{_in_brief(value)} ({place})" if place else value for value, place in sides]
-    return f"{group.what}, {' against '.join(values)}" + (f", changes qdd by {share_text(one.alone)}" if felt else "")
+    return f"{group.what}, {' against '.join(values)}" + (f", changes qdd by {share_text(one.alone)}" if felt and one.is_judged else "")
 
 
 def _in_brief(value: str) -> str:

@@ -24,6 +24,7 @@ from harness.files.document.xml import Document, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
 from harness.files.joint_kinds import JointKind
+from harness.files.left_out import Declared
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.reading import EXPECTED, GRAVITY, Meaning, read
@@ -58,6 +59,7 @@ class Robot:
         floating_base: name of the free joint that was put under the root of a URDF; "" for none.
         equalities: points that meet and joints that are coupled, as engines may hold them besides the tree; a joint that mimics another
             is one, and follows the other in the tree.
+        declared: elements that no equation of motion holds and that bear on the motion, but limits, friction and equalities.
     """
 
     path: Path
@@ -69,6 +71,7 @@ class Robot:
     total_mass: float
     floating_base: str = ""
     equalities: tuple[Equality, ...] = ()
+    declared: tuple[Declared, ...] = ()
 
     @property
     def bodies(self) -> int:
@@ -176,6 +179,7 @@ def _robot(path: Path, meaning: Meaning) -> Robot:
         total_mass=total_mass(tree),
         floating_base=meaning.floating_base,
         # No engine's reader reads Drake's constraints, which are among what is left out.
+        declared=meaning.declared,
         equalities=tuple(one for one in meaning.equalities if one.kind != BALL_CONSTRAINT),
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:

@@ -182,7 +182,11 @@ def test_equal_kinds_of_differences_are_one_row() -> None:
 
 def test_two_files_of_one_robot() -> None:
     same = replace(PAIR, same=True, alike=True, backward_error=2.0, relative_error=0.0)
-    assert conclude_pair(same).sentence == "old/r.urdf and new/r.urdf are the same robot (2.00 data roundoffs apart, 64 are allowed)."
+    apart, held = "(2.00 data roundoffs apart, 64 are allowed)", "limits, dry friction, equalities"
+    assert conclude_pair(same).sentence == f"old/r.urdf and new/r.urdf are the same robot {apart}, {held}, contacts and actuators included."
+    partly = replace(same, not_held=["contacts (3 and 1)"])
+    told = f"{apart}, limits, dry friction and equalities included; not compared: contacts (3 and 1)."
+    assert conclude_pair(partly).sentence == f"old/r.urdf and new/r.urdf are the same robot {told}"
     unfelt = replace(same, differences=[difference("mass", "link foot", 0.0)])
     assert "they differ in numbers that no acceleration feels, most in mass of link foot, 10" in conclude_pair(unfelt).sentence
     joint = LockedJoint(name="finger", why="only new/r.urdf moves it", asked=False, first_place="", second_place="r.urdf:7")

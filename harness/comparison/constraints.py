@@ -1,0 +1,201 @@
+"""What two files say beside their equations of motion, held against each other: limits, dry friction, equalities, contacts, actuators.
+
+No equation of motion holds them, so that files may move alike and differ. What an equality does is that of the law which an engine
+documents for it, in certified accelerations at the states of the first file; what the others do is not judged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import replace
+from fractions import Fraction
+from itertools import zip_longest
+
+from harness.comparison.equalities import truth_with
+from harness.comparison.quantities import ROUNDING, difference_of
+from harness.explain.meant import Meant, largest_change
+from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage
+from harness.files.left_out import Declared
+from harness.files.tree import Joint, Place
+from harness.results.comparison import FileDifference
+from harness.results.table import counted
+from harness.trees.robot import Robot
+
+_NONE = "none"
+
+
+def constraint_differences(first: Meant, second: Robot, followers: Set[str], are_built_alike: bool) -> list[FileDifference]:
+    """The differences of two robots with equal names of joints, those that move accelerations most first.
+
+    ``followers`` are joints whose couplings are told elsewhere. Points of equalities are compared in files that are built alike.
+    """
+    found = [*_equalities(first, second, followers, are_built_alike), *_of_joints(first.robot, second)]
+    if first.robot.format == second.format:
+        found += _elements(first.robot, second)
+    return sorted(found, key=lambda one: -(one.alone or 0.0))
+
+
+def not_held(first: Robot, second: Robot, are_built_alike: bool) -> list[str]:
+    """What stands in either file and is not held against the other, such as "contacts (17 and 3)"."""
+    found = []
+    if first.format != second.format:
+        counts = [Counter(one.what for one in robot.declared) for robot in (first, second)]
+        found += [f"{what} ({counts[0][what]} and {counts[1][what]})" for what in dict.fromkeys([*counts[0], *counts[1]])]
+    points = sum(isinstance(one.says, Meeting) for robot in (first, second) for one in robot.equalities)
+    return [*found, f"the points of {counted(points, 'equality')}"] if points and not are_built_alike else found
+
+
+def _of_joints(first: Robot, second: Robot) -> Iterator[FileDifference]:
+    """Limits and dry friction."""
+    others = {joint.name: joint for joint in second.tree.joints}
+    for one in first.tree.joints:
+        if (other := others.get(one.name)) is None or not one.kind.has_axis:
+            continue
+        limits = [_limits(joint) for joint in (one, other)]
+        if (limits[0] is None) != (limits[1] is None) or (limits[0] is not None and limits[1] is not None and _differ(*limits)):  # type: ignore[arg-type]
+            places = [joint.places.get("limits") for joint in (one, other)]
+            yield _not_judged(f"limits of joint {one.name}", _values(limits), places)
+        friction = [(float(joint.friction_loss),) for joint in (one, other)]
+        if _differ(*friction):
+            places = [joint.places.get("friction_loss") for joint in (one, other)]
+            yield _not_judged(f"dry friction of joint {one.name}", _values(friction), places)
+
+
+def _limits(joint: Joint) -> tuple[float, ...] | None:
+    """[m or rad]; None without."""
+    if joint.limits is None:
+        return None
+    return tuple(math.radians(value) if joint.in_degrees else float(value) for value in joint.limits)
+
+
+def _differ(one: Sequence[float], other: Sequence[float]) -> bool:
+    return any(abs(a - b) > ROUNDING * max(abs(a), abs(b)) for a, b in zip(one, other, strict=True))
+
+
+def _values(pair: Sequence[Sequence[float] | None]) -> tuple[str, str]:
+    """Both as people read them, with the digits of a file."""
+    first, second = (_NONE if values is None else " ".join(f"{value:.15g}" for value in values) for values in pair)
+    return first, second
+
+
+def _not_judged(what: str, values: Sequence[str], places: Sequence[Place | None]) -> FileDifference:
+    return replace(difference_of(what, values, places, None), is_judged=False)
+
+
+# Equalities
+
+
+def _equalities(first: Meant, second: Robot, followers: Set[str], are_built_alike: bool) -> Iterator[FileDifference]:
+    ones, others = _by_tied(first.robot, followers), _by_tied(second, followers)
+    for tied in dict.fromkeys([*ones, *others]):
+        one, other = ones.get(tied), others.get(tied)
+        what = f"{tied[0]} equality of {tied[1]}" + (f", number {tied[2]}" if tied[2] > 1 else "")
+        places = [None if each is None else each.place for each in (one, other)]
+        for values, changed in _changes(one, other, are_built_alike):
+            before, after = truth_with(first.few, one), truth_with(first.few, changed)
+            alone = None
+            if before is not None and after is not None:
+                alone = largest_change(before, after.high, before.certified & after.certified)
+            yield replace(difference_of(what, values, places, alone), is_judged=alone is not None)
+
+
+def _by_tied(robot: Robot, followers: Set[str]) -> dict[tuple[str, str, int], Equality]:
+    """The equalities by what they tie, with their number among those that tie the same; none of a joint that follows in the tree."""
+    told = followers | {joint.name for joint in robot.tree.joints if joint.follows}
+    found: dict[tuple[str, str, int], Equality] = {}
+    counts: Counter[tuple[str, str]] = Counter()
+    for one in robot.equalities:
+        if isinstance(one.says, Linkage) and one.says.joint in told:
+            continue
+        tied = one.couples, _names(one)
+        counts[tied] += 1
+        found[*tied, counts[tied]] = one
+    return found
+
+
+def _names(equality: Equality) -> str:
+    says = equality.says
+    if isinstance(says, Linkage):
+        return " and ".join(filter(None, (says.joint, says.leader)))
+    if isinstance(says, TendonLinkage):
+        return " and ".join(tendon.name for tendon in says.tendons)
+    return " and ".join(sorted(says.bodies)) if isinstance(says, Meeting) else equality.name or equality.kind
+
+
+def _changes(one: Equality | None, other: Equality | None, are_built_alike: bool) -> Iterator[tuple[tuple[str, str], Equality | None]]:
+    """Each thing in which two equalities differ, in both files' words, and the first as it is with that of the second."""
+    if one is None or other is None:
+        present = "stands in the file" if (one or other).is_active else "stands in the file, switched off"  # type: ignore[union-attr]
+        yield (_NONE, present) if one is None else (present, _NONE), other
+        return
+    if one.is_active != other.is_active:
+        on, off = "switched on", "switched off"
+        yield (on, off) if one.is_active else (off, on), replace(one, is_active=other.is_active)
+    soft = one.softness or SolverParameters(), other.softness or SolverParameters()
+    for name in ("solref", "solimp") if one.softness and other.softness else ():
+        values = [getattr(each, name) for each in soft]
+        if values[0] != values[1]:
+            texts = _values(values)
+            yield (f"{name} {texts[0]}", f"{name} {texts[1]}"), replace(one, softness=replace(soft[0], **{name: values[1]}))
+    if one.says == other.says or one.says is None or other.says is None or (isinstance(one.says, Meeting) and not are_built_alike):
+        return
+    if isinstance(one.says, Linkage | TendonLinkage) and isinstance(other.says, Linkage | TendonLinkage):
+        texts = _values([_floats(each.says.coefficients) for each in (one, other)])  # type: ignore[union-attr]
+        words = (f"polycoef {texts[0]}", f"polycoef {texts[1]}") if texts[0] != texts[1] else ("one tendon", "another of its name")
+    else:
+        texts = _values([_positions(each.says) for each in (one, other)])
+        words = (f"at {texts[0]}", f"at {texts[1]}") if texts[0] != texts[1] else ("one frame", "another")
+    yield words, replace(one, says=other.says, why_not=other.why_not)
+
+
+def _positions(says: object) -> tuple[float, ...]:
+    """Of the points that meet, in their bodies [m]; none of what is no point."""
+    ends = says.ends if isinstance(says, Meeting) else ()
+    return tuple(float(value) for _, pose in ends for placement in pose for value in placement.position)
+
+
+def _floats(numbers: Sequence[Fraction]) -> tuple[float, ...]:
+    return tuple(map(float, numbers))
+
+
+# Elements that no equation of motion holds
+
+
+def _elements(first: Robot, second: Robot) -> Iterator[FileDifference]:
+    ones, others = _by_owner(first.declared), _by_owner(second.declared)
+    for key in dict.fromkeys([*ones, *others]):
+        one, other = ones.get(key), others.get(key)
+        values = _different_attributes({} if one is None else one.values, {} if other is None else other.values)
+        if one is None or other is None:
+            values = [_NONE if each is None else "stands in the file" for each in (one, other)]
+        if values:
+            places = [None if each is None else each.place for each in (one, other)]
+            yield _not_judged(f"{key[0]} of {key[1]}", values, places)
+
+
+def _by_owner(elements: Sequence[Declared]) -> dict[tuple[str, str, int], Declared]:
+    found: dict[tuple[str, str, int], Declared] = {}
+    counts: Counter[tuple[str, str]] = Counter()
+    for one in elements:
+        counts[one.what, one.owner] += 1
+        found[one.what, one.owner, counts[one.what, one.owner]] = one
+    return found
+
+
+def _different_attributes(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
+    """Those that differ, as the files write them."""
+    names = [name for name in dict.fromkeys([*one, *other]) if not _are_equal(one.get(name, ""), other.get(name, ""))]
+    return [", ".join(f"{name} {values.get(name) or 'by default'}" for name in names) for values in (one, other)] if names else []
+
+
+def _are_equal(one: str, other: str) -> bool:
+    def value(word: str) -> float | str:
+        try:
+            return float(word)
+        except ValueError:
+            return word
+
+    words = one.split(), other.split()
+    return all(value(a) == value(b) for a, b in zip_longest(*words, fillvalue=""))
