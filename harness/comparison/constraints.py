@@ -102,12 +102,16 @@ def _equalities(first: Meant, second: Robot, followers: Set[str], are_built_alik
 
 
 def _by_tied(robot: Robot, followers: Set[str]) -> dict[tuple[str, str, int], Equality]:
-    """The equalities by what they tie, with their number among those that tie the same; none of a joint that follows in the tree."""
+    """The equalities by what they tie, with their number among those that tie the same.
+
+    None of a joint that follows in the tree, or that stands still, as it is in none.
+    """
     told = followers | {joint.name for joint in robot.tree.joints if joint.follows}
+    moving = robot.tree.joints_before
     found: dict[tuple[str, str, int], Equality] = {}
     counts: Counter[tuple[str, str]] = Counter()
     for one in robot.equalities:
-        if isinstance(one.says, Linkage) and one.says.joint in told:
+        if isinstance(one.says, Linkage) and (one.says.joint in told or one.says.joint not in moving):
             continue
         tied = one.couples, _names(one)
         counts[tied] += 1
@@ -164,7 +168,7 @@ def _floats(numbers: Sequence[Fraction]) -> tuple[float, ...]:
 
 
 def _elements(first: Robot, second: Robot) -> Iterator[FileDifference]:
-    ones, others = _by_owner(first.declared), _by_owner(second.declared)
+    ones, others = _by_owner(first), _by_owner(second)
     for key in dict.fromkeys([*ones, *others]):
         one, other = ones.get(key), others.get(key)
         values = _different_attributes({} if one is None else one.values, {} if other is None else other.values)
@@ -175,10 +179,14 @@ def _elements(first: Robot, second: Robot) -> Iterator[FileDifference]:
             yield _not_judged(f"{key[0]} of {key[1]}", values, places)
 
 
-def _by_owner(elements: Sequence[Declared]) -> dict[tuple[str, str, int], Declared]:
+def _by_owner(robot: Robot) -> dict[tuple[str, str, int], Declared]:
+    """The elements by what they are about, but for joints that stand still."""
     found: dict[tuple[str, str, int], Declared] = {}
     counts: Counter[tuple[str, str]] = Counter()
-    for one in elements:
+    for one in robot.declared:
+        kind, _, name = one.owner.partition(" ")
+        if kind == "joint" and name not in robot.tree.joints_before:
+            continue
         counts[one.what, one.owner] += 1
         found[one.what, one.owner, counts[one.what, one.owner]] = one
     return found

@@ -88,6 +88,17 @@ def test_a_copy_differs_in_nothing_and_names_what_was_compared(base: Path, tmp_p
     assert pair(base, renamed, j1="first", j2="second").same
 
 
+def test_what_is_about_joints_that_stand_still_is_no_difference(base: Path, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    changes = ('<motor joint="j1" gear="10"/>', ""), ('<joint joint1="j1" joint2="j2" polycoef="0 1 0 0 0"/>', ""), (' range="-1 1"', "")
+    other = edited(base, tmp_path / "other", *changes)
+    assert len(pair(base, other).constraints) == 3
+    assert hold_against(meant_by(base), read_robot(other), {}, ["j1"]).same
+    gripper = edited(FILES / "mimic.urdf", tmp_path, ('<joint name="right" type="prismatic">', '<joint name="right" type="fixed">'))
+    gripper.write_text(gripper.read_text().replace('<mimic joint="left" multiplier="0.75" offset="0.125"/>', ""))
+    assert pair(FILES / "mimic.urdf", gripper).constraints == []
+
+
 def test_limits_of_a_urdf_are_held_against_those_of_an_mjcf(tmp_path: Path) -> None:
     """Contacts and actuators have other words there, and are named as not compared."""
     wider = edited(FILES / "arm.urdf", tmp_path, ('upper="0.5"', 'upper="0.75"'))
