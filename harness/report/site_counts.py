@@ -48,7 +48,7 @@ def engine_counts(columns: Sequence[SiteColumn], cells: Sequence[SiteCell]) -> I
             version=version,
             agrees=sum(cell.agrees for cell in verdicts),
             asked=len(verdicts) - unsupported,
-            misreads=sum(cell.verdict == Verdict.MISREADS for cell in verdicts),
+            misreads=sum(cell.tone == Verdict.MISREADS for cell in verdicts),
             unsupported=unsupported,
             tone=gravest_tone(cell for cell in verdicts if cell.verdict != Verdict.UNSUPPORTED),
             line=engine_line(_answer(cell, formats[cell.column]) for cell in verdicts),

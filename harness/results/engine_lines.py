@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.results.readings import share_text
-from harness.results.table import counted, grouped
+from harness.results.table import counted, grouped, plural
 from harness.verdict import Verdict, is_soft
 
 # Features by which constraints give.
@@ -63,8 +63,8 @@ def _outcomes(robots: Sequence[Answer]) -> list[str]:
     told = []
     for outcome, own in sorted(grouped((one.outcome, one) for one in robots).items()):
         readings = _joined(list(dict.fromkeys(name for one in own for name in one.readings)))
-        verb = "agree" if outcome == Verdict.AGREES and len(own) > 1 else outcome
-        told.append(f"{len(own)} {verb}{f' by {readings}' if readings else ''}")
+        said = {Verdict.AGREES.value: plural(len(own), "agrees", "agree"), Verdict.MISREADS.value: "misread"}.get(outcome, outcome)
+        told.append(f"{len(own)} {said}{f' ({readings})' if readings else ''}")
     return told
 
 

@@ -54,9 +54,14 @@ def test_of_many_the_first_are_named() -> None:
 
 
 def test_robots_are_counted_by_themselves() -> None:
-    found = (("go", "explained", "joint damping"), ("arm", "agrees", ""), ("leg", "explained", "mimic joints"))
+    found = (
+        ("go", "explained", "joint damping"),
+        ("arm", "agrees", ""),
+        ("leg", "explained", "mimic joints"),
+        ("hand", "misreads", "frames"),
+    )
     robots = [answer(name, outcome, "urdf", is_robot=True, readings=[reading] if reading else []) for name, outcome, reading in found]
-    told = "of 3 robot files 1 agrees and 2 explained by joint damping and mimic joints"
+    told = "of 4 robot files 1 agrees, 2 explained (joint damping and mimic joints) and 1 misread (frames)"
     assert engine_line([answer("arm"), *robots]) == f"right on 1 of 1 MJCF mechanism; {told}"
 
 
