@@ -14,7 +14,7 @@ from html import escape
 from typing import Annotated, Any, ClassVar, Self
 
 from harness.results.detail import Detail
-from harness.results.readings import MOST_IN_CELL, Effect, explanation, reading_lines
+from harness.results.readings import MOST_IN_CELL, Effect, explanation, reading_lines, share_text
 from harness.results.table import Cell, Column, Table, TableOf, grouped, printable
 from harness.verdict import AGREEMENT, DECLARED, SOFT, SOUND, Verdict, is_soft
 
@@ -217,10 +217,11 @@ class Record:
 
     @property
     def marked_verdict(self) -> Annotated[Cell, Column("verdict")]:
-        """The verdict, and the expected one where it is another."""
+        """The verdict, and the expected one where it is another; with how far constraints that give are from rigid ones."""
         if self.as_expected:
             text = self.outcome if self.verdict in SOUND else f"{self.verdict} (as expected)"
-            text = ": ".join(filter(None, [text, explanation(self.readings, MOST_IN_CELL)]))
+            far = f"{share_text(self.from_rigid)} from rigid" if self.outcome == SOFT else ""
+            text = ": ".join(filter(None, [text, far or explanation(self.readings, MOST_IN_CELL)]))
             return Cell(text, tone=f"{self.tone} expected")
         return Cell(f"{self.verdict} (expected {self.expected})", tone=f"{self.verdict} surprise")
 

@@ -51,6 +51,14 @@ def test_a_known_misreading_is_red_where_it_is_expected_too() -> None:
     assert json.loads(to_json(RUN, [misread]))["records"][0]["verdict"] == "misreads"
 
 
+def test_constraints_that_give_have_a_word_and_a_colour_of_their_own() -> None:
+    soft = replace(AGREEING, from_rigid=2.58)
+    shown = Records([soft]).brief().terminal()
+    assert soft.as_expected and soft.marked_verdict.value == "soft, as documented: 258 % from rigid"
+    assert {str(style) for column in shown.columns for cell in column.cells if (style := getattr(cell, "style", ""))} == {"cyan"}
+    assert replace(soft, from_rigid=1e-15).marked_verdict.value == "agrees"
+
+
 def test_json_is_strict_and_keeps_the_contract() -> None:
     document = json.loads(to_json(RUN, [RECORD, replace(RECORD, relative_error=math.nan)], [CARD]), parse_constant=pytest.fail)
     assert document["harness"] == RUN.versions
