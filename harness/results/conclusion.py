@@ -183,7 +183,7 @@ def _further(subject: SubjectRecord) -> Iterator[str]:
 
 def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     """How far the readings account for the answers, and what aided engines answer."""
-    accounted = [one for one in subjects if not one.aided and one.explained and one.left is not None and not one.cancels]
+    accounted = [one for one in subjects if not one.aided and one.explained and one.left is not None and one.verdict != Verdict.AGREES]
     aided = [one for one in subjects if one.aided]
     right = [one for one in aided if one.outcome == Verdict.AGREES]
     if accounted:

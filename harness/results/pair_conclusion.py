@@ -9,7 +9,7 @@ from pathlib import Path
 from harness.results.comparison import FileDifference, FilesComparison, PairRecord, names_apart
 from harness.results.conclusion import MOST_ROWS, MOST_ROWS_OF_SEVERAL, Conclusion, at_most, conclude_alike
 from harness.results.detail import Detail, telling
-from harness.results.readings import share_of_qdd, share_text
+from harness.results.readings import felt_text, share_of_qdd, share_text
 from harness.results.table import Cell, Column, Table, counted, error_text, grouped
 from harness.verdict import AGREEMENT
 
@@ -56,7 +56,7 @@ def difference_table(groups: Sequence[_Group], names: Sequence[str], detail: Det
             group.what,
             Cell(value(group.first.first), [group.first.first_place]),
             Cell(value(group.first.second), [group.first.second_place]),
-            share_text(group.first.alone) if group.first.is_judged else "not judged",
+            felt_text(group.first.alone) if group.first.is_judged else "not judged",
         ]
         for group in groups
     ]

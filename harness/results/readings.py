@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.results.detail import Detail, telling
-from harness.results.table import error_text
+from harness.results.table import counted, error_text
 
 # The least relative change of accelerations that is one: less is rounding.
 FELT = 1e-12
@@ -71,6 +71,11 @@ def share_text(change: float | None) -> str:
     return f"{100 * change:.2g} %" if change >= 1e-4 else error_text(change)
 
 
+def felt_text(change: float | None) -> str:
+    """``share_text`` of a change of accelerations, and "nothing" for what is rounding."""
+    return "nothing" if change is not None and change <= FELT else share_text(change)
+
+
 def share_of_qdd(share: str) -> str:
     """ "47 % of qdd", "38 times qdd", "joints lost", of ``share_text``."""
     return f"{share} of qdd" if share.endswith("%") else f"{share} qdd" if share[:1].isdigit() else share
@@ -105,15 +110,18 @@ def explanation(readings: Iterable[Effect], most: int | None = None) -> str:
 def reading_lines(readings: Iterable[Effect], detail: Detail = Detail.BRIEF) -> list[str]:
     """A line on each reading that matters, with what its user can do, the one that moves the accelerations most first.
 
-    The last one counts the others.
+    The last ones count the others.
     """
-    kept, others = telling(by_effect(readings), lambda one: one.size, detail)
-    return [*map(reading_line, kept), *([others] if others else [])]
+    ordered = by_effect(readings)
+    felt = [one for one in ordered if detail > Detail.BRIEF or one.size is None or one.size > FELT]
+    kept, others = telling(felt, lambda one: one.size, detail)
+    unfelt = f"{counted(len(ordered) - len(felt), 'reading')} without an effect (--all)" if len(ordered) > len(felt) else ""
+    return [*map(reading_line, kept), *filter(None, [others, unfelt])]
 
 
 def reading_line(reading: Effect, most_lines: int = FEW_LINES) -> str:
     """What a reading moves, what it is, the elements that it concerns, and what its user can do."""
-    size = "no qdd" if reading.size is not None and reading.size <= FELT else share_text(reading.size)
+    size = felt_text(reading.size)
     beside = "; beside the other readings alone" if reading.size != reading.alone else ""
     return f"{size:>6}  {reading.sentence} ({reading.concerned(most_lines)}{beside}): {reading.remedy}".removesuffix(": ")
 

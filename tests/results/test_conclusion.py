@@ -112,11 +112,13 @@ def test_equalities_that_nobody_explains_stand_in_the_first_sentence() -> None:
 
 
 def test_a_row_has_effect_lines_and_remedy() -> None:
+    still = effect("nothing", 0.0, sentence="Pinocchio drops a name")
     tiny = [effect(f"reading {number}", 1e-4, sentence=f"Pinocchio does {number}") for number in range(5)]
-    found = FilesComparison(files=[FILE], subjects=[replace(DAMPED, readings=[*tiny, effect()])])
+    found = FilesComparison(files=[FILE], subjects=[replace(DAMPED, readings=[*tiny, still, effect()])])
     rows = conclude(found, FILE).rows
     assert rows[0] == "  47 %  Pinocchio applies no joint damping (2 joints, lines 9, 25): add -d v to tau"
-    assert rows[1] == "5 more below 0.001 of the largest (--all)"
+    assert rows[1:3] == ("5 more below 0.001 of the largest (--all)", "1 reading without an effect (--all)")
+    assert "nothing  Pinocchio drops a name (2 joints, lines 9, 25): add -d v to tau" in conclude(found, FILE, Detail.ALL).rows
     assert sum("Pinocchio does" in str(row) for row in conclude(found, FILE, Detail.ALL).rows) == 5
 
 
