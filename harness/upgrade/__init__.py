@@ -1,7 +1,7 @@
-"""Two versions of an engine on the same mechanisms and robots: what changed between them, and which version changed it.
+"""Two versions of an engine on the same mechanisms or robots' files: what changed between them, and which version changed it.
 
-May use ``diagnosis`` and what is below it.
+May use ``comparison`` and what is below it. Results are plain data of ``harness.results.upgrade``, which says them in sentences.
 
-Start with ``study``, which asks both versions. What counts as a change is said by ``harness.results.trend``; It finds
-the terms and readings that changed, and the first version that changed something.
+Start with ``study``, which asks both versions, holds their records against each other, and finds the first version that changed
+something. ``portraits`` has what one version makes of a file: the numbers that it holds after loading, and its accelerations.
 """
