@@ -28,6 +28,7 @@ class Effect:
         remedy: what the engine's user can do about it, an imperative.
         count: number of the elements concerned, of which several may have one line; 0 in records that do not tell.
         is_misread: whether the reader accepts what it does not read as the format says, and no documentation of the engine tells.
+        included: those of the elements that stand in included files, as "common.xml:12".
     """
 
     name: str
@@ -40,6 +41,7 @@ class Effect:
     remedy: str = ""
     count: int = 0
     is_misread: bool = False
+    included: tuple[str, ...] = ()
 
     @property
     def size(self) -> float | None:
@@ -48,9 +50,15 @@ class Effect:
 
     def concerned(self, most_lines: int = MOST_LINES) -> str:
         """The elements that it concerns: "9 joints, lines 48, 74, 100 and 6 more"."""
-        number, nouns = self.count or len(self.lines), self.concerns
+        number, nouns = self.count or len(self.lines) + len(self.included), self.concerns
         one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
-        return f"{number} {one if number == 1 else nouns}, {lines_text(self.lines, most_lines)}"
+        return f"{number} {one if number == 1 else nouns}, {', '.join(self._places(most_lines))}"
+
+    def _places(self, most: int) -> list[str]:
+        """Lines of the file, and places in files that it includes."""
+        more = len(self.included) - most
+        others = [*self.included[:most], *([f"{more} more"] if more > 0 else [])]
+        return [*([lines_text(self.lines, most)] if self.lines or not others else []), *others]
 
     @property
     def statement(self) -> str:

@@ -108,3 +108,14 @@ def test_the_second_of_two_bodies_without_names_moves_nothing(second: str, tmp_p
     record = record_of(written(tmp_path, COMPILER, inside, ""), "pinocchio")
     assert record.explained and [one.name for one in record.readings] == ["bodies without names"]
     assert record.left is None and "as it reads the file" in record.left_nothing
+
+
+def test_lines_of_included_files_carry_their_name(tmp_path: Path) -> None:
+    inside = body("b", 'name="j2" axis="1 0 0" damping="2"', about='pos="0 0 1"')
+    (tmp_path / "inner.xml").write_text(f"<mujocoinclude>\n{inside}</mujocoinclude>")
+    path = written(tmp_path, COMPILER, body("a", f'{FIRST} damping="1"', '<include file="inner.xml"/>'), "")
+    record = record_of(path, "pinocchio")
+    (dampers,) = [one for one in record.readings if one.name == "joint damping"]
+    assert dampers.lines == (2,)
+    (sections,) = [one for one in record.readings if one.name == "sections that are read once"]
+    assert "inner.xml:2" in sections.included and "inner.xml:2" in sections.concerned()
