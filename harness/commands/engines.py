@@ -111,7 +111,7 @@ def _remove(bracket: Bracket, engine: str, version: str) -> None:
 def _list(bracket: Bracket) -> None:
     from harness.engines import engine_files
     from harness.environments import find_environments
-    from harness.results.table import Column, Table
+    from harness.results.table import Column, Table, plural
 
     environments = {one.name: one for one in find_environments()}
     found = [
@@ -132,7 +132,10 @@ def _list(bracket: Bracket) -> None:
         Column("size", "plain"): lambda one: "" if one["bytes"] is None else _megabytes(one["bytes"]),
         "where": itemgetter("where"),
     }
-    say(*str(Table.of(found, columns)).split("\n"))
+    there = [f"{one['engine']} {one['version']}" for one in found if one["version"]]
+    missing = len(found) - len(there)
+    more = f"; {missing} more can be added: harness engines add NAME" if missing else ""
+    say(f"{', '.join(there)} {plural(len(there), 'is', 'are')} there{more}", "", *str(Table.of(found, columns)).split("\n"))
 
 
 def _where(elsewhere: bool, environment: Environment | None) -> str:

@@ -11,7 +11,7 @@ from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import say
 from harness.errors import InvalidInput
-from harness.results.table import Table, printable
+from harness.results.table import Table, counted, printable
 
 SECTION = MECHANISM
 
@@ -138,6 +138,9 @@ def _list_library(bracket: Bracket) -> None:
             "libraries": installed,
         }
     )
+    there = ", ".join(f"{name} {file.version}" for name, file in engines.items() if file.version)
+    counts = [counted(len(systems), "mechanism"), *([counted(len(variants), "variant")] if variants else [])]
+    say(f"{' and '.join(counts)}; harness check NAME asks {there}", "")
     states = {name: failures.failure(file.outcome) or file.version or "not installed" for name, file in engines.items()}
     width = max(len(printable(name)) for name in [*systems, *variants, *engines])
     for title, listed in (

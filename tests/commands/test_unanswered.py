@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import shutil
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 from support import harness
+
+from harness import commands
+from harness.commands.new import write_example
+from harness.registry import module_names
 
 FILES = Path(__file__).parents[1] / "comparison" / "files"
 HINGE = '<joint name="hinge" type="hinge" axis="0 1 0"/>'
@@ -16,6 +21,7 @@ WORLD = '<mujoco model="robot"><worldbody>{}</worldbody></mujoco>'
 TABLE = WORLD.format(f'<body name="table">{INERTIAL}</body><body name="arm">{HINGE}{INERTIAL}</body>')
 # M is singular in every state.
 MASSLESS = WORLD.format(f'<body name="arm">{HINGE}<inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/></body>')
+VERSION = version("mujoco")
 # Of these an engine is asked, and gives no answer that can be judged.
 UNANSWERED = {
     "refused": ((FILES / "impossible.urdf").read_text(), ["--subject", "mujoco/urdf"], "refuses the file"),
@@ -105,3 +111,46 @@ def test_a_folder_of_templates_is_told_that_xacro_writes_the_files(tmp_path: Pat
 def test_a_property_that_xacro_left_is_no_template(tmp_path: Path) -> None:
     text = (FILES / "arm.urdf").read_text().replace("<link", '<xacro:property name="m" value="1"/><link', 1)
     assert harness("compare", written(tmp_path, text), "--states", "8", cwd=tmp_path).returncode == 0
+
+
+# Of each command that asks engines a way of asking nobody; "own" is a library whose engine offers accelerations alone.
+NOBODY = {
+    "atlas": (["far_base", "--subject", "pinocchio/urdf", "--quantity", "steps"], "Nothing was measured"),
+    "bench": (["rod", "--library", "own", "--quantity", "mass_matrix", "--methods", "mine/urdf"], "Nothing was measured"),
+    "check": (
+        ["rod", "--library", "own", "--quantity", "mass_matrix", "--quantity", "energy", "--subject", "mine/urdf"],
+        "nothing was compared",
+    ),
+    "compare": (["still.urdf"], "no engine was asked"),
+    "compare-runs": ([], "holds no history"),
+    "diagnose": (["rod", "--library", "own", "--quantity", "mass_matrix", "--subject", "mine/urdf"], "no subject was judged"),
+    "faults": (["spring_damper", "--kind", "products", "--states", "16"], "no faults were planted"),
+    "nightly": (["--stage", "survey"], "no stage has anything to do"),
+    "report": (["--library", "empty"], "holds no system file"),
+    "search": (["rod", "--library", "own", "--quantity", "mass_matrix", "--subject", "mine/urdf"], "offers no mass matrix"),
+    "survey": (["empty"], "holds no model of a robot"),
+    "upgrade": (["mujoco", VERSION, VERSION], "is one version"),
+}
+# They ask no engine for an answer.
+ASK_NOBODY = {"engines", "list", "new", "show"}
+
+
+def test_each_command_that_asks_engines_has_a_way_of_asking_nobody() -> None:
+    assert NOBODY.keys() | ASK_NOBODY == {name.replace("_", "-") for name in module_names(commands.__name__)}
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("command", NOBODY)
+def test_no_command_ends_well_where_nobody_was_asked(command: str, tmp_path: Path) -> None:
+    (tmp_path / "empty" / "systems").mkdir(parents=True)
+    (tmp_path / "still.urdf").write_text('<robot name="r"><link name="a"/></robot>')
+    write_example(tmp_path / "own", "rod", engine="mine")
+    arguments, said = NOBODY[command]
+    done = harness(command, *arguments, cwd=tmp_path)
+    assert done.returncode in (1, 2) and said in done.stdout + done.stderr, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("options", [["--subject", "pinocchio/urdf"], ["--subject", "pinocchio/urdf", "--quantity", "energy"]])
+def test_a_mechanism_that_an_engine_cannot_express_is_not_as_expected_by_itself(options: list[str], tmp_path: Path) -> None:
+    done = harness("check", "rolling_disc", *options, "--states", "20", cwd=tmp_path)
+    assert done.returncode == 1 and done.stdout.startswith("nothing was compared: rolling_disc pinocchio/urdf"), done.stdout
