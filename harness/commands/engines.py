@@ -16,6 +16,7 @@ from harness.errors import InvalidRequest
 
 if TYPE_CHECKING:
     from harness.environments import Environment
+    from harness.library import Library
 
 SECTION = ENGINES
 _SPECIFICATION = re.compile(r"(?P<name>[A-Za-z0-9][\w.-]*?)(?:==(?P<version>[\w.+!-]+))?")
@@ -108,10 +109,25 @@ def _remove(bracket: Bracket, engine: str, version: str) -> None:
     say(f"{one.name}: removed, {_megabytes(size)}")
 
 
+def installed(library: Library) -> str:
+    """The engines that are installed, and how another is, in a sentence; the harness's own equations are none."""
+    from harness.engines import EQUATIONS, engine_files
+    from harness.results.table import counted, plural
+
+    versions = {name: file.version for name, file in engine_files(library).items() if file.formats != (EQUATIONS,)}
+    engines = [name for name in versions if "@" not in name]
+    there = [name for name in engines if versions[name] is not None]
+    others = len(versions) - len(engines)
+    named = f": {' and '.join(filter(None, [', '.join(there[:-1]), *there[-1:]]))}" if there else ""
+    further = f", and {counted(others, 'version')} in environments of their own" if others else ""
+    count = f"{len(there) or 'none'} of {counted(len(engines), 'engine')} {plural(len(there) or 1, 'is', 'are')} installed"
+    return f"{count}{named}{further}; harness engines add NAME installs another."
+
+
 def _list(bracket: Bracket) -> None:
     from harness.engines import engine_files
     from harness.environments import find_environments
-    from harness.results.table import Column, Table, plural
+    from harness.results.table import Column, Table
 
     environments = {one.name: one for one in find_environments()}
     found = [
@@ -132,10 +148,7 @@ def _list(bracket: Bracket) -> None:
         Column("size", "plain"): lambda one: "" if one["bytes"] is None else _megabytes(one["bytes"]),
         "where": itemgetter("where"),
     }
-    there = [f"{one['engine']} {one['version']}" for one in found if one["version"]]
-    missing = len(found) - len(there)
-    more = f"; {missing} more can be added: harness engines add NAME" if missing else ""
-    say(f"{', '.join(there)} {plural(len(there), 'is', 'are')} there{more}", "", *str(Table.of(found, columns)).split("\n"))
+    say(installed(bracket.library), "", *str(Table.of(found, columns)).split("\n"))
 
 
 def _where(elsewhere: bool, environment: Environment | None) -> str:

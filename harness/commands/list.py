@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from harness.commands import MECHANISM
+from harness.commands.engines import installed as installed_engines
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import say
 from harness.errors import InvalidInput
@@ -104,7 +105,7 @@ def command(bracket: Bracket, kind: str | None) -> None:
     rows, taker = _KINDS[kind]
     table = rows()
     bracket.write_plain({kind: [dict(zip((head.title for head in table.heads), row, strict=True)) for row in table.rows]})
-    say(*str(table).split("\n"), "", f"for: {taker}")
+    say(f"Names that {taker} takes:", "", *str(table).split("\n"))
 
 
 def _list_library(bracket: Bracket) -> None:
@@ -138,10 +139,9 @@ def _list_library(bracket: Bracket) -> None:
             "libraries": installed,
         }
     )
-    there = ", ".join(f"{name} {file.version}" for name, file in engines.items() if file.version)
-    counts = [counted(len(systems), "mechanism"), *([counted(len(variants), "variant")] if variants else [])]
-    say(f"{' and '.join(counts)}; harness check NAME asks {there}", "")
     states = {name: failures.failure(file.outcome) or file.version or "not installed" for name, file in engines.items()}
+    of_models = f" and {counted(len(variants), 'variant')} of their models" if variants else ""
+    say(f"{counted(len(systems), 'mechanism')}{of_models}; {installed_engines(library)}", "")
     width = max(len(printable(name)) for name in [*systems, *variants, *engines])
     for title, listed in (
         ([], {name: f"{nv:>2} dof  {text}" for name, (nv, text) in systems.items()}),

@@ -21,7 +21,7 @@ import click
 from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.terminal import say
-from harness.errors import InvalidInput, InvalidRequest
+from harness.errors import InvalidInput, InvalidRequest, shown_path
 from harness.library import MODEL_SUFFIXES, Library, installed_libraries, member_of
 from harness.results.table import number_text
 
@@ -168,10 +168,11 @@ def command(bracket: Bracket, name: str | None, dof: int, engine: str | None) ->
     if name is None and engine is None:
         raise click.UsageError("name a mechanism to write, or an engine with --engine")
     library_path = bracket.library_path or "."
-    for path in write_example(Path(library_path), name, dof, engine):
-        say(f"written: {path}")
-    watch = ["harness", "check", *([name] if name else []), "--library", library_path]
-    say("edit what is marked EDIT:, and watch it with", f"  {shlex.join(watch)}")
+    written = write_example(Path(library_path), name, dof, engine)
+    watch = shlex.join(["harness", "check", *([name] if name else []), "--library", library_path])
+    what = " and ".join(filter(None, [name and f"the mechanism {name}", engine and f"the engine {engine}"]))
+    say(f"{what[:1].upper()}{what[1:]} works as written: edit what is marked EDIT:, and watch it with {watch}")
+    say(*(f"  {shown_path(path)}" for path in written))
     if engine is not None:
         add = shlex.join(["harness", "engines", "add", engine, "--library", library_path])
         say("an engine that is not installed beside the harness gets an environment of its own by", f"  {add}")

@@ -51,8 +51,7 @@ def command(bracket: Bracket, profile: str) -> None:
     bracket.keep(CrossCheckResult(worst_cases=ranking))
     drawn = robots.settings.paths if robots else ()
     bracket.complete(Gallery(bracket.library, bracket.library.select((), with_variants=True), study.crashes, drawn))
-    write_page(bracket, bracket.number)
-    finish(bracket, study, robots=robots)
+    finish(bracket, study, robots=robots, leave=lambda: write_page(bracket, bracket.number))
 
 
 def _robots(bracket: Bracket) -> RobotComparison | None:

@@ -46,7 +46,7 @@ class Rule:
     Attributes:
         party: its name, after the engine and format of a wrong subject.
         spoils: true where the party that is named after the first subject makes the second wrong.
-        sentence: the conclusion, after ``right`` and ``wrong`` subjects.
+        sentence: the conclusion, after ``right`` and ``wrong`` subjects; ``beside`` is a clause on the right ones, "" without any.
         part_of: a wider party, which is named in its stead where they make the same subjects wrong.
     """
 
@@ -69,13 +69,12 @@ RULES = (
     Rule(
         "engine {engine}",
         lambda one, other: _reads(one) and _reads(other) and other.engine == one.engine,
-        "{engine} is at fault: it is wrong with every format that it was judged with ({wrong}); right are {right}",
+        "{engine} is at fault: it is wrong with every format that it was judged with ({wrong}){beside}",
     ),
     Rule(
         "reader {engine}/{format}",
         lambda one, other: _reads(one) and other == one,
-        "what {engine} makes of {format} is at fault, its reader or what the harness supplies for it: "
-        "it alone is wrong ({wrong}); right are {right}",
+        "what {engine} makes of {format} is at fault, its reader or what the harness supplies for it: it alone is wrong ({wrong}){beside}",
         part_of="engine {engine}",
     ),
     Rule(
@@ -86,7 +85,7 @@ RULES = (
     Rule(
         "kernel",
         lambda one, other: not _reads(one) and other == one,
-        "the float64 kernel of {engine} is at fault: it is given the equations themselves, and no model; right are {right}",
+        "the float64 kernel of {engine} is at fault: it is given the equations themselves, and no model{beside}",
     ),
 )
 
@@ -118,7 +117,7 @@ def infer(
     given = {subject: verdict for subject, verdict in everything.items() if subject not in failed}
     silent = "; ".join(_failed(failed))
     if failed and not _with(given, *_WRONG):
-        return Inference(FAILURE, f"{silent}; right are {_listed(_with(given, *SOUND)) or 'none'}")
+        return Inference(FAILURE, f"{silent}{_beside(_with(given, *SOUND))}")
     inference = _infer_with_files(given, _everyone(everything, available) - set(failed), meanings)
     return replace(inference, sentence=f"{inference.sentence}; {silent}") if silent else inference
 
@@ -251,12 +250,17 @@ def _parties(wrong: Collection[Subject], right: Collection[Subject], everyone: C
         spoiled = frozenset(other for other in everyone if rule.spoils(one, other))
         if spoiled & {*wrong, *right} != set(wrong):
             continue
-        names = {"engine": one.engine, "format": one.format, "wrong": _listed(wrong), "right": _listed(right) or "none"}
+        names = {"engine": one.engine, "format": one.format, "wrong": _listed(wrong), "right": _listed(right), "beside": _beside(right)}
         wider = found.get(rule.part_of.format(**names))
         if wider is None or wider.spoiled != spoiled:
             party = _Party(rule.party.format(**names), rule.sentence.format(**names), spoiled)
             found.setdefault(party.name, party)
     return list(found.values())
+
+
+def _beside(right: Collection[Subject]) -> str:
+    """A clause on those that are right beside a wrong one; "" for none."""
+    return f"; right {'is' if len(right) == 1 else 'are'} {_listed(right)}" if right else ""
 
 
 def _deciding(parties: Collection[_Party], askable: Collection[Subject], wrong: Collection[Subject]) -> list[Subject]:

@@ -102,9 +102,7 @@ def _who_agrees(subjects: Sequence[SubjectRecord]) -> str:
         right = [*agreeing, *losing]
         if not right:
             return "no engine gives an answer that can be judged"
-        worst = max((one.backward_error or 0.0 for one in agreeing), default=0.0)
-        to = f" ({error_text(worst)} data roundoffs at most, {AGREEMENT:g} are allowed)" if agreeing and not losing else ""
-        return f"{_names(right)} agree{_s(right)} with the file{to}"
+        return f"{_names(right)} agree{_s(right)} with the file{'' if losing else ' to rounding'}"
     if agreeing or losing:
         return f"{_names([*agreeing, *losing])} agree{_s([*agreeing, *losing])} with the file, and {_names(differing)} {_do(differing)} not"
     if len(differing) == 1:
@@ -158,6 +156,10 @@ def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -
     plain = [one for one in subjects if not one.aided]
     # Versions of one engine have readings in common, and those are told once.
     yield from reading_lines({reading.sentence: reading for one in plain for reading in one.readings}.values(), detail)
+    agreeing = [one for one in plain if one.outcome == Verdict.AGREES and one.backward_error is not None and not one.readings]
+    if agreeing:
+        worst = error_text(max(one.backward_error or 0.0 for one in agreeing))
+        yield f"{_names(agreeing)} agree{_s(agreeing)} to {worst} data roundoffs, of which {AGREEMENT:g} are allowed"
     for one in plain:
         yield from _further(one)
     yield from _when_supplied(subjects)

@@ -18,10 +18,12 @@ MOST_DIFFERENCES, MOST_NAMES = 8, 3
 
 
 def conclusions(found: FilesComparison, detail: Detail = Detail.BRIEF) -> list[Conclusion]:
-    """Each pair of files, then each file; of several files the engines have few rows, and of many none."""
+    """Each pair of files, then each file, first those that cannot be read; of several files the engines have few rows, and of many none."""
     most = {1: MOST_ROWS, 2: MOST_ROWS_OF_SEVERAL}.get(len(found.files), 0)
     pairs = [conclude_pair(pair, detail) for pair in found.pairs]
     asked = found.files if found.subjects or not found.pairs else []
+    # A file that cannot be read answers what was asked of several.
+    asked = sorted(asked, key=lambda file: not file.problem)
     return [*pairs, *conclude_alike(found, asked, detail, most)]
 
 

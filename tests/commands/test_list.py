@@ -29,8 +29,8 @@ def test_every_name_of_a_kind_is_listed(kind: str, tmp_path: Path) -> None:
     done = harness("list", kind, "--json", "out.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert [line[: len(name)] for line, name in zip(lines[1:], names, strict=False)] == list(names)
-    assert lines[-1].startswith("for: harness ")
+    assert [line[: len(name)] for line, name in zip(lines[3:], names, strict=False)] == list(names)
+    assert lines[0].startswith("Names that harness ")
     assert [row[title] for row in json.loads((tmp_path / "out.json").read_text())[kind]] == list(names)
 
 

@@ -46,7 +46,7 @@ MIMICS = subject("mujoco", "MuJoCo", "disagrees", readings=[MIMIC], left=3.5)
 ALSO = subject("pinocchio", "Pinocchio", "disagrees", readings=[MIMIC], left=1.5)
 SAID = "Pinocchio applies no joint damping (47 % of qdd): add -d v to tau."
 SENTENCES = {
-    "all agree": ([AGREES, subject("pinocchio", "Pinocchio")], "MuJoCo and Pinocchio agree with the file (2.50 data roundoffs at most"),
+    "all agree": ([AGREES, subject("pinocchio", "Pinocchio")], "MuJoCo and Pinocchio agree with the file to rounding."),
     "one agrees": ([AGREES, DAMPED], f"MuJoCo agrees with the file, and Pinocchio does not. {SAID}"),
     "none agrees": (
         [MIMICS, DAMPED],
@@ -60,7 +60,7 @@ SENTENCES = {
     ),
     "refused": (
         [subject("mujoco", "MuJoCo", "unsupported", message="mass is 0"), subject("pinocchio", "Pinocchio")],
-        "Pinocchio agrees with the file (2.50 data roundoffs at most, 64 are allowed). MuJoCo refuses the file: mass is 0.",
+        "Pinocchio agrees with the file to rounding. MuJoCo refuses the file: mass is 0.",
     ),
     "refused for its inertias": (
         [subject("mujoco", "MuJoCo", "unsupported", message="A + B < C")],

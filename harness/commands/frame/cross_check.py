@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -130,11 +130,15 @@ def causes_of(bracket: Bracket, study: CrossCheck, quantity: str = ACCELERATIONS
 
 
 def finish(
-    bracket: Bracket, study: CrossCheck, quantities: Sequence[str] = (ACCELERATIONS,), robots: RobotComparison | None = None
+    bracket: Bracket,
+    study: CrossCheck,
+    quantities: Sequence[str] = (ACCELERATIONS,),
+    robots: RobotComparison | None = None,
+    leave: Callable[[], None] = lambda: None,
 ) -> None:
     """Print the table of the quantities that were asked for, a line for the others, and what is not as expected; and exit.
 
-    ``robots``: a comparison that the command ran beside, whose outcome counts too.
+    ``robots``: a comparison that the command ran beside, whose outcome counts too. ``leave`` writes what the command leaves behind.
     """
     found = study.result()
     records = with_short_names(found.records)
@@ -155,4 +159,5 @@ def finish(
         print_sections(survey_sections(robots.result(), bracket.detail))
         problems += robots.faults
         crashed, as_expected = crashed or robots.crashed, as_expected and robots.result().as_expected
+    leave()
     bracket.finish(problems, crashed, as_expected, study.faults)
