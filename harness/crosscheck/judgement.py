@@ -99,14 +99,15 @@ class Pair:
     def verdict(self) -> str:
         """The gravest of the answers.
 
-        Where one number explains the errors of all states they are no lost digits, and an explanation by a misreading is one.
+        Where one number explains the errors of all states they are no lost digits. An explanation by a misreading is one, with digits
+        lost or not.
         """
         if self.failure or not self.counts:
             return (Verdict.MISREADS if self.misread else Verdict.UNSUPPORTED if self.unsupported else Verdict.ERROR).value
         verdict = gravest(self.counts)
-        if verdict == Verdict.EXPLAINED and are_misread(self.readings):
-            return Verdict.MISREADS.value
-        return Verdict.DISAGREES.value if verdict == Verdict.UNSTABLE and self.explained else verdict
+        if verdict == Verdict.UNSTABLE and self.explained:
+            return Verdict.DISAGREES.value
+        return Verdict.MISREADS.value if verdict in (Verdict.EXPLAINED, Verdict.UNSTABLE) and are_misread(self.readings) else verdict
 
     def add(self, states: States, comparison: Comparison, sampled: slice = slice(0)) -> None:
         """Take the judgement of the answers at ``states``; ``sampled`` are those of the sample."""

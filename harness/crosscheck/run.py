@@ -305,12 +305,14 @@ class CrossCheck(Study):
     def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves, of_file = not quantity_words(pair.quantity), self.settings.library.reads_files
+        # As long as no readings are known: one that is misread may lose digits, too, or have a number wrong.
+        judged = pair.verdict
         if (asked := self._readings_of(system, pair)) is not None:
             outcome = yield from ask(call, *asked, affinity=system.name)
             pair.readings, pair.rest = outcome.value or ([], [])
             if failure := self.failure(outcome):
                 pair.remarks.append(f"What the readings do is not known: {failure}.")
-        if pair.verdict == (Verdict.UNSTABLE if moves else Verdict.DISAGREES) or (of_file and pair.verdict == Verdict.DISAGREES):
+        if judged == (Verdict.UNSTABLE if moves else Verdict.DISAGREES) or (of_file and judged == Verdict.DISAGREES):
             # A run in which all is well imports nothing of it.
             from harness.crosscheck.explanation import explain
 
@@ -318,7 +320,7 @@ class CrossCheck(Study):
             outcome = yield from ask(explain, pair.assignment, self.settings.seed, pair.shown[0], affinity=system.name)
             if failure := self.failure(outcome):
                 pair.remarks.append(f"Whether one number explains the errors is not known: {failure}.")
-            elif of_file and pair.verdict == Verdict.DISAGREES:
+            elif of_file and judged == Verdict.DISAGREES:
                 pair.rest = list(filter(None, [outcome.value]))
             else:
                 pair.explained = outcome.value or ""
