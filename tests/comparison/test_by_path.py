@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from catalogue import BUILT_IN, MODELS
 from support import harness
@@ -95,7 +96,7 @@ def test_a_check_and_a_survey_of_plain_engines_come_to_one_verdict(model_format:
     for row in (row for row in survey["subjects"] if not row["aided"] and row["path"] in names):
         subject = f"{row['engine']}/{row['format']}"
         said = "unsupported" if row["left_nothing"] else AS_CHECKED[row["verdict"], bool(row["lost_digits"])]
-        if row["verdict"] in ("disagrees", "unstable") and are_misread(Effect(**one) for one in row["readings"]):
+        if row["verdict"] in ("disagrees", "unstable") and are_misread(msgspec.convert(row["readings"], list[Effect], strict=False)):
             said = "misreads"
         if checked[row["path"], subject] != said:
             different.add((names[row["path"]], subject))
