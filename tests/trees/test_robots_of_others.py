@@ -25,7 +25,7 @@ SEED = 3
 # Data roundoffs. What a verdict allows is 64; readers round the inertias of several geoms as they join them, which costs more.
 ALLOWED = {"urdf": 64.0, "mjcf": 128.0}
 # Mimics a joint that the file does not have; has no link at all.
-REFUSED = {"alex_psyonic_hands.urdf": "which is no joint of this file", "ur3.urdf": "has no link"}
+REFUSED = {"alex_psyonic_hands.urdf": "names nothing in this file", "ur3.urdf": "has no link"}
 
 
 def robots() -> list[Path]:
