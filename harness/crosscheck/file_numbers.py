@@ -152,12 +152,12 @@ def why_refused(robot: Robot, element: str) -> list[str]:
     sentences = []
     for body in robot.tree.bodies:
         if body.name == element and body.place is not None:
-            line = body.place.line if body.inertia is None else body.inertia.places["moments"].line
+            place = body.place if body.inertia is None else body.inertia.places["moments"]
             numbers = (
                 "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
             )
-            sentences.append(f"line {line}: {element}: {numbers}")
-    return sentences + [f"line {one.line}: {one.body}: {one.what}" for one in robot.impossible]
+            sentences.append(f"{place.within(robot.path)}: {element}: {numbers}")
+    return sentences + [f"{one.place}: {one.body}: {one.what}" for one in robot.impossible]
 
 
 def _numbers(values: Sequence[Fraction]) -> str:

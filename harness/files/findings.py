@@ -31,6 +31,7 @@ class Impossible:
         nearest: moments xx, yy, zz, xy, xz, yz of the nearest inertia that a body can have: the Frobenius norm of the difference
             of the matrices of second moments J = trace(I) / 2 1 - I is least, which makes J its projection on the cone of the
             positive semidefinite matrices. The same moments where nothing is wrong but the mass.
+        file: name of the included file that has the line; "" for the robot's own.
     """
 
     body: str
@@ -39,3 +40,9 @@ class Impossible:
     found: tuple[float, ...]
     by_how_much: float
     nearest: tuple[float, ...]
+    file: str = ""
+
+    @property
+    def place(self) -> str:
+        """ "line 3", or "inner.xml:3" in an included file."""
+        return f"{self.file}:{self.line}" if self.file else f"line {self.line}"

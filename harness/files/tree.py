@@ -40,6 +40,10 @@ class Place:
     def __str__(self) -> str:
         return f"{self.path}:{self.line}"
 
+    def within(self, path: Path) -> str:
+        """ "line 3" in that file, "inner.xml:3" in another, which it includes."""
+        return f"line {self.line}" if self.path == path else f"{self.path.name}:{self.line}"
+
 
 class Given(Fraction):
     """A number of a file: exactly the float64 that is read, its place, its attribute there and its number in that.

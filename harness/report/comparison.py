@@ -147,7 +147,7 @@ def _impossible(found: FilesComparison) -> Iterator[str]:
             numbers, nearest = (" ".join(f"{value:.6g}" for value in values) for values in (one.found, one.nearest))
             by = f" by {one.by_how_much:.2g} of the largest" if one.by_how_much else ""
             possible = f"; nearest that a body can have: {nearest}" if nearest else ""
-            yield f"{names[file.path]}:{one.line}: {one.body}: {one.what}{by}: {numbers}{possible}"
+            yield f"{one.file or names[file.path]}:{one.line}: {one.body}: {one.what}{by}: {numbers}{possible}"
         if file.impossible:
             stances = {True: "refuses the file", False: "computes on without a word"}
             plain = [subject for subject in found.of(file.path) if not subject.aided]

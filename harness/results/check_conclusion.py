@@ -40,7 +40,8 @@ def conclusion(records: Sequence[Record]) -> str:
     silent = len(records) - len(asked)
     rest = f"; {counted(silent, 'further one')} {plural(silent, 'is', 'are')} not offered" if silent else ""
     if len(agreeing) == len(asked):
-        every = f"all {len(asked)} {kind}s agree" if len(asked) > 1 else f"{_name(asked[0], head)} agrees"
+        all_of_them = "both" if len(asked) == 2 else f"all {len(asked)}"
+        every = f"{all_of_them} {kind}s agree" if len(asked) > 1 else f"{_name(asked[0], head)} agrees"
         return f"{head}{every}{softly}{rest}"
     explained = [one for one in asked if one.verdict in SOUND and one.as_expected and one not in agreeing]
     known = len(asked) - len(agreeing) - len(explained) - len(wrong)

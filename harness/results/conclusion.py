@@ -139,8 +139,9 @@ def _reason(subject: SubjectRecord, file: FileRecord) -> _Reason | None:
 
 def _mend(file: FileRecord) -> str:
     """What to do about inertias that no body can have, which engines refuse."""
-    lines = [one.line for one in file.impossible]
-    return f"; write inertias that a body can have ({lines_text(lines, FEW_LINES)})" if lines else ""
+    lines, included = [one.line for one in file.impossible if not one.file], [one.place for one in file.impossible if one.file]
+    where = ", ".join([*([lines_text(lines, FEW_LINES)] if lines else []), *included[:FEW_LINES]])
+    return f"; write inertias that a body can have ({where})" if where else ""
 
 
 def _of_reading(reading: Effect) -> _Reason:
@@ -202,7 +203,7 @@ def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
 
 def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:
     if file.impossible:
-        named = [f"{one.body} ({one.what}, line {one.line})" for one in file.impossible]
+        named = [f"{one.body} ({one.what}, {one.place})" for one in file.impossible]
         shown, others = at_most(named, detail, MOST_IMPOSSIBLE)
         yield f"{counted(len(named), 'inertia')} that no body can have: {', '.join([*shown, *filter(None, [others])])}"
 

@@ -37,7 +37,7 @@ EXPLAINED = replace(
     ("records", "said"),
     [
         ([AGREEING], "arm_2r: mujoco/mjcf agrees"),
-        ([AGREEING, SOFT], "arm_2r: all 2 subjects agree (1 soft, as documented)"),
+        ([AGREEING, SOFT], "arm_2r: both subjects agree (1 soft, as documented)"),
         ([AGREEING, KNOWN], "2 pairs: 1 agrees, 1 differs for a known reason, 0 unexpectedly"),
         ([AGREEING, KNOWN, RECORD], "3 pairs: 1 agrees, 1 differs for a known reason, 1 unexpectedly: arm_2r mujoco/mjcf disagrees"),
         ([RECORD], "arm_2r: 1 subject: none agrees, 1 differs unexpectedly: mujoco/mjcf disagrees"),

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.files.findings import Impossible
-from harness.files.tree import ORIGIN, WORLD, Body, Bounds, Inertia, Placement, Tree, vector
+from harness.files.tree import ORIGIN, WORLD, Body, Bounds, Inertia, Place, Placement, Tree, vector
 from harness.trees.bodies.rigid import Weights, about_centre, joined, square
 from harness.trees.bodies.spatial import FileBuilder
 
@@ -121,10 +121,12 @@ def _six(rows: Any) -> tuple[Any, ...]:
 def impossible_inertias(tree: Tree) -> tuple[Impossible, ...]:
     """The inertias of a tree that no body can have after its bounds, in the order of its bodies."""
     tree = bounded(tree)
-    found = [one for body in tree.bodies if body.inertia is not None for one in _of_inertia(body, body.inertia)]
+    found = [(body.inertia.place, one) for body in tree.bodies if body.inertia is not None for one in _of_inertia(body, body.inertia)]
     found += _of_moving_links(tree)
     order = {body.name: number for number, body in enumerate(tree.bodies)}
-    return tuple(sorted(found, key=lambda one: order[one.body]))
+    own = tree.place and tree.place.path
+    named = [replace(one, file=place.path.name) if place and place.path != own else one for place, one in found]
+    return tuple(sorted(named, key=lambda one: order[one.body]))
 
 
 def _of_inertia(body: Body, inertia: Inertia) -> Iterator[Impossible]:
@@ -146,8 +148,8 @@ def _of_inertia(body: Body, inertia: Inertia) -> Iterator[Impossible]:
         yield Impossible(body.name, line, what, (mass, *moments), excess / largest, nearest_inertia(moments))
 
 
-def _of_moving_links(tree: Tree) -> Iterator[Impossible]:
-    """Links that a joint moves, with what is fixed to them: those without mass, and those that are a point."""
+def _of_moving_links(tree: Tree) -> Iterator[tuple[Place | None, Impossible]]:
+    """Links that a joint moves, with what is fixed to them and their places: those without mass, and those that are a point."""
     carrier = {WORLD: ""}
     parts: dict[str, list[Body]] = {}
     for body in tree.bodies:
@@ -159,14 +161,14 @@ def _of_moving_links(tree: Tree) -> Iterator[Impossible]:
         line = place.line if place else 0
         heavy = [body for body in bodies if not body.is_massless]
         if not heavy:
-            yield Impossible(name, line, "massless moving link", (0.0, *_NOTHING), 1.0, _NOTHING)
+            yield place, Impossible(name, line, "massless moving link", (0.0, *_NOTHING), 1.0, _NOTHING)
         elif (
             len(heavy) == 1
             and heavy[0].inertia
             and not heavy[0].solids
             and not any(any(one.inertia.moments) for one in bodies if one.inertia)
         ):
-            yield Impossible(name, line, "no inertia", (float(heavy[0].inertia.mass), *_NOTHING), 1.0, _NOTHING)
+            yield place, Impossible(name, line, "no inertia", (float(heavy[0].inertia.mass), *_NOTHING), 1.0, _NOTHING)
 
 
 def nearest_inertia(moments: Sequence[float]) -> tuple[float, ...]:
