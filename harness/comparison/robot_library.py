@@ -30,7 +30,7 @@ from harness.files.reading import format_of
 from harness.library import ROBOTS, Library, Stance, is_file
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
-from harness.results.comparison import names_apart
+from harness.results.comparison import fixed_base, names_apart
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot
 
@@ -202,14 +202,23 @@ class RobotLibrary(Library):
         return {}
 
     def remarks(self) -> list[str]:
-        """What each aided subject is supplied with."""
+        """The trunks that are fixed to the world, and what each aided subject is supplied with."""
         formats = dict.fromkeys(self.formats.values() if self.stance == Stance.AIDED else ())
-        return [
+        names = names_apart(self.formats)
+        bases = {names[path]: fixed_base(self._trunk(path), model_format) for path, model_format in self.formats.items()}
+        return [f"{name}: {base}" for name, base in bases.items() if base] + [
             f"{subject}, aided: {engine_of(subject.engine).supplied[subject.format]}"
             for model_format in formats
             for subject in robot_subjects()
             if subject.format == model_format
         ]
+
+    def _trunk(self, path: str) -> str:
+        """See ``Robot.trunk_on_the_world``; of a file that cannot be read without its meshes, "" too."""
+        try:
+            return read_robot(Path(path), floating_base=self.floating_base).trunk_on_the_world
+        except (InvalidModel, OSError, ValueError):
+            return ""
 
     def own_mechanism(self, name: str) -> Mechanism:
         """The mechanism of a robot's file.

@@ -15,6 +15,12 @@ from harness.results.table import Cell, Column, error_text
 from harness.verdict import Verdict
 
 
+def fixed_base(trunk: str, model_format: str) -> str:
+    """What to do where a trunk is fixed to the world, a sentence; "" where none is."""
+    remedy = "--floating-base for a free one" if model_format == "urdf" else "give it a <freejoint/> for a free one"
+    return f"fixed base: {trunk} hangs on the world without a joint; {remedy}" if trunk else ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FileRecord:
     """A robot's file as its format gives it meaning.
@@ -45,9 +51,8 @@ class FileRecord:
 
     @property
     def base(self) -> str:
-        """What to do where a trunk is fixed to the world, a sentence; "" where none is."""
-        remedy = "--floating-base for a free one" if self.format == "urdf" else "give it a <freejoint/> for a free one"
-        return f"fixed base: {self.trunk} hangs on the world without a joint; {remedy}" if self.trunk else ""
+        """``fixed_base`` of the file."""
+        return fixed_base(self.trunk, self.format)
 
     @property
     def name(self) -> str:

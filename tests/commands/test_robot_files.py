@@ -339,3 +339,18 @@ def test_robots_of_a_library_stand_in_its_report(tmp_path: Path) -> None:
     (root / "robots" / "broken.urdf").write_text("<robot name='r'><link name='a'/><link name='a'/></robot>")
     done = harness("report", "--library", "mine", "--out", "out", cwd=tmp_path)
     assert done.returncode == 1 and "1 cannot be read" in done.stdout
+
+
+def test_a_trunk_that_hangs_on_the_world_is_told_by_a_check_too(folder: Path) -> None:
+    ends = [(x, y) for x in ("left", "right") for y in ("front", "hind")]
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    links = "".join(
+        f'<link name="{x}_{y}_foot">{inertial}</link><joint name="{x}_{y}" type="revolute"><parent link="trunk"/>'
+        f'<child link="{x}_{y}_foot"/><axis xyz="0 1 0"/><limit effort="0" velocity="0"/></joint>'
+        for x, y in ends
+    )
+    (folder / "dog.urdf").write_text(f'<robot name="dog"><link name="trunk">{inertial}</link>{links}</robot>')
+    told = "dog.urdf: fixed base: trunk hangs on the world without a joint; --floating-base for a free one"
+    assert told in harness("check", "dog.urdf", "--states", "4", cwd=folder).stdout
+    assert "fixed base" not in harness("check", "dog.urdf", "--floating-base", "--states", "4", cwd=folder).stdout
+    assert "fixed base" not in harness("check", "arm.urdf", "--states", "4", cwd=folder).stdout
