@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from statistics import median
 
-from harness.results.engine_lines import TIES, Answer, engine_line
+from harness.results.engine_lines import TIES, EngineOutcome, engine_line
 from harness.results.site import FeatureLine, Number, SiteCell, SiteColumn, SiteCount, plain_number
 from harness.results.table import error_text
 from harness.verdict import GIVES, SEVERITY, Verdict
@@ -61,8 +61,8 @@ def badge_text(count: SiteCount) -> str:
     return f"{count.agrees} of {count.asked} agree" + (f", {count.misreads} misread" if count.misreads else "")
 
 
-def _answer(cell: SiteCell, model_format: str) -> Answer:
-    return Answer(
+def _answer(cell: SiteCell, model_format: str) -> EngineOutcome:
+    return EngineOutcome(
         name=cell.row,
         format=model_format,
         outcome=cell.outcome if cell.is_robot else cell.verdict,

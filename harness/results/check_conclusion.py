@@ -14,7 +14,7 @@ from harness.verdict import SOFT, SOUND, Verdict
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause
-    from harness.results.engine_lines import Answer
+    from harness.results.engine_lines import EngineOutcome
 
 _Named = TypeVar("_Named", Record, "Cause")
 # Of more records those that agree are counted, and not shown one by one.
@@ -84,10 +84,10 @@ def engine_lines(records: Iterable[Record]) -> list[str]:
     return [f"{engine}: {engine_line(own)}" for engine, own in sorted(answers.items())]
 
 
-def _answer(record: Record) -> Answer:
-    from harness.results.engine_lines import Answer
+def _answer(record: Record) -> EngineOutcome:
+    from harness.results.engine_lines import EngineOutcome
 
-    return Answer(
+    return EngineOutcome(
         name=record.system if not record.is_further else f"{record.quantity} of {record.system}",
         format=record.subject.partition("/")[2],
         outcome=record.verdict,

@@ -24,7 +24,7 @@ _SAID = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class EngineOutcome:
     """An engine's accelerations of one mechanism or robot.
 
     Attributes:
@@ -43,7 +43,7 @@ class Answer:
     from_rigid: float | None = None
 
 
-def engine_line(answers: Iterable[Answer]) -> str:
+def engine_line(answers: Iterable[EngineOutcome]) -> str:
     """What an engine is right on, and what not: the gravest first, then what it documents, then what it cannot do."""
     known = grouped((one.is_robot, one) for one in answers)
     mechanisms, robots = known.get(False, []), known.get(True, [])
@@ -58,7 +58,7 @@ def engine_line(answers: Iterable[Answer]) -> str:
     return "; ".join(parts) or "nothing was asked of it"
 
 
-def _outcomes(robots: Sequence[Answer]) -> list[str]:
+def _outcomes(robots: Sequence[EngineOutcome]) -> list[str]:
     """How many answers have which outcome, with what is read otherwise."""
     told = []
     for outcome, own in sorted(grouped((one.outcome, one) for one in robots).items()):
@@ -68,7 +68,7 @@ def _outcomes(robots: Sequence[Answer]) -> list[str]:
     return told
 
 
-def _right(answers: Sequence[Answer]) -> list[str]:
+def _right(answers: Sequence[EngineOutcome]) -> list[str]:
     """How many of the answers are right, for each format; what the engine refused is no answer."""
     asked = sorted(grouped((one.format, one.outcome) for one in answers if one.outcome != Verdict.UNSUPPORTED).items())
     counts = []
@@ -78,7 +78,7 @@ def _right(answers: Sequence[Answer]) -> list[str]:
     return [f"right on {_joined(counts)} mechanism{'' if max(len(own) for _, own in asked) == 1 else 's'}"] if counts else []
 
 
-def _soft(answers: Sequence[Answer]) -> list[str]:
+def _soft(answers: Sequence[EngineOutcome]) -> list[str]:
     soft = [one for one in answers if is_soft(one.outcome, one.from_rigid)]
     if not soft:
         return []

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from harness.results.engine_lines import Answer, engine_line
+from harness.results.engine_lines import EngineOutcome, engine_line
 
 
-def answer(name: str, verdict: str = "agrees", model_format: str = "mjcf", **about: Any) -> Answer:
-    return Answer(name=name, format=model_format, outcome=verdict, **about)
+def answer(name: str, verdict: str = "agrees", model_format: str = "mjcf", **about: Any) -> EngineOutcome:
+    return EngineOutcome(name=name, format=model_format, outcome=verdict, **about)
 
 
 def test_what_is_right_is_counted_for_each_format_without_what_the_engine_refuses() -> None:
