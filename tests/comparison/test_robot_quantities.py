@@ -87,6 +87,7 @@ def test_gravity_compensation_is_on_in_mujoco_and_is_judged(tmp_path: Path) -> N
     for (subject, quantity), record in checked(compensated(tmp_path), QUANTITIES).items():
         assert record.verdict == ("agrees" if subject == "mujoco/mjcf" else record.verdict), (subject, quantity, record.message)
         assert record.verdict in {"agrees", "explained", "unsupported"}, (subject, quantity, record.message)
+    assert record_of(compensated(tmp_path), "mujoco").verdict == "agrees"
     reader = record_of(compensated(tmp_path), "pinocchio")
     assert reader.explained
     assert max(reader.readings, key=lambda reading: reading.alone or 0.0).name == "gravity compensation"
