@@ -32,6 +32,10 @@ class InvalidModel(InvalidInput):
     """A model file that is malformed, non-physical, or not the mechanism its system describes."""
 
 
+class InvalidEngine(InvalidInput):
+    """An engine file that gives no engine. It costs the records of its own engine, where it is asked, and no command."""
+
+
 class InvalidRequest(Exception):
     """Something asked for that cannot be: a name nothing has, options that do not fit: exit status 2."""
 

@@ -21,7 +21,7 @@ from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, S
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from harness.errors import InvalidInput, message_of
+from harness.errors import InvalidEngine, InvalidInput, message_of
 from harness.workers import Outcome, Task, Workers
 from harness.workers.tasks import MORE_MEMORY
 
@@ -71,7 +71,8 @@ class Study:
 
     Attributes:
         title: of the progress bar. steps: how many parts there will be, as far as it is known.
-        problems: what its user has to mend. crashed: whether a process died or ran out of time.
+        problems: what its user has to mend. crashed: whether a process died or ran out of time. refused: whether an engine file gives no
+            engine.
     """
 
     title: str
@@ -79,7 +80,7 @@ class Study:
 
     def __init__(self) -> None:
         self.problems: list[Exception] = []
-        self.crashed = False
+        self.crashed = self.refused = False
         self._next: list[Task] = []
         self._open = 0
         self._rounds = self.inquiries()
@@ -132,10 +133,13 @@ class Study:
         self._next += [replace(task, key=(under_way, place)) for place, task in enumerate(coming)]
 
     def failure(self, outcome: Outcome) -> str:
-        """Why a task gave no value, "" where it did; invalid input is added to ``problems``, a death is remembered."""
+        """Why a task gave no value, "" where it did; invalid input is added to ``problems``, a death or a refusal is remembered."""
         if outcome.crash is not None:
             self.crashed = True
             return str(outcome.crash)
+        if isinstance(outcome.exception, InvalidEngine):
+            self.refused = True
+            return str(outcome.exception)
         if isinstance(outcome.exception, InvalidInput):
             self.report(outcome.exception)
             return str(outcome.exception)

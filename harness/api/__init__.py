@@ -236,7 +236,7 @@ def _checked(settings: Settings, options: Options, quantities: Sequence[str]) ->
     def workers() -> Workers:
         return processes.Workers(options.get("workers"), time_limit=options.get("time_limit", 60.0))
 
-    describe_engines(settings.library, workers)
+    describe_engines(settings.library, workers, settings.subjects)
     studies = [CrossCheck(settings, [name], audits=False) for name in quantities]
     with workers() as pool:
         for study in studies:

@@ -126,7 +126,7 @@ def command(bracket: Bracket, asked: FaultOptions) -> None:
     if not asked.smallest:
         _print_faults(rows)
         say(*broken)
-    bracket.finish(study.problems, study.crashed, bool(rows) and not broken)
+    bracket.finish(study.problems, study.crashed, bool(rows) and not broken and not study.refused)
 
 
 def _print_left_out(reasons: Mapping[tuple[str, str], str]) -> None:

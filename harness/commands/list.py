@@ -150,4 +150,4 @@ def _list_library(bracket: Bracket) -> None:
     ):
         say(*title, *(f"{printable(name):<{width}}  {text}" for name, text in listed.items()))
     say("", f"installed libraries: {', '.join(installed) or 'none'}", f"other names: harness list {'|'.join(_KINDS)}")
-    bracket.finish(failures.problems, failures.crashed, True)
+    bracket.finish(failures.problems, failures.crashed, not failures.refused)

@@ -43,7 +43,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
         say(*text.split("\n"))
     if html_path is not None:
         leave_page(html_path, render(exhibit, bracket.library.name, study.problems))
-    bracket.finish(study.problems, study.crashed, True)
+    bracket.finish(study.problems, study.crashed, not study.refused)
 
 
 def _show_robot(bracket: Bracket, path: Path, html_path: str | None) -> None:
@@ -54,4 +54,4 @@ def _show_robot(bracket: Bracket, path: Path, html_path: str | None) -> None:
     study = RobotComparison(ComparisonSettings((path,), 1, floating_base=bracket.floating_base, stances=()), "reading")
     bracket.begin(1, "show")
     tell(bracket, study, lambda found, _: file_sections(found), html_path=html_path, title=path.name)
-    bracket.finish(study.problems, study.crashed, True)
+    bracket.finish(study.problems, study.crashed, not study.refused)

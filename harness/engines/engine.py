@@ -15,11 +15,11 @@ from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
-from harness.errors import InvalidInput
+from harness.errors import InvalidEngine
 from harness.files.equalities import Equality
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import ConstraintLaw, StepRule
-from harness.library import MODEL_SUFFIXES, run_file
+from harness.library import MODEL_SUFFIXES, CannotRun, run_file
 
 if TYPE_CHECKING:
     from harness.engines import Model
@@ -31,6 +31,8 @@ FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
 # Joints in a message.
 MOST_NAMED = 4
 _PACKAGE = Path(__file__).resolve().parents[1]
+# Of an engine file that gives no engine.
+_REMEDY = "mend it, or ask others alone by --subject"
 # Of an engine that is a folder, the file that defines it.
 FOLDER = "__init__.py"
 
@@ -207,15 +209,18 @@ def run_engine_file(path: Path, name: str) -> Engine:
     """``ENGINE`` of an engine file, which is run in this process, under that name.
 
     Raises:
-        InvalidInput: the file raises, defines no ``ENGINE``, or one that is no ``Engine``.
+        InvalidEngine: the file raises, defines no ``ENGINE``, or one that is no ``Engine``.
     """
-    with KeptArithmetic() as arithmetic:
-        module = importlib.import_module(_module_name(path)) if is_own_file(path) else run_file(path, f"_harness_engine_{name}")
+    try:
+        with KeptArithmetic() as arithmetic:
+            module = importlib.import_module(_module_name(path)) if is_own_file(path) else run_file(path, f"_harness_engine_{name}")
+    except CannotRun as error:
+        raise InvalidEngine(error.path, error.line, f"{error.problem}; {_REMEDY}") from error
     engine: Engine | None = getattr(module, "ENGINE", None)
     if problem := _problem_of(engine):
         lines = path.read_text(encoding="utf-8").splitlines()
         line = next((number for number, text in enumerate(lines, start=1) if text.startswith("ENGINE")), None)
-        raise InvalidInput(path, line, f"{problem}; see CONTRIBUTING, add an engine")
+        raise InvalidEngine(path, line, f"{problem}; see CONTRIBUTING, add an engine; {_REMEDY}")
     assert engine is not None
     engine.name = name
     _left_behind(engine, arithmetic.left)

@@ -8,7 +8,7 @@ import copy
 import functools
 import importlib
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -53,7 +53,8 @@ class EngineFile(Description):
     Attributes:
         version: of the program behind it; None where it is neither installed beside the harness nor in an environment.
         elsewhere: whether it is run in an environment of its own. is_own: whether it is the harness's, and not a library's.
-        outcome: of loading it: the exception it raises, or the crash of its process, where there is one.
+        outcome: of loading it: the exception it raises, or the crash of its process, where there is one. Neither, and no value, of a
+            library's file that nobody asks for, which is not run.
     """
 
     version: str | None = None
@@ -92,17 +93,18 @@ def engine_paths(library: Library) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
-def describe_engines(library: Library, workers: Callable[[], Workers]) -> Mapping[str, EngineFile]:
+def describe_engines(library: Library, workers: Callable[[], Workers], asked: Collection[str] = ()) -> Mapping[str, EngineFile]:
     """Every engine by name, sorted, those of other versions as ``engine@version``; ``engine_files`` returns the same from then on.
 
-    A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there.
+    A file of the library is loaded by a process of what ``workers`` makes: it may end, hang or print there. Where subjects are named,
+    ``asked``, those of other engines are not loaded at all.
     """
     _is_importable.cache_clear()
-    paths = engine_paths(library)
+    paths, engines = engine_paths(library), {split_name(name.partition("/")[0])[0] for name in asked}
     tasks = {name: Task(name, _describe, (library, name)) for name in paths}
     own = _own_descriptions()
-    outcomes = {name: Outcome(task, own[name]) for name, task in tasks.items() if is_own_file(paths[name])}
-    if foreign := [task for name, task in tasks.items() if name not in outcomes]:
+    outcomes = {name: Outcome(task, own[name] if is_own_file(paths[name]) else None) for name, task in tasks.items()}
+    if foreign := [task for name, task in tasks.items() if not is_own_file(paths[name]) and (not asked or name in engines)]:
         made = workers()
         with replace(made, time_limit=min(made.time_limit, LOADING_SECONDS)) as loading:
             outcomes |= {outcome.task.key: outcome for outcome in loading.run(foreign)}
@@ -172,7 +174,7 @@ def load_engine(library: Library, name: str) -> Engine:
     of the newest.
 
     Raises:
-        InvalidInput: the engine file raises, defines no ``ENGINE``, or one that is no ``Engine``.
+        InvalidEngine: the engine file raises, defines no ``ENGINE``, or one that is no ``Engine``.
         InvalidRequest: there is no such engine, or no environment of that version.
     """
     name, version = split_name(name)

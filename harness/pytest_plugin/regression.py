@@ -77,9 +77,10 @@ class _Choice:
         """The subjects asked for."""
         from harness.engines import describe_engines, select_subjects
 
-        describe_engines(self.library, self.new_workers)
+        asked = self.option("--harness-subject")
+        describe_engines(self.library, self.new_workers, asked)
         with usage_errors():
-            return select_subjects(self.library, self.option("--harness-subject"))
+            return select_subjects(self.library, asked)
 
     def settings(self, names: list[str], subjects: list[str]) -> Settings:
         from harness.crosscheck.settings import Settings

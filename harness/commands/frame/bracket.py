@@ -39,6 +39,7 @@ class Bracket:
     Attributes:
         library_path, floating_base, aided, seed, json_path, workers, scheduler, time_limit, directory, detail: the options, as far as a
             command has them.
+        named_subjects: those of the command's options; other engine files of the library are not run.
         run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
     """
 
@@ -52,6 +53,7 @@ class Bracket:
     time_limit: float | None = None
     directory: Path = Path("reports")
     detail: Detail = Detail.BRIEF
+    named_subjects: Sequence[str] = field(default=(), init=False)
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
     run: Run = field(init=False)
@@ -76,7 +78,10 @@ class Bracket:
         from harness.workers import Workers
 
         # Made only where a library has engine files of its own.
-        describe_engines(library or self.library, lambda: Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS))
+        def made() -> Workers:
+            return Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS)
+
+        describe_engines(library or self.library, made, self.named_subjects)
 
     @property
     def replay_options(self) -> list[str]:
@@ -223,6 +228,7 @@ def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[C
         def wrapper(**given: Any) -> None:
             own = {name: given.pop(name) for name in list(given) if name in Bracket.__dataclass_fields__}
             bracket = Bracket(**own)
+            bracket.named_subjects = getattr(given.get("asked"), "subjects", given.get("subjects", ()))
             with contextlib.ExitStack() as output:
                 if bracket.json_path == STANDARD_OUTPUT:
                     # Tables are for people: standard output is JSON and nothing else.
