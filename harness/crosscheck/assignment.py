@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from harness.arrays import Array
 from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
@@ -21,6 +22,9 @@ from harness.truth.compare import Certified, Comparison
 from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
 from harness.truth.quantities.accelerations import AccelerationTruth, softened, softness_of
 from harness.truth.reference import ReferenceKernel
+
+if TYPE_CHECKING:
+    from harness.crosscheck.as_read import FileAsRead
 
 
 @dataclass(frozen=True)
@@ -62,20 +66,20 @@ class Assignment:
         """
         if not self.library.reads_files:
             return self
-        # Imported late: a run that is about mechanisms needs nothing of it.
-        from harness.crosscheck.user_file import mechanism_read_by
-
-        read = mechanism_read_by(self.library, self.subject.engine, self.mechanism)
+        read = self.file_as_read.computed
         return self if read is self.mechanism else replace(self, mechanism=read)
 
     def into(self, states: States) -> States:
         """States of the mechanism, over the joints of that which the engine computes with."""
-        read = self.as_read
-        if read is self:
-            return states
-        from harness.crosscheck.user_file import states_read
+        return states if self.as_read is self else self.file_as_read.into(states)
 
-        return states_read(self.mechanism, read.mechanism, states)
+    @property
+    def file_as_read(self) -> FileAsRead:
+        """What the subject's reader makes of its file."""
+        # Imported late: a run that is about mechanisms, and in which all is well, needs nothing of it.
+        from harness.crosscheck.as_read import read_file
+
+        return read_file(self.library, self.subject.engine, self.mechanism, self.model)
 
     @property
     def title(self) -> str:
@@ -136,11 +140,10 @@ def truth_of(assignment: Assignment) -> Truth:
         read, of_file = assignment.as_read, _own_truth(assignment)
         if read is assignment:
             return of_file
-        from harness.crosscheck.user_file import compared_columns
-        from harness.explain.read_truth import ReadTruth
+        from harness.crosscheck.as_read import ReadTruth
 
-        columns = compared_columns(assignment.mechanism, read.mechanism, assignment.asked)
-        return ReadTruth(_own_truth(read), of_file, assignment.into, columns)
+        file = assignment.file_as_read
+        return ReadTruth(file, file.columns(assignment.asked), _own_truth(read), of_file)
 
     # To read what the engine declares of a file takes longer than to judge a batch of states, each of which asks for the truth.
     return _TRUTHS.get((*about, assignment.mechanism.key, *files), find)
@@ -222,13 +225,8 @@ def load_audited(assignment: Assignment) -> Model:
             loaded = load_model(library, subject, mechanism, model)
             audit(loaded.loaded(), model, mechanism)
         except InvalidModel as error:
-            if model is not None:
-                # Imported late: a run in which all is well needs nothing of it.
-                from harness.explain.meant import misread_by
-
-                _, folded = misread_by(model, mechanism.gravity, subject.engine, library)
-                if folded.applied:
-                    raise Misread(f"its reader makes another mechanism of the file: {error.problem}") from error
+            if model is not None and assignment.file_as_read.folded.applied:
+                raise Misread(f"its reader makes another mechanism of the file: {error.problem}") from error
             if not runs_elsewhere(load_engine(library, subject.engine)):
                 raise
             # What an engine of an environment makes of a file is no fault of the file, which those beside the harness read.

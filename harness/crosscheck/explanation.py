@@ -14,7 +14,6 @@ import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of
 from harness.crosscheck.file_numbers import left_beside_readings
-from harness.crosscheck.user_file import folded_by
 from harness.engines import accelerations, load_engine
 from harness.engines.request import EngineAnswers, by_joint
 from harness.engines.tree_request import asked_joints
@@ -84,8 +83,7 @@ def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
     read, answers = Meant(robot, states, truth.evaluate(states)), asked.answers(states)
     judged = truth.judge(read.truth, states, answers, load_audited(asked))
     by_name = EngineAnswers(by_joint(asked_joints(robot.tree, robot.joints), answers))
-    folded = folded_by(assignment.library, assignment.subject.engine, mechanism)
-    return "; ".join(left_beside_readings(found, folded, read, by_name, judged))
+    return "; ".join(left_beside_readings(found, assignment.file_as_read.folded, read, by_name, judged))
 
 
 def _with_worst(assignment: Assignment, seed: int, worst: States) -> States:

@@ -33,7 +33,7 @@ from harness.crosscheck.loading import (
     why_no_model,
 )
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.stages import NOT_OFFERED, Answers, ask_one_by_one, compare_all, measure_componentwise
+from harness.crosscheck.stages import NOT_OFFERED, Answers, ask_one_by_one, compare_all, measure_componentwise, readings_and_refusal
 from harness.crosscheck.superfluous import find_superfluous
 from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
@@ -287,28 +287,15 @@ class CrossCheck(Study):
             pairs = answering(pairs)
         return None
 
-    def _readings_of(self, system: SystemProgress, pair: Pair) -> tuple[Any, ...] | None:
-        """What finds the readings that explain a pair's answers, with its arguments; None where none has to do with them."""
-        if pair.assignment is None or pair.failure.startswith(NOT_OFFERED):
-            return None
-        if self.settings.library.reads_files:
-            from harness.crosscheck import user_file
-
-            about = self.settings.library, pair.subject.engine, system.mechanism, self.settings.seed, pair.failure
-            return (user_file.readings_and_refusal, *about) if pair.verdict != Verdict.AGREES else None
-        if pair.verdict != Verdict.MISREADS:
-            return None
-        from harness.crosscheck import misreading
-
-        return misreading.readings_and_refusal, pair.assignment, self.settings.seed
-
     def _explain(self, system: SystemProgress, pair: Pair) -> Inquiry[None]:
         """Side tasks: the one number that lost digits, or a disagreement in another quantity, come from, and a componentwise error."""
         moves, of_file = not quantity_words(pair.quantity), self.settings.library.reads_files
         # As long as no readings are known: one that is misread may lose digits, too, or have a number wrong.
         judged = pair.verdict
-        if (asked := self._readings_of(system, pair)) is not None:
-            outcome = yield from ask(call, *asked, affinity=system.name)
+        has_readings = judged != Verdict.AGREES if of_file else judged == Verdict.MISREADS
+        if has_readings and pair.assignment is not None and not pair.failure.startswith(NOT_OFFERED):
+            failure = pair.failure if of_file else ""
+            outcome = yield from ask(call, readings_and_refusal, pair.assignment, self.settings.seed, failure, affinity=system.name)
             pair.readings, pair.rest = outcome.value or ([], [])
             if failure := self.failure(outcome):
                 pair.remarks.append(f"What the readings do is not known: {failure}.")

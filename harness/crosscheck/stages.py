@@ -24,6 +24,7 @@ from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
+from harness.results.readings import Effect
 from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, compare
 from harness.truth.componentwise import componentwise_error
@@ -204,6 +205,11 @@ def measure_componentwise(assignment: Assignment, state: States, beyond: float) 
     kernel, state = reference_kernel_of(assignment), assignment.into(state)
     answer = accelerations(load_audited(assignment), state)
     return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)
+
+
+def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
+    """See ``FileAsRead.effects_and_refusal``."""
+    return assignment.file_as_read.effects_and_refusal(seed, failure)
 
 
 # States that are asked for again: alone, in a smaller batch, and in reverse.

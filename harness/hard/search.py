@@ -22,7 +22,7 @@ import numpy as np
 from harness.crosscheck.assignment import Assignment, refuse_robots
 from harness.crosscheck.expected import load_expectations, on_file
 from harness.crosscheck.hypothesis_search import note_of
-from harness.crosscheck.stages import ask_one_by_one
+from harness.crosscheck.stages import ask_one_by_one, readings_and_refusal
 from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.errors import InvalidInput, InvalidRequest
@@ -159,10 +159,7 @@ class StateSearch(Study):
             return
         self._found += outcome.value
         if any(found.verdict == Verdict.EXPLAINED for found, _ in outcome.value):
-            from harness.crosscheck.user_file import readings_and_refusal
-
-            about = assignment.library, assignment.subject.engine, assignment.mechanism, self.settings.seed, ""
-            outcome = yield from ask(call, readings_and_refusal, *about)
+            outcome = yield from ask(call, readings_and_refusal, assignment, self.settings.seed, "")
             if not self._has_failed(outcome, assignment.subject):
                 self._result.readings[str(assignment.subject)] = outcome.value[0]
 

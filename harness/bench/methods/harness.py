@@ -14,7 +14,6 @@ from harness.arrays import Array
 from harness.bench.methods import Method, Prepared, truth_of_engine
 from harness.crosscheck.assignment import load_audited
 from harness.crosscheck.scene import Scene
-from harness.crosscheck.user_file import compared_columns, folded_by
 from harness.engines import Unsupported, accelerations
 from harness.engines.loaded_file import FileModel
 from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
@@ -47,10 +46,10 @@ def _on_file(engine: str, scene: Scene, states: States) -> Prepared:
     columns: list[int] | slice | None = slice(None)
     notes = [COUPLED] * model.is_coupled
     if read is not asked:
-        columns = compared_columns(asked.mechanism, read.mechanism, asked.asked)
+        columns = asked.file_as_read.columns(asked.asked)
         run.compute()
         left = compare(read.truth.evaluate(own), model.ordered(run.accelerations())).known("backward_error").max(initial=0.0)
-        sentences = "; ".join(reading.sentence for reading, _ in folded_by(scene.library, engine, scene.mechanism).applied)
+        sentences = "; ".join(reading.sentence for reading, _ in asked.file_as_read.folded.applied)
         notes.append(f"explained: {sentences}; that leaves {error_text(float(left))} data roundoffs")
     if columns is None:
         raise Unsupported("; ".join(["its reader takes joints away, so that nothing is held against the file", *notes]))

@@ -1,0 +1,183 @@
+"""A file as an engine's reader has it: the mechanism that the engine computes with, its states, and the truth of its answers.
+
+What the reader makes of the file follows from its declared readings, never from an answer. A plain engine on a user's file has all of
+them, an aided one those that nothing is supplied for; on a mechanism's model an engine is supplied with all that the model says, so that
+its misreadings alone are left. A reader that is mended agrees with the file again, and one that does something else disagrees with both.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.crosscheck.file_numbers import why_refused
+from harness.engines import Model, Unsupported, load_engine
+from harness.engines.tree_request import asked_joints
+from harness.explain.meant import (
+    STATES,
+    Folded,
+    columns_of,
+    effects,
+    meant,
+    misread_by,
+    read_by,
+    request_of,
+    spread,
+    undetermined,
+    why_unread,
+)
+from harness.files.model_file import ModelFile
+from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
+from harness.results.readings import Effect
+from harness.storage import Kept
+from harness.trees.mechanism import RobotMechanism, mechanism_of
+from harness.trees.robot import Robot
+from harness.truth.compare import Certified, Comparison, Flags, compare
+from harness.truth.quantities import Quantity, Truth
+from harness.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class FileAsRead:
+    """What an engine's reader makes of the file of a mechanism.
+
+    Attributes:
+        mechanism: of the file, or of the system whose model it is. robot: in the file. folded: what the readings make of that.
+    """
+
+    library: Library
+    engine: str
+    mechanism: Mechanism
+    robot: Robot
+    folded: Folded
+
+    @property
+    def why_not(self) -> str:
+        """Why states of the file have no accelerations in what is read; "" where they have."""
+        return why_unread(self.folded.robot, self.robot) or undetermined(self.folded.robot)
+
+    def into(self, states: States) -> States:
+        """States of the mechanism, over the joints of what is read."""
+        sizes, read = self.mechanism.joint_sizes, self.folded.robot
+        q, v = (_columns({joint: size[which] for joint, size in sizes.items()}, self.robot.joints) for which in (0, 1))
+        own = States(states.q[:, q], states.v[:, v], states.tau[:, v], states.time)
+        return spread(self.robot, own, asked_joints(read.tree, read.joints))
+
+    @property
+    def written(self) -> RobotMechanism:
+        """The mechanism of what is read."""
+        return mechanism_of(self.folded.robot)
+
+    @property
+    def computed(self) -> Mechanism:
+        """The mechanism that the engine computes with on a user's file; raises as ``Assignment.as_read``."""
+        own, read, engine = self.mechanism, self.folded.robot, self.engine
+        if not isinstance(own, RobotMechanism) or own.reader or read is self.robot:
+            return own
+        if self.why_not:
+            raise Unsupported(f"as {engine} reads the file, {self.why_not}")
+
+        def asked() -> RobotMechanism:
+            request = request_of(self.robot, self.library.stance, read)
+            return replace(self.written, name=own.name, digest=own.digest, reader=engine, request=request)
+
+        return _READ.get((self.library, engine, own.key), asked)
+
+    def columns(self, quantity: Quantity) -> list[int] | slice | None:
+        """The columns of the file's values of a quantity among those of what is read; None where these are others."""
+        own, read = self.robot.joints, self.folded.robot
+        if read.joints == own:
+            return slice(None)
+        if not quantity.is_default or not set(own) <= set(read.joints):
+            return None
+        return columns_of(asked_joints(read.tree, read.joints), own)
+
+    def effects_and_refusal(self, seed: int, failure: str = "") -> tuple[list[Effect], list[str]]:
+        """What each reading does, at the states of a comparison of the file; or why the engine refuses the file, if it fails."""
+        if failure:
+            named = [body.name for body in self.robot.tree.bodies if f"'{body.name}'" in failure]
+            return [], why_refused(self.robot, named[0] if named else "")
+        key = self.library, self.engine, self.robot.path, self.robot.tree, seed
+        return _EFFECTS.get(key, lambda: effects(meant(self.robot, STATES, seed), self.folded)), []
+
+
+def _columns(sizes: Mapping[str, int], joints: tuple[str, ...]) -> list[int]:
+    """The columns of joints, in their order, where the joints with ``sizes`` stand one after the other."""
+    ends = dict(zip(sizes, itertools.accumulate(sizes.values()), strict=True))
+    return [column for joint in joints for column in range(ends[joint] - sizes[joint], ends[joint])]
+
+
+def read_file(library: Library, engine: str, mechanism: Mechanism, model: ModelFile | None) -> FileAsRead:
+    """What an engine's reader makes of a user's file, whose mechanism is one of a robot, or of the model of a mechanism."""
+    if not isinstance(mechanism, RobotMechanism):
+        assert model is not None
+        return FileAsRead(library, engine, mechanism, *misread_by(model, mechanism.gravity, engine, library))
+    robot, key = mechanism.robot, (library, engine, mechanism.key)
+    folded = _FOLDED.get(key, lambda: read_by(robot, engine, load_engine(library, engine), library.stance))
+    return FileAsRead(library, engine, mechanism, robot, folded)
+
+
+class ReadTruth(Truth):
+    """The truth of the mechanism that an engine's readings make of a user's file, at the states of the file.
+
+    An answer that agrees with it, and not with the file, is ``explained``.
+
+    Attributes:
+        columns: of the file's values among those that are read; None where they cannot be compared.
+        read: the truth, at states of the mechanism as it is read. of_file: that of the file.
+    """
+
+    def __init__(self, file: FileAsRead, columns: list[int] | slice | None, read: Truth, of_file: Truth) -> None:
+        self.file, self.columns, self.read, self.of_file = file, columns, read, of_file
+        self.blocks = read.blocks
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Truth``."""
+        return self.read.key, self.of_file.key
+
+    @property
+    def is_compiled(self) -> bool:
+        """See ``Truth``."""
+        return self.read.is_compiled
+
+    def evaluate(self, states: States) -> Certified:
+        """See ``Truth``; of what is read."""
+        return self.read.evaluate(self.file.into(states))
+
+    def answers(self, model: Model, states: States) -> Array:
+        """See ``Truth``."""
+        return self.read.answers(model, self.file.into(states))
+
+    def may_lose_digits(self, model: Model) -> bool:
+        """See ``Truth``."""
+        return self.read.may_lose_digits(model)
+
+    def judge(self, certified: Certified, states: States, answers: Array, model: Model) -> Comparison:
+        """See ``Truth``."""
+        found = self.read.judge(certified, self.file.into(states), answers, model)
+        explained = found.verdicts == Verdict.AGREES.value
+        if explained.any():
+            explained[explained] = ~self._agrees_with_file(states[explained], answers[explained])
+        return replace(found, verdicts=np.where(explained, Verdict.EXPLAINED.value, found.verdicts))
+
+    def _agrees_with_file(self, states: States, answers: Array) -> Flags:
+        if self.columns is None:
+            return np.zeros(len(states), dtype=bool)
+        own = answers[:, self.columns]
+        return np.asarray(compare(self.of_file.evaluate(states), own).verdicts == Verdict.AGREES.value)
+
+    def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
+        """See ``Truth``."""
+        return self.read.describe(certified, self.file.into(states), answers, model)
+
+
+_FOLDED: Kept[Folded] = Kept(32)
+_READ: Kept[RobotMechanism] = Kept(32)
+_EFFECTS: Kept[list[Effect]] = Kept(32)
