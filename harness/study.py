@@ -71,14 +71,15 @@ class Study:
 
     Attributes:
         title: of the progress bar. steps: how many parts there will be, as far as it is known.
-        problems: what its user has to mend. crashed: whether a process died or ran out of time. refused: whether an engine file gives no
-            engine.
+        found: what is complete so far. problems: what its user has to mend. crashed: whether a process died or ran out of time.
+        refused: whether an engine file gives no engine.
     """
 
     title: str
     steps: int
 
-    def __init__(self) -> None:
+    def __init__(self, found: Any = None) -> None:
+        self.found = found
         self.problems: list[Exception] = []
         self.crashed = self.refused = False
         self._next: list[Task] = []
@@ -91,7 +92,12 @@ class Study:
 
     def result(self) -> Any:
         """Everything that is complete so far; nothing of a study without rounds, which takes failures alone."""
-        return None
+        return self.found
+
+    def kept(self, label: str, found: Any) -> Part:
+        """A completed part, which is added to what was found before."""
+        self.found.extend(found)
+        return Part(label, found)
 
     def tasks(self) -> Sequence[Task]:
         """The tasks that can run by now and were not given out before."""

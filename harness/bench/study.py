@@ -15,7 +15,7 @@ from harness.library import MECHANISMS, ROBOTS, member_of, nearest
 from harness.motion.integrators import integrators, kind_of
 from harness.results.benchmark import Benchmark
 from harness.results.records import ACCELERATIONS
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Study, ask
 from harness.truth.quantities import select_quantities
 from harness.workers import Outcome
 
@@ -69,7 +69,7 @@ class BenchmarkStudy(Study):
     title = "benchmark"
 
     def __init__(self, settings: BenchmarkSettings) -> None:
-        super().__init__()
+        super().__init__(Benchmark())
         self.settings = settings
         self.names = settings.library.select(settings.names)
         if ROBOTS in settings.library.kinds and settings.further_quantities:
@@ -93,7 +93,6 @@ class BenchmarkStudy(Study):
         chosen = settings.methods or _by_default(settings, known)
         # By what they compute.
         self.methods = {kind: [name for name in names if asked[kind] and name in chosen] for kind, names in known.items()}
-        self._measured = Benchmark()
         self._scenes: dict[str, Scene] = {}
 
     @property
@@ -111,9 +110,6 @@ class BenchmarkStudy(Study):
     @property
     def steps(self) -> int:  # type: ignore[override]
         return len(self.names) + sum(len(self._asked(part)) for part in self._parts)
-
-    def result(self) -> Benchmark:
-        return self._measured
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._loaded(name) for name in self.names]
@@ -133,12 +129,12 @@ class BenchmarkStudy(Study):
             # Of systems that nobody named, those that a method is for are meant.
             if self.settings.names and self.settings.methods:
                 found.problems += not_for(self.settings, outcome.value)
-        yield self._part(f"{name} loaded", found)
+        yield self.kept(f"{name} loaded", found)
 
     def _measured_part(self, name: str, what: str, part: BenchmarkPart, settings: BenchmarkSettings) -> Inquiry[None]:
         # Two timings at once would take turns on memory and caches, and measure each other.
         outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity="timed" if part.timed else None)
-        yield self._part(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
+        yield self.kept(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
     def _asked(self, part: BenchmarkPart) -> list[tuple[str, str, BenchmarkSettings]]:
         """Where a part is measured, what that is in words, and with which methods.
@@ -166,10 +162,6 @@ class BenchmarkStudy(Study):
         members = {name: member_of(self.settings.library.system_path(name)) for name in self.names}
         named = [name for name, member in members.items() if part.system in (name, member and member[0].stem)]
         return [part.system] if named else []
-
-    def _part(self, label: str, found: Benchmark) -> Part:
-        self._measured.extend(found)
-        return Part(label, found)
 
     def _problem(self, outcome: Outcome, name: str, what: str) -> Benchmark | None:
         """The part of a task that gave nothing; None for one that did."""

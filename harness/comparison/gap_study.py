@@ -125,12 +125,8 @@ class GapStudy(Study):
     title, steps = "gap", 3
 
     def __init__(self, settings: GapSettings) -> None:
-        super().__init__()
+        super().__init__(Gaps())
         self.settings = settings
-        self._found = Gaps()
-
-    def result(self) -> Gaps:
-        return self._found
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._gap()]
@@ -149,8 +145,7 @@ class GapStudy(Study):
             return
         found = yield from ask(call, _gap, cases, start, names, [end.value for end in ends])
         if not self._fails(found):
-            self._found.gaps.append(found.value)
-            yield Part("shares", Gaps(gaps=[found.value]))
+            yield self.kept("shares", Gaps(gaps=[found.value]))
 
     def _fails(self, outcome: Outcome) -> bool:
         failure = self.failure(outcome)

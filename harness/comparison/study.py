@@ -10,7 +10,6 @@ import contextlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from harness.comparison.collection import expected_outcomes
 from harness.comparison.equalities import judge_equalities
@@ -23,7 +22,7 @@ from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.explain.meant import STATES, Meant, meant, question_of
 from harness.library import Stance
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, PairRecord, SubjectRecord
-from harness.study import Inquiry, Part, Study, ask, call
+from harness.study import Inquiry, Study, ask, call
 from harness.verdict import Verdict
 
 
@@ -58,21 +57,22 @@ class RobotComparison(Study):
         InvalidInput: from it too, for expected outcomes that cannot be used.
     """
 
+    found: FilesComparison
+
     def __init__(self, settings: ComparisonSettings, title: str = "comparison") -> None:
-        super().__init__()
+        super().__init__(FilesComparison())
         self.settings, self.title = settings, title
         self._subjects = robot_subjects(settings.subjects) if settings.stances else []
         self._expected = expected_outcomes(settings.paths) if settings.stances else {}
         self._meant: dict[Path, Meant] = {}
-        self._found = FilesComparison()
         self.steps = len(settings.paths) * (1 + len(settings.stances) * len({one.engine for one in self._subjects}))
 
     def result(self) -> FilesComparison:
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
-        self._found.files.sort(key=lambda file: order[file.path])
-        self._found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
-        self._found.equalities.sort(key=lambda one: (order[one.path], one.engine))
-        return self._found
+        self.found.files.sort(key=lambda file: order[file.path])
+        self.found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
+        self.found.equalities.sort(key=lambda one: (order[one.path], one.engine))
+        return self.found
 
     @property
     def faults(self) -> list[Exception]:
@@ -102,13 +102,13 @@ class RobotComparison(Study):
         if outcome.value is None:
             failure = self.failure(outcome)
             problem = _words(outcome.exception) if isinstance(outcome.exception, InvalidInput) else failure
-            yield self._kept(path.name, files=[FileRecord(path=str(path), problem=problem)])
+            yield self.kept(path.name, FilesComparison(files=[FileRecord(path=str(path), problem=problem)]))
             return
         found = self._meant[path] = outcome.value
         for engine in (one.engine for one in self._subjects if found.robot.format == one.format and found.joints):
             for stance in (one for one in settings.stances if one == Stance.PLAIN or found.certified is not None):
                 self._begin(self._asked(found, engine, stance))
-        yield self._kept(path.name, files=[_file_record(found)])
+        yield self.kept(path.name, FilesComparison(files=[_file_record(found)]))
 
     def _asked(self, found: Meant, engine: str, stance: Stance) -> Inquiry[None]:
         """One engine in one stance on a file, judged beside the file's truth."""
@@ -123,14 +123,14 @@ class RobotComparison(Study):
             record = SubjectRecord(**about, verdict=Verdict.UNDECIDED, explained=False, message=failed) if failed else outcome.value
         if (entry := self._expected.get((path, record.subject))) is not None:
             record = replace(record, expected=entry.outcome, expected_reason=entry.reason)
-        yield self._kept(f"{path.name} {record.subject}", subjects=[record])
+        yield self.kept(f"{path.name} {record.subject}", FilesComparison(subjects=[record]))
         if not failure and found.robot.equalities and found.certified is not None and stance == Stance.PLAIN and not answers.refusal:
             outcome = yield from ask(call, judge_equalities, found, engine, affinity=path)
             held = outcome.value
             if failure := self.failure(outcome):
                 model_format = found.robot.format
                 held = EqualitiesRecord(path=str(path), engine=engine, format=model_format, parts=[], explained=False, message=failure)
-            yield self._kept(f"{path.name} {held.subject} with equalities", equalities=[held])
+            yield self.kept(f"{path.name} {held.subject} with equalities", FilesComparison(equalities=[held]))
 
     def _held(self, first: Path, second: Path) -> Inquiry[None]:
         """The second file against the first."""
@@ -138,12 +138,7 @@ class RobotComparison(Study):
         outcome = yield from ask(call, hold_against, self._meant[first], robot, settings.renamed, settings.without, affinity=first)
         failure = self.failure(outcome)
         record = PairRecord(first=str(first), second=str(second), same=False, problem=failure) if failure else outcome.value
-        yield self._kept(f"{first.name} {second.name}", pairs=[record])
-
-    def _kept(self, label: str, **records: Any) -> Part:
-        found = FilesComparison(**records)
-        self._found.extend(found)
-        return Part(label, found)
+        yield self.kept(f"{first.name} {second.name}", FilesComparison(pairs=[record]))
 
 
 def _words(problem: InvalidInput) -> str:

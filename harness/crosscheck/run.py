@@ -42,7 +42,7 @@ from harness.library import Library
 from harness.programs.states import States
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import ACCELERATIONS, quantity_words
-from harness.study import Inquiry, Part, Study, ask, call, is_out_of_memory
+from harness.study import Inquiry, Study, ask, call, is_out_of_memory
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Outcome, Task
 
@@ -72,7 +72,7 @@ class CrossCheck(Study):
         audits: bool = True,
         without: Collection[tuple[str, str]] = (),
     ) -> None:
-        super().__init__()
+        super().__init__(CrossCheckResult())
         library = settings.library
         self.settings, self.quantities = settings, tuple(quantities)
         self.title = "cross-check" if self._moves else quantities[0] if len(quantities) == 1 else "further quantities"
@@ -83,7 +83,6 @@ class CrossCheck(Study):
         self._expectations = {name: load_expectations(library, name) for name in (ACCELERATIONS, *quantities)}
         self._expected_differences = load_expected_differences(library, held_quantities.ALL)
         self._audits = settings.state is None and (audits or self._moves)
-        self._found = CrossCheckResult()
         if not settings.names:
             for orphan in orphans(library):
                 self.report(orphan)
@@ -113,9 +112,6 @@ class CrossCheck(Study):
     def _pairs_of(self, name: str, without: Collection[tuple[str, str]]) -> list[Pair]:
         asked = [subject for subject in self.subjects_of(name) if (name, str(subject)) not in without]
         return [Pair(subject=subject, quantity=quantity) for quantity in self.quantities for subject in asked]
-
-    def result(self) -> CrossCheckResult:
-        return self._found
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._compared(system) for system in self._systems]
@@ -160,7 +156,7 @@ class CrossCheck(Study):
                 if found is not None:
                     complete = not settings.subjects and not settings.stand_ins
                     expected = self._expected_differences.get(system.name, [])
-                    self._found.differs += judge_differences(found, system.name, expected, complete)
+                    self.found.differs += judge_differences(found, system.name, expected, complete)
 
             # Hypothesis looks for the state at which each subject does worst.
             folder = settings.examples and settings.examples.absolute() / library_folder(library) / library.label(system.name)
@@ -183,17 +179,16 @@ class CrossCheck(Study):
                 fails = library == Library.built_in() and pair.subject.format not in settings.stand_ins
                 parts = [replace(part, system=system.name, fails=fails) for part in outcome.value]
                 # Engines that read the same file find the same parts.
-                self._found.superfluous += [part for part in parts if part not in self._found.superfluous]
+                self.found.superfluous += [part for part in parts if part not in self.found.superfluous]
 
         for pair in list(system.pairs.values()):
             yield from self._explain(system, pair)
             record = record_of(settings, self._expectations[pair.quantity], system, pair)
             del system.pairs[pair.key]
-            self._found.records.append(record)
-            yield Part(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
+            yield self.kept(f"{record.system} {record.subject}", CrossCheckResult(records=[record]))
         # What there is to say of a mechanism stands with its system.
         if self._moves and mechanism is not None and mechanism.name == library.label(system.name):
-            self._found.systems.append(card_of(system, mechanism))
+            self.found.systems.append(card_of(system, mechanism))
 
     def _load(self, system: SystemProgress, sampled: int) -> Inquiry[None]:
         """The mechanism of a system, with the points of its sample in the cache, and the models that its subjects read."""

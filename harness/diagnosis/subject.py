@@ -18,7 +18,7 @@ from harness.engines import Subject, accelerations, load_engine
 from harness.errors import InvalidModel, shown_path
 from harness.explain.columns import diagnostic_states, watch
 from harness.explain.model_side import diagnose
-from harness.explain.result import Conclusion, Diagnosis, digits_of
+from harness.explain.result import Diagnosis, Finding, digits_of
 from harness.explain.search import EVALUATIONS, Limits
 from harness.explain.terms import TermComparison, batches_at, compare_terms, wrong_blocks
 from harness.explain.textbook_side import TextbookSide, search_parameters, textbook_evaluations
@@ -71,8 +71,8 @@ class SubjectDiagnosis:
         ``suspects_textbook``: the textbook's parameter goes first where one explains, but for a value that nobody would have written
         where the model has an explanation without any.
         """
-        explained = self.model is not None and self.model.conclusion == Conclusion.EXPLAINED
-        textbook_explains = self.textbook.conclusion == Conclusion.EXPLAINED
+        explained = self.model is not None and self.model.finding == Finding.EXPLAINED
+        textbook_explains = self.textbook.finding == Finding.EXPLAINED
         of_model, of_textbook = (side.first if side is not None else None for side in (self.model, self.textbook))
         if of_model is not None and of_model.value is None and of_textbook is not None:
             suspects_textbook = suspects_textbook and digits_of(of_textbook.value) <= MOST_DIGITS_WRITTEN

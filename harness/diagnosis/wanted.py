@@ -23,11 +23,8 @@ class FileCauses(Study):
     title, steps = "diagnosis", 0
 
     def __init__(self, records: Sequence[Record]) -> None:
-        super().__init__()
-        self._wrong = [record for record in records if record.verdict in _WRONG_ON_FILES and not record.as_expected]
-
-    def result(self) -> list[Cause]:
-        return sorted(map(_cause, self._wrong), key=lambda cause: (cause.system, cause.subject))
+        wrong = [record for record in records if record.verdict in _WRONG_ON_FILES and not record.as_expected]
+        super().__init__(sorted(map(_cause, wrong), key=lambda cause: (cause.system, cause.subject)))
 
 
 def _cause(record: Record) -> Cause:

@@ -18,7 +18,7 @@ from harness.explain.changes.mistakes import mended_mistakes
 from harness.explain.changes.numbers import INERTIAS, numeric_changes
 from harness.explain.columns import DIFFERENCE, BaseParameters, ChangeColumn, base_parameters, derivative, find_columns
 from harness.explain.fit import Projection, explaining_directions
-from harness.explain.result import Conclusion, Diagnosis, TriedChange, to_four_digits
+from harness.explain.result import Diagnosis, Finding, TriedChange, to_four_digits
 from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ModelFile
@@ -88,7 +88,7 @@ def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS
         return search.diagnosis()
     # Where lost digits are tolerated, nearly nothing explains as well as anything.
     if limits.tolerance <= AGREEMENT and (least := felt_least_inertia(watch, side)) is not None:
-        return Diagnosis(model.path, Conclusion.EXPLAINED, side.before, (least,), limits.evaluations)
+        return Diagnosis(model.path, Finding.EXPLAINED, side.before, (least,), limits.evaluations)
     numbers = numeric_changes(model)
     structural = [change for mistake in mended_mistakes() for change in mistake.mend(model)]
     valued = [change for change in structural if change.start is not None]

@@ -16,8 +16,8 @@ from harness.explain.changes import PARAMETER
 from harness.files.text.scan import TextPlace
 
 
-class Conclusion(StrEnum):
-    """The conclusion of a diagnosis."""
+class Finding(StrEnum):
+    """The outcome of a diagnosis."""
 
     SOUND = "nothing to explain"
     EXPLAINED = "explained"
@@ -66,7 +66,7 @@ class Diagnosis:
     """The result of a diagnosis.
 
     Attributes:
-        file: path of the model or system file. conclusion: how it ended.
+        file: path of the model or system file. finding: how it ended.
         before: largest backward error as the file is [data roundoffs]; inf where an answer is not finite.
         tried: what was tried and made it less, best first; what explains comes before what does not.
         evaluations: the number it was given. stopped: true where the search used them up.
@@ -76,7 +76,7 @@ class Diagnosis:
     """
 
     file: Path
-    conclusion: Conclusion
+    finding: Finding
     before: float
     tried: tuple[TriedChange, ...] = ()
     evaluations: int = 0
@@ -105,7 +105,7 @@ class Diagnosis:
     def first_line(self) -> str:
         """One sentence: the place and the value, or why there is none."""
         file, first = shown_path(self.file), self.first
-        if self.conclusion == Conclusion.EXPLAINED and first is not None:
+        if self.finding == Finding.EXPLAINED and first is not None:
             if first.hypothesis == PARAMETER:
                 said = f"behaves as if {first.place.attribute} = {first.shown} instead of {first.place.found}"
             elif first.shown:
@@ -114,13 +114,13 @@ class Diagnosis:
                 said = f"{first.tag} explains it: {first.statement}"
             return f"{file}:{first.place.line}: {said} (residual {first.residual:.2g} data roundoffs; before {self.before:.2g})"
         reason = {
-            Conclusion.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
-            Conclusion.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
+            Finding.SOUND: f"nothing to explain: it agrees within {self.before:.2g} data roundoffs",
+            Finding.UNSTABLE: f"no single change explains it, and {self.before:.2g} data roundoffs are within what an unstable "
             "factorisation loses: the digits are the engine's",
-            Conclusion.NOT_FINITE: "some answers are not finite, which no fit can explain",
-            Conclusion.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
-        }.get(self.conclusion, f"no single change explains it{self._best()}")
-        spent = f"; {self._spent}" if self.stopped and self.conclusion == Conclusion.UNEXPLAINED else ""
+            Finding.NOT_FINITE: "some answers are not finite, which no fit can explain",
+            Finding.UNDECIDED: "no state has a certified acceleration, so there is nothing to fit",
+        }.get(self.finding, f"no single change explains it{self._best()}")
+        spent = f"; {self._spent}" if self.stopped and self.finding == Finding.UNEXPLAINED else ""
         return f"{file}: {reason}{spent}"
 
     @property
@@ -162,7 +162,7 @@ class Diagnosis:
         """Plain data; infinite numbers as None."""
         return {
             "file": str(self.file),
-            "finding": self.conclusion.value,
+            "finding": self.finding.value,
             "before": self.before if self.before < float("inf") else None,
             "explaining": [explanation.as_json() for explanation in self.explaining],
             "first": None if self.first is None else self.first.as_json(),

@@ -25,7 +25,7 @@ from harness.arrays import Array
 from harness.explain.changes import NUMBER, PARAMETER, Change
 from harness.explain.columns import ChangeColumn, Whitening, are_parallel, held_out
 from harness.explain.fit import as_well, fit, screen, shortest_decimal
-from harness.explain.result import Conclusion, Diagnosis, TriedChange, digits_of
+from harness.explain.result import Diagnosis, Finding, TriedChange, digits_of
 from harness.truth.compare import Certified, compare
 from harness.verdict import AGREEMENT, Verdict
 
@@ -268,16 +268,16 @@ class ChangeSearch:
     def diagnosis(self) -> Diagnosis:
         """The result."""
         side, stopped = self.side, self.side.is_spent
-        return Diagnosis(side.file, self._conclusion(), side.before, tuple(map(side.shown, self.found())), self.limits.evaluations, stopped)
+        return Diagnosis(side.file, self._finding(), side.before, tuple(map(side.shown, self.found())), self.limits.evaluations, stopped)
 
-    def _conclusion(self) -> Conclusion:
+    def _finding(self) -> Finding:
         if self.explaining:
-            return Conclusion.EXPLAINED
+            return Finding.EXPLAINED
         if not self.is_needed:
-            return Conclusion.SOUND if self.side.decides.any() else Conclusion.UNDECIDED
+            return Finding.SOUND if self.side.decides.any() else Finding.UNDECIDED
         if not np.isfinite(self.side.answers[self.side.certified.certified]).all():
-            return Conclusion.NOT_FINITE
-        return Conclusion.UNEXPLAINED if Verdict.DISAGREES.value in self._verdicts else Conclusion.UNSTABLE
+            return Finding.NOT_FINITE
+        return Finding.UNEXPLAINED if Verdict.DISAGREES.value in self._verdicts else Finding.UNSTABLE
 
     def _rounded(self, tried: Tried) -> Tried:
         """With the shortest decimal that explains as well."""

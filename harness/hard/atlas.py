@@ -29,7 +29,7 @@ from harness.library import Library
 from harness.registry import select
 from harness.results.atlas import Atlas, HardReason, HardRow
 from harness.results.records import ACCELERATIONS
-from harness.study import Inquiry, Note, Part, Study, ask
+from harness.study import Inquiry, Note, Study, ask
 from harness.truth.quantities import find_quantities, select_quantities
 from harness.verdict import SEVERITY, Verdict
 
@@ -61,8 +61,7 @@ class AtlasStudy(Study):
         families: bool = True,
         quantities: Sequence[str] = (),
     ) -> None:
-        super().__init__()
-        self._measured = Atlas()
+        super().__init__(Atlas())
         known, chosen = [str(one) for one in select_subjects(library, ())], select_quantities(quantities)
         self._expected = {name: load_hard_expectations(known, name) for name in chosen}
         chosen_cases = select(cases, hard_cases(), "hard case")
@@ -82,36 +81,29 @@ class AtlasStudy(Study):
             self._inquiries += [self._moved("stable_steps", name, stable_steps, values) for name in STABILITY_LIMITS]
         self.steps = len(self._inquiries)
 
-    def result(self) -> Atlas:
-        return self._measured
-
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield self._inquiries
 
     def _rated(self, name: str, subject: Subject, quantity: str, library: Library) -> Inquiry[None]:
         outcome = yield from ask(measure, name, subject, quantity, library)
         if isinstance(outcome.exception, NotOffered):
-            yield self._part(f"{name} {subject}", Atlas())
+            yield self.kept(f"{name} {subject}", Atlas())
             return
         failure = self.failure(outcome)
         row: HardRow = failed(hard_cases()[name], subject, quantity, failure, outcome.crash) if failure else outcome.value
-        yield self._part(f"{name} {subject}", Atlas(rows=[judged(row, self._expected[quantity])]))
+        yield self.kept(f"{name} {subject}", Atlas(rows=[judged(row, self._expected[quantity])]))
 
     def _refused(self, subject: Subject, failure: str) -> Inquiry[None]:
         outcome = yield from ask(_say, failure)
-        yield self._part(str(subject), Atlas(problems=[f"{subject}: {outcome.value}"]))
+        yield self.kept(str(subject), Atlas(problems=[f"{subject}: {outcome.value}"]))
 
     def _moved(self, part: str, name: str, measured: Callable[..., Any], given: Any) -> Inquiry[None]:
         outcome = yield from ask(measured, name, given)
         if failure := self.failure(outcome):
             noted = f" ({outcome.crash.note})" if outcome.crash is not None and outcome.crash.note else ""
-            yield self._part(name, Atlas(problems=[f"{name}{noted}: {failure}"]))
+            yield self.kept(name, Atlas(problems=[f"{name}{noted}: {failure}"]))
         else:
-            yield self._part(name, Atlas(**{part: outcome.value}))
-
-    def _part(self, label: str, found: Atlas) -> Part:
-        self._measured.extend(found)
-        return Part(label, found)
+            yield self.kept(name, Atlas(**{part: outcome.value}))
 
 
 def _say(failure: str, note: Note) -> str:

@@ -24,7 +24,7 @@ from harness.verdict import AGREEMENT, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
-class Declared(Upstream):
+class DeclaredIssue(Upstream):
     """An entry of ``upstream.toml``: of a ``feature`` of the engine, or of ways of asking it whose names begin with ``way``."""
 
     engine: str
@@ -33,13 +33,13 @@ class Declared(Upstream):
 
 
 @functools.cache
-def declared() -> list[Declared]:
+def declared() -> list[DeclaredIssue]:
     """Every issue.
 
     Raises:
         TypeError: the file holds something else.
     """
-    return [Declared(**entry) for entry in tomllib.loads(files(__package__).joinpath("upstream.toml").read_text("utf-8"))["upstream"]]
+    return [DeclaredIssue(**entry) for entry in tomllib.loads(files(__package__).joinpath("upstream.toml").read_text("utf-8"))["upstream"]]
 
 
 def issues(engine: str, features: Iterable[str] = (), way: str = "") -> list[Upstream]:

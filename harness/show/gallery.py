@@ -14,7 +14,7 @@ from harness.results.cross_check import CrossCheckResult, Picture
 from harness.show.picture import draw
 from harness.show.placement import choose_view, place
 from harness.show.robots import draw_robot
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Study, ask
 
 
 class Gallery(Study):
@@ -28,8 +28,7 @@ class Gallery(Study):
     def __init__(
         self, library: Library, names: Sequence[str], crashes: Collection[tuple[str, str | None]] = (), robots: Sequence[Path] = ()
     ) -> None:
-        super().__init__()
-        self._found = CrossCheckResult()
+        super().__init__(CrossCheckResult())
         native = [subject for subject in subjects_beside(library) if subject.format != EQUATIONS and is_native(library, subject)]
         # A variant looks like its system.
         plain = [name for name in names if not library.is_variant(name)]
@@ -40,9 +39,6 @@ class Gallery(Study):
         self._robots = robots
         self.steps = len(self._sound) + len(robots)
 
-    def result(self) -> CrossCheckResult:
-        return self._found
-
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         drawn = [self._drawn(name, draw_system, self._library, name, subjects) for name, subjects in self._sound.items()]
         yield [*drawn, *(self._drawn(str(path), draw_robot, path) for path in self._robots)]
@@ -50,9 +46,7 @@ class Gallery(Study):
     def _drawn(self, name: str, *asked: Any) -> Inquiry[None]:
         outcome = yield from ask(*asked, affinity=name)
         # Why a system or a model cannot be used is in the records.
-        drawn = CrossCheckResult(pictures=[Picture(system=name, svg=outcome.value)] if outcome.value else [])
-        self._found.extend(drawn)
-        yield Part(name, drawn)
+        yield self.kept(name, CrossCheckResult(pictures=[Picture(system=name, svg=outcome.value)] if outcome.value else []))
 
 
 def draw_system(library: Library, name: str, asked: Sequence[Subject], note: Callable[[str], None]) -> str:

@@ -117,11 +117,10 @@ class PortraitStudy(Study):
     title = "compiled numbers"
 
     def __init__(self, settings: Settings, records: Sequence[Record]) -> None:
-        super().__init__()
+        super().__init__(dict[Key, Portrait]())
         self._library, self._seed = settings.library, settings.seed
         self._keys = [(one.system, one.subject) for one in records if one.verdict not in _UNANSWERED]
         self.steps = len(self._keys)
-        self._found: dict[Key, Portrait] = {}
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._portrayed(*key) for key in self._keys]
@@ -129,11 +128,8 @@ class PortraitStudy(Study):
     def _portrayed(self, system: str, name: str) -> Inquiry[None]:
         engine, _, model_format = name.partition("/")
         outcome = yield from ask(portray, self._library, system, Subject(engine, model_format), self._seed, affinity=system)
-        self._found[system, name] = outcome.value or Portrait(failure=self.failure(outcome))
+        self.found[system, name] = outcome.value or Portrait(failure=self.failure(outcome))
         yield Part(f"{system} {name}", None)
-
-    def result(self) -> Portraits:
-        return self._found
 
 
 class Explanations(Study):
@@ -142,7 +138,7 @@ class Explanations(Study):
     title = "explanations"
 
     def __init__(self, settings: Settings, records: Sequence[Record], before: str, now: str) -> None:
-        super().__init__()
+        super().__init__(list[RunChange]())
         self._library, self._seed, self._versions = settings.library, settings.seed, (before, now)
         old, new = (
             {(one.system, one.subject) for one in of_version(records, version) if one.verdict not in _UNANSWERED}
@@ -151,7 +147,6 @@ class Explanations(Study):
         # What an engine says of its terms is of mechanisms that it is handed.
         self._keys = [] if settings.library.reads_files else sorted(old & new)
         self.steps = len(self._keys)
-        self._found: list[RunChange] = []
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._explained(*key) for key in self._keys]
@@ -161,11 +156,7 @@ class Explanations(Study):
         found = outcome.value
         if failure := self.failure(outcome):
             found = [RunChange(system=system, subject=subject, what=TERMS, before="", now=f"not compared: {failure}")]
-        self._found += found
-        yield Part(f"{system} {subject}", found)
-
-    def result(self) -> list[RunChange]:
-        return self._found
+        yield self.kept(f"{system} {subject}", found)
 
 
 def explain_changes(library: Library, system: str, subject: str, versions: tuple[str, str], seed: int, note: Note) -> list[RunChange]:

@@ -38,7 +38,7 @@ from harness.explain.columns import (
 )
 from harness.explain.fit import fit, shortest_decimal
 from harness.explain.model_side import diagnose
-from harness.explain.result import Conclusion, Diagnosis
+from harness.explain.result import Diagnosis, Finding
 from harness.explain.search import Limits, Tried, best_first
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.files.model_file import ModelFile, parse_model, read_model
@@ -122,7 +122,7 @@ def test_a_wrong_number_is_named_first_with_the_right_value(
     text = own.replaced((sound, planted))
     diagnosis = diagnose(own.watch(text), own.reference)
     first = diagnosis.first
-    assert diagnosis.conclusion == Conclusion.EXPLAINED and first is not None
+    assert diagnosis.finding == Finding.EXPLAINED and first is not None
     line = text.splitlines()[first.place.line - 1]
     assert planted in line
     assert first.place.attribute == attribute
@@ -165,7 +165,7 @@ def test_a_model_that_answers_with_nan_is_explained_from_another_start() -> None
 @pytest.mark.costly
 def test_two_faults_at_once_are_not_explained_by_one() -> None:
     diagnosis = case("cart_pendulum", "mjcf").diagnosis(('mass="10"', 'mass="10.5"'), ('damping="0.2"', 'damping="0.3"'))
-    assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.UNEXPLAINED, ())
+    assert (diagnosis.finding, diagnosis.explaining) == (Finding.UNEXPLAINED, ())
     assert "no single change explains it; the best leaves" in diagnosis.first_line
     assert diagnosis.first is not None
     assert AGREEMENT < diagnosis.first.residual < diagnosis.before
@@ -175,9 +175,9 @@ def test_two_faults_at_once_are_not_explained_by_one() -> None:
 def test_nothing_is_diagnosed_where_nothing_is_wrong(name: str, model_format: str) -> None:
     own = case(name, model_format)
     diagnosis = diagnose(own.watch(), own.reference)
-    assert (diagnosis.conclusion, diagnosis.tried) == (Conclusion.SOUND, ())
+    assert (diagnosis.finding, diagnosis.tried) == (Finding.SOUND, ())
     textbook = own.textbook(own.watch().healthy)
-    assert (textbook.conclusion, textbook.tried) == (Conclusion.SOUND, ())
+    assert (textbook.finding, textbook.tried) == (Finding.SOUND, ())
 
 
 def flipped(own: Case) -> Callable[[ModelFile], Array]:
@@ -193,9 +193,9 @@ def flipped(own: Case) -> Callable[[ModelFile], Array]:
 def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
     own = case("arm_2r", "mjcf")
     diagnosis = diagnose(Watch(own.model, flipped(own)), own.reference)
-    assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.UNEXPLAINED, ())
+    assert (diagnosis.finding, diagnosis.explaining) == (Finding.UNEXPLAINED, ())
     textbook = own.textbook(flipped(own)(own.model))
-    assert (textbook.conclusion, textbook.explaining) == (Conclusion.UNEXPLAINED, ())
+    assert (textbook.finding, textbook.explaining) == (Finding.UNEXPLAINED, ())
 
 
 @pytest.mark.costly
@@ -205,7 +205,7 @@ def test_a_change_that_fits_only_the_states_it_was_fitted_to_does_not_explain() 
     text = own.replaced(('mass="10"', 'mass="10.5"'))
     sound, unseen = own.watch().answer, held_out(len(own.states))[:, None]
     watched = Watch(parse_model(own.model.path, text, "mjcf"), lambda model: sound(model) * np.where(unseen, 1 + 1e-9, 1.0))
-    assert diagnose(watched, own.reference).conclusion == Conclusion.UNEXPLAINED
+    assert diagnose(watched, own.reference).finding == Finding.UNEXPLAINED
 
 
 @pytest.mark.costly
@@ -216,7 +216,7 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     allowed = 0.5 * own.reference.instability / (own.reference.sensitivity + own.reference.share)
     lost = noise * (allowed / np.linalg.norm(Whitening(own.reference).change(noise), axis=1))[:, None]
     diagnosis = diagnose(Watch(own.model, lambda model: sound(model) + lost), own.reference, Limits(factorises=True))
-    assert diagnosis.conclusion == Conclusion.UNSTABLE
+    assert diagnosis.finding == Finding.UNSTABLE
     assert "the digits are the engine's" in diagnosis.first_line
 
 
@@ -240,7 +240,7 @@ def test_a_number_is_named_whose_effect_bends_within_the_step_of_a_derivative() 
 def test_an_answer_that_is_not_finite_is_told() -> None:
     own = case("arm_2r", "mjcf")
     diagnosis = diagnose(Watch(own.model, lambda model: np.full_like(own.reference.high, np.nan)), own.reference)
-    assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.NOT_FINITE, ())
+    assert (diagnosis.finding, diagnosis.explaining) == (Finding.NOT_FINITE, ())
     assert "not finite" in diagnosis.first_line
     assert json.loads(json.dumps(diagnosis.as_json(), allow_nan=False))["before"] is None
 
@@ -255,7 +255,7 @@ def test_a_parameter_of_the_textbook_is_named_with_its_value_and_unit(name: str,
     (value,) = (float(f"{value * factor:.12g}") for known, value, _ in own.mechanism.parameters if known == parameter)
     diagnosis = own.textbook(own.answers_with(parameter, value))
     first = diagnosis.first
-    assert diagnosis.conclusion == Conclusion.EXPLAINED and first is not None
+    assert diagnosis.finding == Finding.EXPLAINED and first is not None
     assert (first.place.attribute, first.value) == (parameter, value)
     assert f"behaves as if {parameter} = {value!r} {unit} instead of" in diagnosis.first_line
     assert parameter in BUILT_IN.system_path(name).read_text().splitlines()[first.place.line - 1]
@@ -265,7 +265,7 @@ def test_a_parameter_of_the_textbook_is_named_with_its_value_and_unit(name: str,
 def test_a_term_that_a_subject_leaves_out_is_a_parameter_of_zero(name: str, parameter: str) -> None:
     own = case(name, "mjcf")
     diagnosis = own.textbook(own.answers_with(parameter, 0.0))
-    assert diagnosis.conclusion == Conclusion.EXPLAINED
+    assert diagnosis.finding == Finding.EXPLAINED
     assert (parameter, 0.0) in {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
 
@@ -287,7 +287,7 @@ def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_o
     # Every change is certified in balls, for which twice all kinds of states are enough.
     diagnosis = own.textbook(wrong[:24], states=own.states[slice(24)])
     assert math.isinf(diagnosis.before)
-    assert diagnosis.conclusion == Conclusion.UNEXPLAINED
+    assert diagnosis.finding == Finding.UNEXPLAINED
     assert "finite" not in diagnosis.first_line
 
 
@@ -295,7 +295,7 @@ def test_where_nothing_is_certified_nothing_is_fitted() -> None:
     own = case("simple_pendulum", "mjcf")
     nothing = replace(own.reference, certified=np.zeros(len(own.states), dtype=bool))
     diagnosis = diagnose(own.watch(), nothing)
-    assert (diagnosis.conclusion, diagnosis.explaining) == (Conclusion.UNDECIDED, ())
+    assert (diagnosis.finding, diagnosis.explaining) == (Finding.UNDECIDED, ())
 
 
 @pytest.mark.parametrize("evaluations", [5, 100])
@@ -451,7 +451,7 @@ def test_the_equations_are_asked_about_the_textbook_only() -> None:
     task = Assignment(BUILT_IN, Subject("lagrange", "equations"), load_mechanism(BUILT_IN, "collar"), None)
     found = diagnose_subject(task, Scope(0), lambda text: None)
     assert found.model is None
-    assert found.textbook.conclusion == Conclusion.SOUND
+    assert found.textbook.finding == Finding.SOUND
 
 
 def edited_pendulum(folder: Path, old: str, new: str) -> Path:
@@ -527,7 +527,7 @@ def test_nearly_every_number_of_the_catalogue_is_named(name: str) -> None:
                 except (InvalidModel, ValueError):
                     continue
                 diagnosis = diagnose(watched, own.reference)
-                if diagnosis.conclusion == Conclusion.SOUND:
+                if diagnosis.finding == Finding.SOUND:
                     continue
                 planted += 1
                 if candidate.place.key not in {one.place.key for one in diagnosis.explaining}:
