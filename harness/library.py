@@ -37,7 +37,7 @@ from harness.errors import InvalidInput, InvalidRequest, message_of
 
 
 class Stance(StrEnum):
-    """How an engine is asked about a user's file: as its user calls it, or supplied with what it leaves out of the file."""
+    """A way of asking an engine about a user's file: as its user calls it, or supplied with what it leaves out of the file."""
 
     PLAIN = "plain"
     AIDED = "aided"
@@ -148,7 +148,7 @@ class Library:
         return name if (self.systems / f"{name}.py").is_file() else name.partition(".")[0]
 
     def remarks(self) -> list[str]:
-        """What a reader of its records must know of all of them, a sentence each."""
+        """Remarks on all of its records, a sentence each."""
         return []
 
     def system_path(self, name: str) -> Path:

@@ -51,7 +51,7 @@ Note = Callable[[str], None]
 
 
 def call(function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function returns that takes no note; a task is ``ask(call, function, ...)``."""
+    """Result of a function that takes no note; a task is ``ask(call, function, ...)``."""
     return function(*arguments[:-1])
 
 

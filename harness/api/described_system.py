@@ -1,4 +1,4 @@
-"""What a mechanism or a robot is: its equations in SymPy and LaTeX, joints, parameters, a picture, and a card of all that."""
+"""A mechanism or a robot as it is described: its equations in SymPy and LaTeX, joints, parameters, a picture, and a card of all that."""
 
 from __future__ import annotations
 

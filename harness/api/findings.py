@@ -14,7 +14,7 @@ class CheckedRecords(Records):
 
     @property
     def conclusion(self) -> str:
-        """How many answers agree, and which differ, in a sentence."""
+        """Numbers of answers that agree, and those that differ, in a sentence."""
         return f"{conclusion(with_short_names(self))}."
 
     def __str__(self) -> str:

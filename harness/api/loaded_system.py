@@ -302,6 +302,6 @@ def _error_bound(reference: Reference) -> Array:
 
 
 def _reach(norm_factor: Array) -> Array:
-    """How large each component of a vector of energy norm 1 can be, (n, nv)."""
+    """Largest size of each component of a vector of energy norm 1, (n, nv)."""
     inverse = np.linalg.inv(np.where(np.isfinite(norm_factor), norm_factor, np.eye(norm_factor.shape[1])))
     return np.asarray(np.sqrt((inverse**2).sum(axis=2)))

@@ -142,7 +142,7 @@ class Judged:
 
 
 def findings(system: str, judged: Sequence[Judged]) -> list[EngineFinding]:
-    """What is wrong among the ways on one system, each with a program that shows it."""
+    """Faults among the ways on one system, each with a program that shows it."""
     residuals = {one.method.name: one.prepared.residual() for one in judged if one.prepared.residual is not None}
     agreeing = [one.method.name for one in judged if (one.comparison.verdicts == Verdict.AGREES.value).all()]
     right = [residuals[name] for name in agreeing if name in residuals]
@@ -178,7 +178,7 @@ def _of(system: str, one: Judged, residual: Array | None, right: Sequence[Array]
 
 
 def _said(residual: Array, right: Sequence[Array]) -> str:
-    """What the engine's own residual says, in words."""
+    """The engine's own residual in words."""
     own = f"the engine's own residual reads {_range(residual)}"
     for other in right:
         low, high = sorted([float(np.median(residual)), float(np.median(other))])

@@ -137,7 +137,7 @@ class BenchmarkStudy(Study):
         yield self.kept(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
     def _asked(self, part: BenchmarkPart) -> list[tuple[str, str, BenchmarkSettings]]:
-        """Where a part is measured, what that is in words, and with which methods.
+        """Places where a part is measured, each with its words and its methods.
 
         Those of an engine that not everybody installs are measured by themselves: one that dies costs no measurements of others.
         """

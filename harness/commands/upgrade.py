@@ -89,7 +89,7 @@ def command(bracket: Bracket, asked: UpgradeOptions) -> None:
 
 @dataclass(frozen=True)
 class _Answers:
-    """What versions answered.
+    """Answers of versions.
 
     Attributes:
         name: of a version, as of ``version_name``. study: that asked; records of it. portraits: of the same subjects.
@@ -161,7 +161,7 @@ def _ask(bracket: Bracket, settings: Settings, *names: str) -> _Answers:
 def _explained(
     bracket: Bracket, settings: Settings, asked: UpgradeOptions, found: _Answers, names: tuple[str, str], versions: Sequence[str]
 ) -> Upgraded:
-    """What changed from one of two versions, by their names as engines, to the other; the JSON file has it."""
+    """The changes from one of two versions, by their names as engines, to the other; the JSON file has them."""
     from harness.upgrade.study import Explanations, held_against
 
     changes: list[RunChange] = bracket.complete(Explanations(settings, found.records, *names), kept=False)

@@ -1,4 +1,4 @@
-"""What two files say beside their equations of motion, held against each other: limits, dry friction, equalities, contacts, actuators.
+"""Two files held against each other beside their equations of motion: limits, dry friction, equalities, contacts, actuators.
 
 No equation of motion holds them, so that files may move alike and differ. What an equality does is that of the law which an engine
 documents for it, in certified accelerations at the states of the first file; what the others do is not judged.
@@ -38,7 +38,7 @@ def constraint_differences(first: Meant, second: Robot, followers: Set[str], are
 
 
 def not_held(first: Robot, second: Robot, are_built_alike: bool) -> list[str]:
-    """What stands in either file and is not held against the other, such as "contacts (17 and 3)"."""
+    """Parts of either file that are not held against the other, such as "contacts (17 and 3)"."""
     found = []
     if first.format != second.format:
         counts = [Counter(one.what for one in robot.declared) for robot in (first, second)]
@@ -155,7 +155,7 @@ def _changes(one: Equality | None, other: Equality | None, are_built_alike: bool
 
 
 def _positions(says: object) -> tuple[float, ...]:
-    """Of the points that meet, in their bodies [m]; none of what is no point."""
+    """Positions of the points that meet, in their bodies [m]; none of what is no point."""
     ends = says.ends if isinstance(says, Meeting) else ()
     return tuple(float(value) for _, pose in ends for placement in pose for value in placement.position)
 

@@ -112,7 +112,7 @@ def gap_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequenc
 
 
 def _exchanges(at: Mapping[tuple[Motion, ...], Array], place: int, second: Motion) -> list[tuple[float, Array]]:
-    """What the exchange of one cause does after each choice of the others, with the part of all orders in which it comes so."""
+    """Shapley terms: the effect of exchanging one cause for each subset of the others, with its weight."""
     found = []
     for chosen, before in at.items():
         if chosen[place] is not second:
@@ -169,7 +169,7 @@ class _Norm:
             self._mass[i, j] = self._mass[j, i] = entry
 
     def product(self, one: Array, other: Array) -> Array:
-        """Of positions and of velocities, (2,)."""
+        """Scalar products of positions and of velocities, (2,)."""
         return np.array([a @ self._mass @ b for a, b in zip(np.split(one, 2), np.split(other, 2), strict=True)])
 
     def sizes(self, vector: Array) -> list[float]:

@@ -235,7 +235,7 @@ def _hold_coordinates(first: Robot, second: Robot, q: Array, v: Array) -> None:
 
 
 def _move(case: _Case, q: Array, v: Array, names: Sequence[str]) -> tuple[Array, Array]:
-    """Where the engine ends, by the joints ``names``."""
+    """State at which the engine ends, by the joints ``names``."""
     request = request_of(case.robot, Stance.PLAIN)
     joints = request.joints
     own = {joint.name: joint for joint in asked_joints(case.robot.tree, names)}

@@ -73,7 +73,7 @@ def _lost(after: Comparison, cause: str) -> str:
 
 
 def subject_of(meant: Meant, caller: Engine, stance: Stance) -> dict[str, Any]:
-    """What a record says of its subject."""
+    """Fields of a record that name its subject."""
     model_format = meant.robot.format
     return {
         "path": str(meant.robot.path),
@@ -93,7 +93,7 @@ def _judged(meant: Meant, answers: EngineAnswers, caller: Engine) -> Comparison:
 
 
 def _verdict(compared: Comparison | None) -> dict[str, Any]:
-    """Of an engine that lacks a joint there is nothing to compare, and it disagrees."""
+    """Verdict and errors; an engine that lacks a joint disagrees, and has no errors."""
     if compared is None:
         return {"verdict": Verdict.DISAGREES.value}
     return {

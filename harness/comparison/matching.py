@@ -109,7 +109,7 @@ def _refuse(option: str, name: str, robots: Sequence[Robot]) -> None:
 
 
 def _carried(before: Mapping[str, str]) -> Counter[str]:
-    """How many joints each carries, itself among them."""
+    """Number of joints that each carries, itself among them."""
     found = Counter(dict.fromkeys(before, 1))
     for name, above in reversed(list(before.items())):
         if above:

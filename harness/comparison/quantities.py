@@ -95,7 +95,7 @@ def quantities(first: Robot, second: Robot) -> dict[Key, FileQuantity]:
 
 
 def _of_joint(one: CanonicalNode, other: CanonicalNode, before: Array, own: Array) -> Iterator[tuple[str, FileQuantity]]:
-    """Of the joint: where it stands, how what it carries is turned, its axis and its numbers."""
+    """Quantities of the joint: its origin, the orientation of what it carries, its axis and its numbers."""
     name = one.joint.name
     size = max(float(np.linalg.norm(one.anchor)), float(np.linalg.norm(one.total.centre)), LEAST_LENGTH)
     frames = (one.body.places.get("pose"), other.body.places.get("pose"))

@@ -58,7 +58,7 @@ def robot_subjects(names: Sequence[str] = ()) -> list[Subject]:
 
 
 def ask_engine(engine: str, question: EngineQuestion) -> EngineAnswers:
-    """What an engine, or a version of it, answers: in this process, or in its environment if it is not installed beside the harness.
+    """Answers of an engine, or of a version of it: from this process, or from its environment if it is not installed beside the harness.
 
     What its version has no interface for is a refusal, and so is an engine that is installed nowhere.
     """

@@ -210,7 +210,7 @@ def _owner(part: Any, owner: str) -> str:
 
 
 def _effects(meant: Meant, numbers: Sequence[tuple[Fraction, Fraction]]) -> dict[int, float | None]:
-    """What it does to set one number of a robot to another value: by the place of those that are parameters of its equations."""
+    """Effect of each other value of a number of a robot: by the place of those that are parameters of its equations."""
     reference = reference_of(meant.robot)
     names = {name for name, _, _ in reference.mechanism.parameters}
     changes = {

@@ -28,7 +28,7 @@ from harness.verdict import Verdict
 
 @dataclass(frozen=True)
 class ComparisonSettings:
-    """What is compared.
+    """The comparison that is asked for.
 
     Attributes:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.

@@ -45,7 +45,7 @@ from harness.verdict import Verdict
 
 @dataclass(frozen=True)
 class FileAsRead:
-    """What an engine's reader makes of the file of a mechanism.
+    """The file of a mechanism as an engine's reader has it.
 
     Attributes:
         mechanism: of the file, or of the system whose model it is. robot: in the file. folded: what the readings make of that.
@@ -99,7 +99,7 @@ class FileAsRead:
         return columns_of(asked_joints(read.tree, read.joints), own)
 
     def effects_and_refusal(self, seed: int, failure: str = "") -> tuple[list[Effect], list[str]]:
-        """What each reading does, at the states of a comparison of the file; or why the engine refuses the file, if it fails."""
+        """Effect of each reading, at the states of a comparison of the file; or reasons why the engine refuses the file, if it fails."""
         if failure:
             named = [body.name for body in self.robot.tree.bodies if f"'{body.name}'" in failure]
             return [], why_refused(self.robot, named[0] if named else "")
@@ -114,7 +114,7 @@ def _columns(sizes: Mapping[str, int], joints: tuple[str, ...]) -> list[int]:
 
 
 def read_file(library: Library, engine: str, mechanism: Mechanism, model: ModelFile | None) -> FileAsRead:
-    """What an engine's reader makes of a user's file, whose mechanism is one of a robot, or of the model of a mechanism."""
+    """A user's file, whose mechanism is one of a robot, or the model of a mechanism, as an engine's reader has it."""
     if not isinstance(mechanism, RobotMechanism):
         assert model is not None
         return FileAsRead(library, engine, mechanism, *misread_by(model, mechanism.gravity, engine, library))

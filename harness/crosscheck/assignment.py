@@ -75,7 +75,7 @@ class Assignment:
 
     @property
     def file_as_read(self) -> FileAsRead:
-        """What the subject's reader makes of its file."""
+        """The file as the subject's reader has it."""
         # Imported late: a run that is about mechanisms, and in which all is well, needs nothing of it.
         from harness.crosscheck.as_read import read_file
 
@@ -93,7 +93,7 @@ class Assignment:
 
     @property
     def truth(self) -> Truth:
-        """What the answers are held against; raises as ``truth_of``."""
+        """The truth that the answers are held against; raises as ``truth_of``."""
         return truth_of(self)
 
     def answers(self, states: States) -> Array:

@@ -240,7 +240,7 @@ def _each(table: Mapping[str, Any], key: Collection[str]) -> Iterator[Mapping[st
 
 
 def _labels(library: Library) -> list[str]:
-    """Of what an entry may speak: of every robot of a folder, as a run need not be about all of them."""
+    """Systems that an entry may name: every robot of a folder, as a run need not be about all of them."""
     if not library.reads_files:
         return [*library.system_names(), *library.variant_names()]
     own = library.system_names()

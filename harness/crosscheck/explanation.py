@@ -71,7 +71,7 @@ def explain(assignment: Assignment, seed: int, worst: States, note: Note) -> str
 
 
 def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
-    """What leaves the engine's answers on a user's file wrong beside its readings, at the states of a comparison and the worst ones.
+    """Cause of the errors that an engine's readings of a user's file leave, at the states of a comparison and the worst ones.
 
     That is a number of the file by whose other value they are right, or a reading that does not hold, or where they differ; "" where
     digits are lost and no more.

@@ -148,7 +148,7 @@ def _where(meant: Meant, accelerations: Array) -> str:
 
 
 def why_refused(robot: Robot, element: str) -> list[str]:
-    """What the file says of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
+    """The file's numbers of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
     sentences = []
     for body in robot.tree.bodies:
         if body.name == element and body.place is not None:

@@ -74,7 +74,7 @@ class Difference:
 
     @property
     def statement(self) -> str:
-        """What each group holds, and how far apart that is."""
+        """Values that each group holds, and their distance."""
         owner = f"of {'number ' if self.quantity in OF_SPRINGS else ''}{self.joint} " if self.joint else ""
         groups = [f"{written(value)} ({', '.join(names)})" for value, names in zip(self.values, self.subjects, strict=True)]
         size = f"{self.ulps:.3g} ulps" if math.isfinite(self.ulps) else "no common measure"
@@ -228,7 +228,7 @@ def _joints_above(parents: Mapping[str, str], joint: str) -> Iterator[str]:
 
 
 def find_differences(assignments: Sequence[Assignment], note: Note) -> list[tuple[HeldDifference, float | None]]:
-    """What the subjects of one system do not hold alike, with its ulps, and what nothing excuses; the note names who is asked.
+    """The differences of what subjects of one system hold, with their ulps, and those that nothing excuses; the note names who is asked.
 
     That are subjects which cannot say what they hold, and hinges that a system takes for slides.
     """

@@ -129,7 +129,7 @@ class Pair:
 
 
 def distribution_of(backward: Array) -> dict[str, int]:
-    """How many errors are in each half decade, in the order in which the half decades come first.
+    """Number of errors in each half decade, in the order in which the half decades come first.
 
     ``half_decade`` of each error by itself takes 0.4 us, which the process that serves all workers has to spend on each subject.
     """
@@ -242,7 +242,7 @@ def _share(verdicts: Counter[str]) -> float:
 
 
 def _distance(pair: Pair) -> str:
-    """How far a model whose constraints give is from rigid, as a sentence; "" for the others."""
+    """Distance from rigid of a model whose constraints give, as a sentence; "" for the others."""
     if not pair.from_rigid:
         return ""
     distances = np.concatenate(pair.from_rigid)
@@ -253,7 +253,7 @@ def _distance(pair: Pair) -> str:
 
 
 def _left_of_zero(pair: Pair) -> str:
-    """What answers have where the exact one is zero, as a sentence; "" where they have nothing that needs one."""
+    """Size of answers where the exact one is zero, as a sentence; "" where they have nothing that needs one."""
     count, largest = pair.left_of_zero
     if not count:
         return ""
@@ -307,7 +307,7 @@ class SystemProgress:
 
 
 def _asked_features(system: SystemProgress, pair: Pair) -> list[str]:
-    """What mechanism and model ask of the subject; of one that reads no model, what the models of the mechanism would."""
+    """Features that mechanism and model ask of the subject; of one that reads no model, those that the models of the mechanism would."""
     own = pair.subject.format
     models = [model for name, model in system.models.items() if isinstance(model, ModelFile) and own in (name, EQUATIONS)]
     ties = None if system.mechanism is None else system.mechanism.constraints

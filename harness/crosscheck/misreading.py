@@ -33,7 +33,7 @@ def judged_alone(assignment: Assignment, states: States) -> Comparison:
 
 
 def is_for_what_is_read(assignment: Assignment, states: States) -> Flags:
-    """Whether each answer is that of the mechanism that the reader makes of the model; nowhere where it is declared to make none."""
+    """True for each answer that is that of the mechanism which the reader makes of the model; nowhere where it is declared to make none."""
     nowhere, found = np.zeros(len(states), dtype=bool), assignment.file_as_read
     if not found.folded.applied or assignment.mechanism.constraints is not None or found.why_not:
         return nowhere

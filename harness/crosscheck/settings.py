@@ -64,7 +64,7 @@ class Settings:
         return shlex.join(["harness", "diagnose", name, *self.replay_options, *quantity_options(quantity), *options])
 
     def held_against(self, name: str) -> str:
-        """What to do instead of letting a file stand in for a robot's own."""
+        """Advice in the place of a file that stands in for a robot's own."""
         options = [word for model_format, path in self.stand_ins.items() for word in (f"--{model_format}", str(path))]
         return f"to hold files against it: {shlex.join(['harness', 'diagnose', name, *options])}"
 

@@ -271,7 +271,7 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def _differ(certified: Certified, one: Array, other: Array, factorises: bool) -> bool:
-    """Whether answers are further apart than roundings; where the truth is not certified nobody can tell."""
+    """True where answers are further apart than roundings; where the truth is not certified nobody can tell."""
     taken = replace(certified, high=np.asarray(one, dtype=np.float64), low=np.zeros_like(certified.low))
     verdicts = compare(taken, other, factorises).verdicts
     finite = [np.isfinite(answers).reshape(len(answers), -1).all(axis=1) for answers in (one, other)]

@@ -81,7 +81,7 @@ class Diagnoses(Study):
         self.steps = len(self._wrong)
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
-        """What the files mean, where engines are wrong; then the diagnoses, which depend on it."""
+        """Meanings of the files, where engines are wrong; then the diagnoses, which depend on them."""
         yield [self._read(name) for name in dict.fromkeys(record.system for record in self._wrong if _is_default(record))]
         chosen = self._chosen()
         share = min(self._evaluations, max(LEAST_EVALUATIONS, EVALUATIONS_IN_ALL // max(1, len(chosen))))

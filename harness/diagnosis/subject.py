@@ -151,7 +151,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
 
 @dataclass(frozen=True)
 class QuantityDiagnosis:
-    """What is wrong with a subject's answers.
+    """Diagnosis of a subject's answers to another quantity than accelerations.
 
     Attributes:
         sentences: one for blocks that are wrong since the same kind of state. file: path of the model; None for a subject without one.
@@ -163,7 +163,7 @@ class QuantityDiagnosis:
     of_file: str
 
     def first_line(self, suspects_textbook: bool = False) -> str:
-        """Of the file; there is no diagnosis of the textbook's side."""
+        """The sentence on the file; there is no diagnosis of the textbook's side."""
         return self.of_file
 
     def as_json(self) -> dict[str, Any]:

@@ -191,7 +191,7 @@ class Projection:
 
     @classmethod
     def of(cls, reference: Reference, residual: Array, columns: Sequence[Array]) -> Projection:
-        """Of errors (n, nv), whitened so that the norm of a row is the backward error there, and their derivatives by k numbers."""
+        """Projection of errors (n, nv), whitened so that the norm of a row is the backward error there, on k derivatives."""
         with np.errstate(all="ignore"):
             noise = 1 + UNIT_ROUNDOFF * reference.instability / reference.roundoff_with_share
             usable = reference.certified & np.isfinite(residual).all(axis=1) & np.isfinite(noise)

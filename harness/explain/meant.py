@@ -147,7 +147,7 @@ def joints_without_inertia(tree: Tree) -> list[Joint]:
 
 
 def request_of(robot: Robot, stance: Stance, read: Robot | None = None) -> Request:
-    """What a plain or aided engine is to load; ``read``: what its reader makes of the file, whose joints are those that it is asked for."""
+    """File for a plain or aided engine to load; ``read``: the robot as its reader has it, for whose joints it is asked."""
     # One that eliminates joints that mimic is asked about those too.
     follows = any(joint.follows for joint in robot.tree.joints)
     joints, moving = asked_joints(robot.tree, None if follows else robot.joints), robot.joints
@@ -167,7 +167,7 @@ def _following(joint: AskedJoint, other: AskedJoint) -> AskedJoint:
 
 
 def question_of(found: Meant, stance: Stance, held: Held | None = None) -> EngineQuestion:
-    """What a plain or aided engine is asked about a file, with the equalities that it is to hold."""
+    """Question to a plain or aided engine about a file, with the equalities that it is to hold."""
     asked = replace(request_of(found.robot, stance), held=held)
     states = spread(found.robot, found.states, asked.joints)
     return EngineQuestion(asked, states.q, states.v, states.tau)
@@ -244,7 +244,7 @@ def effects_of_numbers(
 
 @dataclass(frozen=True)
 class Folded:
-    """What readings make of a robot.
+    """A robot after readings.
 
     Attributes:
         robot: after all of them. applied: each that changes what those before it leave, with the robot before it.
@@ -266,7 +266,7 @@ def fold(robot: Robot, readings: Iterable[Reading]) -> Folded:
 
 
 def read_by(robot: Robot, name: str, engine: Engine, stance: Stance) -> Folded:
-    """What an engine's reader makes of a robot; an aided one is supplied with what some of its readings leave out.
+    """A robot as an engine's reader has it; an aided one is supplied with what some of its readings leave out.
 
     ``name``: of the engine, with its version where that is not the one beside the harness.
     """
@@ -285,7 +285,7 @@ def misread_by(file: ModelFile, gravity: float, engine: str, library: Library) -
 
 
 def effects(found: Meant, folded: Folded) -> list[Effect]:
-    """What each reading does, at a few states."""
+    """Effect of each reading, at a few states."""
     few, readings = found.few, [reading for reading, _ in folded.applied]
     return [_effect(few, reading, robot, readings) for reading, robot in folded.applied]
 

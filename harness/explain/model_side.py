@@ -54,7 +54,7 @@ class ModelSide(Side):
         return None if slope is None else self.whitening.change(slope)[self.seen]
 
     def columns(self, changes: Sequence[Change], step: float | None = None) -> list[ChangeColumn]:
-        """Of all changes with a free value, at the model as it is."""
+        """Columns of all changes with a free value, at the model as it is."""
         return find_columns(self.answer, self.certified, changes, lambda: self.is_spent, self.step if step is None else step)
 
     def shown(self, tried: Tried) -> TriedChange:

@@ -140,7 +140,7 @@ class Equality:
 
     @property
     def rows(self) -> Rows | None:
-        """What it says; None where the harness writes no rows for that."""
+        """Its content; None where the harness writes no rows for that."""
         return None if self.why_not else self.says
 
     @property

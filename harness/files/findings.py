@@ -1,4 +1,4 @@
-"""What a robot's file holds besides its equations of motion, as plain data."""
+"""Contents of a robot's file besides its equations of motion, as plain data."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What the file says, and the equations of motion do not hold.
+    """A part of the file that the equations of motion do not hold.
 
     Attributes:
         what: in plural, such as "joint limits" or "visual and collision geometry".

@@ -1,4 +1,4 @@
-"""What a file says besides the equations of motion of its tree.
+"""Contents of a file besides the equations of motion of its tree.
 
 Sources: MuJoCo documentation, XML reference, and Modeling, section URDF extensions; http://wiki.ros.org/urdf/XML; SDFormat extensions to
 URDF.
@@ -114,7 +114,7 @@ def _declared(source: Source, elements: Iterable[tuple[str, etree._Element]]) ->
 
 
 def left_out_of_mjcf(source: Source, tree: Tree) -> tuple[tuple[LeftOut, ...], tuple[Declared, ...]]:
-    """What is left out, what bears on the motion first; and the elements of that which neither tree nor equalities tell."""
+    """The parts that are left out, those that bear on the motion first; and their elements that neither tree nor equalities tell."""
     found: dict[tuple[str, bool], list[etree._Element]] = {}
     for what, bears, element in (*_of_sections(source.root), *_of_bodies(source.root), *_of_tendons(source), *_of_joints(source, tree)):
         found.setdefault((what, bears), []).append(element)
@@ -136,7 +136,7 @@ def _of_sections(root: etree._Element) -> Found:
 
 
 def _is_felt(text: str) -> bool:
-    """Whether a list of numbers holds another one than 0."""
+    """True where a list of numbers holds another one than 0."""
     return any(word.strip("+-0.") for word in text.split())
 
 

@@ -130,7 +130,7 @@ def document_of(model: ModelFile) -> Document:
 
 
 def meaning_of(model: ModelFile) -> Meaning:
-    """What the file of a model means; that of the last files is kept."""
+    """Meaning of the file of a model; that of the last files is kept."""
     return _meaning(model.path, model.text, model.format)
 
 
@@ -210,7 +210,7 @@ def _made(root: etree._Element, path: str) -> etree._Element:
 
 
 def features_of(model: ModelFile) -> list[str]:
-    """What it asks of an engine beyond hinges and slides, in a word or two each: what a report gathers verdicts by.
+    """Features that it asks of an engine beyond hinges and slides, in a word or two each; a report gathers verdicts by them.
 
     Some of "armature", "ball joints", "coupled joints", "coupled tendons", "dampers", "free joints", "loops", "mimic joints" and
     "springs", sorted."""

@@ -96,7 +96,7 @@ def _is_expanded(element: etree._Element) -> bool:
 def read(
     document: Document, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None
 ) -> Meaning:
-    """What a document says; an MJCF that includes files or makes replicas is changed in place, by having them.
+    """Meaning of a document; an MJCF that includes files or makes replicas is changed in place, by having them.
 
     ``floating_base`` puts a free joint between the world and the root link of a URDF. ``gravity`` is along -z. ``compile_meshes`` gives
     what meshes of an MJCF weigh, which no file states; it is called for files that need it.

@@ -1,4 +1,4 @@
-"""What engines document of constraints that they do not hold rigid, and of one step of their integrators, as plain data.
+"""Laws that engines document of constraints which they do not hold rigid, and of one step of their integrators, as plain data.
 
 Accelerations under a ``ConstraintLaw`` are those of (M + J' D J) qdd = f + J' D aref, with the rows r of ``harness.files.equalities``,
 J = dr/dq and
@@ -77,7 +77,7 @@ class Impedance:
 
 @dataclass(frozen=True)
 class ConstraintLaw:
-    """How soft one constraint is.
+    """Softness of one constraint.
 
     Attributes:
         impedance: d. stiffness: k [1/s^2]. damping: b [1/s].

@@ -30,7 +30,7 @@ _COMPONENTS = {
 
 @dataclass(frozen=True)
 class Place:
-    """Where something stands: the line (1-based) of its element, the number of that element in its file, and its tag."""
+    """Place of something in a file: the line (1-based) of its element, the number of that element in its file, and its tag."""
 
     path: Path
     line: int
@@ -265,7 +265,7 @@ class Body(_Placed):
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is done about bodies that weigh too little, or that no body can be; see ``harness.trees.bodies.inertias``.
+    """Treatment of bodies that weigh too little, or that no body can be; see ``harness.trees.bodies.inertias``.
 
     Attributes:
         mass, moment: least mass [kg] of each body, and least principal moment of inertia [kg m^2].

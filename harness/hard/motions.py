@@ -100,7 +100,7 @@ def _spinning(mechanism: Mechanism, nudge: float) -> Start:
 
 
 def _middle_axis_rate(mechanism: Mechanism, nudge: float) -> float:
-    """Of a body whose wheel turns freely about z, and so has no part in its inertia about that axis."""
+    """Rate of a body whose wheel turns freely about z, and so has no part in its inertia about that axis."""
     inertia = {name: value for name, value, _ in mechanism.parameters}
     a, b, c = inertia["A"] + inertia["D"], inertia["B"] + inertia["D"], inertia["C"]
     return _SPIN * math.sqrt((b - a) * (c - b) / (a * c))

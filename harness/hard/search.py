@@ -151,7 +151,7 @@ class StateSearch(Study):
         result.worst[own] = max(result.worst.get(own, 0.0), error)
 
     def _examine(self, assignment: Assignment) -> Inquiry[None]:
-        """What one subject was found to do worst at, shrunk and explained."""
+        """The worst states that were found of one subject, shrunk and explained."""
         own = self._worst[assignment.subject]
         outcome = yield from ask(examine, assignment, States.concatenate([own[number] for number in sorted(own)]))
         yield Part(f"{assignment.subject} explained", None)
@@ -246,7 +246,7 @@ class StateSearch(Study):
 
 
 def read(library: Library, name: str, subjects: Sequence[Subject], quantity: str, note: Note) -> list[Assignment]:
-    """What each subject is asked with.
+    """Assignment of each subject.
 
     Raises:
         InvalidInput: the system or its model cannot be used.

@@ -124,7 +124,7 @@ def locate(assignment: Assignment, state: States) -> Loss:
 
 
 def _farthest(assignment: Assignment, state: States) -> Loss:
-    """Of another quantity: the block that is farthest off."""
+    """Loss in another quantity: the block that is farthest off."""
     truth = assignment.truth
     certified, answers = truth.evaluate(state), assignment.answers(state)
     error = float(compare(certified, answers).backward_error[0])

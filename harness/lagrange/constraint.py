@@ -12,7 +12,7 @@ from harness.lagrange.expressions import SymbolicDerivatives
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """What ties the joints of a tree to one another: a loop that is closed, or a wheel that rolls.
+    """A tie between the joints of a tree: a loop that is closed, or a wheel that rolls.
 
     Attributes:
         rows: expressions that stay zero. Each is of the coordinates (holonomic), as the components of the difference of two points
@@ -66,7 +66,7 @@ class Constraint:
 
 
 def _is_linear(row: sp.Expr, rates: Sequence[sp.Expr]) -> bool:
-    """Whether a row is a sum of multiples of rates, by factors without any."""
+    """True where a row is a sum of multiples of rates, by factors without any."""
     plain = {rate: sp.Dummy(f"rate{place}") for place, rate in enumerate(rates)}
     written, symbols = row.xreplace(plain), set(plain.values())
     # Simplifying takes minutes for a wheel on a leaning frame, and is needed only where a rate is left.

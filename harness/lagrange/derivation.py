@@ -82,7 +82,7 @@ def kept_degrees_of_freedom(library: Library, name: str) -> tuple[int, str] | No
 
 
 def _entry(library: Library, name: str, kind: str = "mechanisms") -> Path:
-    """Where the cache keeps what is made of a system file.
+    """Entry of the cache for what is made of a system file.
 
     Raises:
         InvalidSystem: the file cannot be read.

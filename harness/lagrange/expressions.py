@@ -49,7 +49,7 @@ class Assembler:
         return self.known[expression]
 
     def added_by(self, expression: sp.Expr) -> int:
-        """How many instructions ``emit`` would add for ``expression``."""
+        """Number of instructions that ``emit`` would add for ``expression``."""
         before, known = len(self.builder.instructions), dict(self.known)
         self.emit(expression)
         added = len(self.builder.instructions) - before

@@ -1,4 +1,4 @@
-"""What a mechanism is: energies, parameters, and the joints that carry its coordinates."""
+"""Definition of a mechanism: energies, parameters, and the joints that carry its coordinates."""
 
 from __future__ import annotations
 
@@ -269,7 +269,7 @@ def _is_finite(value: Any) -> bool:
 
 
 def _depends_on_time(expression: sp.Expr) -> bool:
-    """Whether time stands in an expression otherwise than in its coordinates and rates."""
+    """True where time stands in an expression otherwise than in its coordinates and rates."""
     functions = {function: sp.Dummy() for function in expression.atoms(AppliedUndef, sp.Derivative)}
     return TIME in expression.xreplace(functions).free_symbols
 

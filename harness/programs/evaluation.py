@@ -150,7 +150,7 @@ def _gathered(program: StraightLineProgram, each: Sequence[Array | None], shape:
 
 
 def most_at_once(program: StraightLineProgram) -> int:
-    """How many instructions have derivatives that ``jacobians`` holds at once, at most."""
+    """Largest number of instructions whose derivatives ``jacobians`` holds at once."""
     held = most = 0
     for done in _last_uses(program):
         held += 1

@@ -90,7 +90,7 @@ class Builder:
         return self.add(operation, *operands, *literals[len(operands) :]) if write is None else write(*operands)
 
     def program(self, outputs: Mapping[str, Iterable[Term]]) -> StraightLineProgram:
-        """What was written, with ``outputs`` named."""
+        """The program that was written, with ``outputs`` named."""
         places = {name: tuple(term.place for term in terms) for name, terms in outputs.items()}
         return StraightLineProgram(self.names, tuple(self.instructions), places)
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @contextlib.contextmanager
 def usage_errors() -> Iterator[None]:
-    """What cannot be used or answered ends pytest with its message."""
+    """Context in which what cannot be used or answered ends pytest with its message."""
     try:
         yield
     except (InvalidInput, InvalidRequest) as error:
@@ -148,7 +148,7 @@ class _Regression:
         return [part for part in check.result().superfluous if (part.system, part.subject) == (item.system, item.subject)]
 
     def differs(self, item: CrossCheckItem) -> list[HeldDifference]:
-        """What an item whose record is known holds otherwise than most subjects do; of a finding that is nobody's, all items have it.
+        """Differences of what an item whose record is known holds from most subjects; a finding that is nobody's is one of all items.
 
         None where a record of the system is not as expected: there the difference is felt, and that record fails.
         """

@@ -51,7 +51,7 @@ class _Robots:
         return RobotFile.from_parent(parent, path=file_path, robots=self) if file_path.resolve() in self._paths else None
 
     def comparison(self, path: Path) -> FilesComparison:
-        """What is found on a file."""
+        """The comparison of a file."""
         option = self.config.getoption
         if path not in self._found:
             study = RobotComparison(ComparisonSettings([path], option("--harness-states") or _STATES, option("--harness-seed")))

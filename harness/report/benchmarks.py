@@ -120,7 +120,7 @@ class BenchmarkSummary:
 
 
 def _by_system(measured: Iterable[_Measured], key: Callable[[_Measured], Any]) -> dict[str, list[_Measured]]:
-    """What was measured on each system, in the order of ``key``; nothing on any other."""
+    """Measurements on each system, in the order of ``key``; nothing on any other."""
     systems = grouped((one.system, one) for one in measured)
     return defaultdict(list, {system: sorted(own, key=key) for system, own in systems.items()})
 

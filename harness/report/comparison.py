@@ -48,7 +48,7 @@ class Section:
 
 
 def answers(found: FilesComparison, detail: Detail = Detail.BRIEF) -> Iterator[Section]:
-    """What was asked in a sentence each, with the rows that matter."""
+    """Answer to each question in a sentence, with the rows that matter."""
     for one in conclusions(found, detail):
         yield Section(one.sentence, one.rows, is_answer=True)
 
@@ -195,7 +195,7 @@ def subject_lines(subject: SubjectRecord) -> list[str]:
 
 
 def rest(found: FilesComparison, whole: bool = True) -> list[str]:
-    """What no reading explains, and, where the ``whole`` is asked for, who gave no answer."""
+    """Errors that no reading explains, and, where the ``whole`` is asked for, who gave no answer."""
     if not whole:
         return [*_unexplained(found)]
     names = names_apart(file.path for file in found.files)

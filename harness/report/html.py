@@ -102,7 +102,7 @@ def style_sheet() -> str:
 
 
 def digest(text: str) -> str:
-    """What a policy names an inline style or script by. Source: W3C Content Security Policy Level 3, section 2.3.1."""
+    """Name of an inline style or script in a policy. Source: W3C Content Security Policy Level 3, section 2.3.1."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 

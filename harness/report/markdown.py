@@ -92,7 +92,7 @@ def _troubled(title: str, sentence: str, part: BenchmarkSummary | HardSummary) -
 
 
 def _changes(summary: Summary) -> str:
-    """What is other than in the run before, in one paragraph."""
+    """Differences from the run before, in one paragraph."""
     changed = [*summary.changed_verdicts(), *summary.changed_versions()]
     told = [f"{name}: {before}, now {now}" for name, before, now in changed]
     told += [

@@ -51,7 +51,7 @@ class Survey:
 
     @property
     def place(self) -> str:
-        """Where the robots are from: the places of a survey, or the library of a report."""
+        """Origin of the robots: the places of a survey, or the library of a report."""
         _, is_survey, places = self.run.profile.partition("survey ")
         return places if is_survey else f"the {self.run.library} library"
 

@@ -86,7 +86,7 @@ def rebuilt(site: Any) -> dict[str, dict[str, Lines]]:
 
 
 def makers(site: Any, shown: Any) -> dict[str, Callable[[], Table]]:
-    """What computes a table from cells and trends on the page of another one, by the beginning of its caption."""
+    """Functions that compute a table from cells and trends on the page of another one, by the beginning of its caption."""
     if shown.page in (INDEX, CHANGES):
         makers = {"Verdict and worst": matrix, "Engines:": engines, "Changed in the trend": changes}
         return {start: partial(make, site) for start, make in makers.items()}

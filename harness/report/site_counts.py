@@ -1,4 +1,4 @@
-"""What the cells of a site say together: addresses, counts of each engine with its line and its badge, and lines on features."""
+"""Sums over the cells of a site: addresses, counts of each engine with its line and its badge, and lines on features."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def _matrix_cell(cells: Sequence[SiteCell], absent: str, attributes: Mapping[str
 
 
 def _note(cell: SiteCell) -> str:
-    """What stands below the outcome, on one line: the distance from rigid constraints, the backward error, and what was expected."""
+    """The line below the outcome: the distance from rigid constraints, the backward error, and what was expected."""
     away = f"{share_text(float(cell.from_rigid))} from rigid" if cell.outcome == SOFT and cell.from_rigid is not None else ""
     error = "" if cell.backward_error is None or cell.reading else error_of(cell.backward_error)
     return ", ".join(filter(None, [away, cell.reading, error, *expectation(cell)]))

@@ -97,7 +97,7 @@ class Summary:
 
     @property
     def changed(self) -> str:
-        """How much is other than in the last run, in a sentence; "" where there was none."""
+        """Extent of the changes since the last run, in a sentence; "" where there was none."""
         if not self.earlier:
             return ""
         verdicts, versions = len(self.changed_verdicts()), len(self.changed_versions())

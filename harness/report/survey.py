@@ -24,7 +24,7 @@ def survey_sections(
     pages: Mapping[str, str] | None = None,
     earlier: Sequence[FilesComparison] = (),
 ) -> Iterator[Section]:
-    """What a survey found, the robots that not every engine agrees on, and what is other than in the survey ``before``.
+    """Sections of a survey: its answer, the robots that not every engine agrees on, and the changes since the survey ``before``.
 
     ``Detail.ALL`` adds the other robots; ``Detail.VERBOSE``, aided engines, who gave no answer, and the trend over surveys ``earlier``,
     of which the oldest stands first. ``pages`` are those of the robots, by path.

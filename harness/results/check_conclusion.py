@@ -24,7 +24,7 @@ _MOST_NAMED = 3
 
 
 def conclusion(records: Sequence[Record]) -> str:
-    """How many answers agree, differ for a known reason, and differ unexpectedly; why nothing was compared, where nothing was.
+    """Numbers of answers that agree, differ for a known reason, and differ unexpectedly; or why nothing was compared.
 
     What no engine offers is not counted.
     """

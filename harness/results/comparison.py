@@ -16,7 +16,7 @@ from harness.verdict import Verdict
 
 
 def fixed_base(trunk: str, model_format: str) -> str:
-    """What to do where a trunk is fixed to the world, a sentence; "" where none is."""
+    """Advice where a trunk is fixed to the world, a sentence; "" where none is."""
     remedy = "--floating-base for a free one" if model_format == "urdf" else "give it a <freejoint/> for a free one"
     return f"fixed base: {trunk} hangs on the world without a joint; {remedy}" if trunk else ""
 
@@ -239,7 +239,7 @@ class EqualitiesRecord:
 
     @property
     def stops_early(self) -> str:
-        """What the solver leaves by stopping early, a clause behind the engine's name; "" where it does not."""
+        """Error that the solver leaves by stopping early, a clause behind the engine's name; "" where it does not."""
         if self.to_the_end is None:
             return ""
         left = f"stops its solver {error_text(self.backward_error)} data roundoffs before the optimum that it documents"

@@ -37,7 +37,7 @@ class Conclusion:
 
 
 def conclude(found: FilesComparison, file: FileRecord, detail: Detail = Detail.BRIEF, most: int = MOST_ROWS) -> Conclusion:
-    """What engines make of a file, with at most ``most`` rows unless all are asked for, and with none for 0."""
+    """Answer of a comparison of a file, with at most ``most`` rows unless all are asked for, and with none for 0."""
     [conclusion] = conclude_alike(found, [file], detail, most)
     return conclusion
 
@@ -138,7 +138,7 @@ def _reason(subject: SubjectRecord, file: FileRecord) -> _Reason | None:
 
 
 def _mend(file: FileRecord) -> str:
-    """What to do about inertias that no body can have, which engines refuse."""
+    """Advice on inertias that no body can have, which engines refuse."""
     lines, included = [one.line for one in file.impossible if not one.file], [one.place for one in file.impossible if one.file]
     where = ", ".join([*([lines_text(lines, FEW_LINES)] if lines else []), *included[:FEW_LINES]])
     return f"; write inertias that a body can have ({where})" if where else ""
@@ -153,7 +153,7 @@ def _reason_of_equalities(record: EqualitiesRecord) -> _Reason:
 
 
 def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -> Iterator[str]:
-    """What the engines make of the file, the largest effect first, and what no body can have."""
+    """Rows on the engines' readings of the file, the largest effect first, and on what no body can have."""
     plain = [one for one in subjects if not one.aided]
     # Versions of one engine have readings in common, and those are told once.
     yield from reading_lines({reading.sentence: reading for one in plain for reading in one.readings}.values(), detail)
@@ -168,7 +168,7 @@ def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -
 
 
 def _further(subject: SubjectRecord) -> Iterator[str]:
-    """What is to be said of a subject besides its readings."""
+    """Rows on a subject besides its readings."""
     program = subject.program
     if subject.verdict in (Verdict.UNSUPPORTED, Verdict.ERROR) and len(subject.message) > MOST_LETTERS:
         yield f"{program} says: {subject.message}"
@@ -185,7 +185,7 @@ def _further(subject: SubjectRecord) -> Iterator[str]:
 
 
 def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
-    """How far the readings account for the answers, and what aided engines answer."""
+    """Rows on how far the readings account for the answers, and on aided engines."""
     accounted = [one for one in subjects if not one.aided and one.explained and one.left is not None and one.verdict != Verdict.AGREES]
     aided = [one for one in subjects if one.aided]
     right = [one for one in aided if one.outcome == Verdict.AGREES]
@@ -213,7 +213,7 @@ def _equalities(record: EqualitiesRecord) -> str:
 
 
 def optimum_text(record: EqualitiesRecord) -> str:
-    """How far an engine with the equalities of a file is from the optimum that it documents, a clause behind its name."""
+    """Distance of an engine with the equalities of a file from the optimum that it documents, a clause behind its name."""
     if not record.verdict:
         return record.message or "is not judged"
     remedy = f": {record.remedy}" if record.remedy else ""
@@ -225,7 +225,7 @@ def optimum_text(record: EqualitiesRecord) -> str:
 
 
 def _facts(file: FileRecord, detail: Detail) -> Iterator[str]:
-    """What the file holds, and what of it was not compared."""
+    """Rows on what the file holds, and on what of it was not compared."""
     mimics = f" ({file.followers} of them mimic{'s' * (file.followers == 1)} another)" if file.followers else ""
     what = f"{file.bodies} bodies, {counted(file.joints, 'joint')}{mimics}, {file.degrees_of_freedom} degrees of freedom"
     undecided = f", of which {file.undecided} have no certain accelerations" if file.undecided else ""

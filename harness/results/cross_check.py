@@ -226,7 +226,7 @@ class CrossCheckResult(StudyResult):
         return [*parts, f"{counted(apart, 'difference')} after loading"] if apart else parts
 
     def conclusion(self, quantities: Collection[str] = (ACCELERATIONS,)) -> str:
-        """What was found in one sentence; answers for other quantities than those that were asked for are counted by themselves."""
+        """The findings in one sentence; answers for other quantities than those that were asked for are counted by themselves."""
         others = [one for one in self.records if one.quantity not in quantities and was_compared([one])]
         wrong, warnings = sum(not one.as_expected for one in others), sum(not part.fails for part in self.superfluous)
         further = f"{wrong} of {len(others)} answers for further quantities {plural(wrong, 'differs', 'differ')} unexpectedly"

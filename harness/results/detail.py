@@ -1,4 +1,4 @@
-"""How much of a result is told: rows that matter by default, every row, or all that is known of each."""
+"""Extent of what is told of a result: rows that matter by default, every row, or all that is known of each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Row = TypeVar("_Row")
 
 
 class Detail(IntEnum):
-    """What a command is asked to tell; each level includes the one before."""
+    """Extent of what a command tells; each level includes the one before."""
 
     BRIEF = 0
     ALL = 1

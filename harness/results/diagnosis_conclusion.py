@@ -29,7 +29,7 @@ def conclude_diagnosis(name: str, records: Sequence[Record], causes: Sequence[Ca
 
 
 def _mended(side: dict[str, Any] | None) -> str:
-    """What to write where, of a diagnosis on the side of the file that one number explains; "" without one."""
+    """The number to write and its place, of a diagnosis on the side of the file that one number explains; "" without one."""
     first = side and side.get("first")
     if not side or not first or not first["explains"] or not first["shown"]:
         return ""

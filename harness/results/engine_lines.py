@@ -1,4 +1,4 @@
-"""What was found of an engine, in one sentence for somebody who has seen no table of verdicts."""
+"""Findings on an engine, in one sentence for somebody who has seen no table of verdicts."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class EngineOutcome:
 
 
 def engine_line(answers: Iterable[EngineOutcome]) -> str:
-    """What an engine is right on, and what not: the gravest first, then what it documents, then what it cannot do."""
+    """Sentence on where an engine is right and where not: the gravest first, then what it documents, then what it cannot do."""
     known = grouped((one.is_robot, one) for one in answers)
     mechanisms, robots = known.get(False, []), known.get(True, [])
     parts = _right(mechanisms)
@@ -59,7 +59,7 @@ def engine_line(answers: Iterable[EngineOutcome]) -> str:
 
 
 def _outcomes(robots: Sequence[EngineOutcome]) -> list[str]:
-    """How many answers have which outcome, with what is read otherwise."""
+    """Number of answers of each outcome, with what is read otherwise."""
     told = []
     for outcome, own in sorted(grouped((one.outcome, one) for one in robots).items()):
         readings = _joined(list(dict.fromkeys(name for one in own for name in one.readings)))
@@ -69,7 +69,7 @@ def _outcomes(robots: Sequence[EngineOutcome]) -> list[str]:
 
 
 def _right(answers: Sequence[EngineOutcome]) -> list[str]:
-    """How many of the answers are right, for each format; what the engine refused is no answer."""
+    """Number of answers that are right, for each format; what the engine refused is no answer."""
     asked = sorted(grouped((one.format, one.outcome) for one in answers if one.outcome != Verdict.UNSUPPORTED).items())
     counts = []
     for model_format, own in asked:

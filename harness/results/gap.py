@@ -74,7 +74,7 @@ class Gap:
 
     @property
     def sentence(self) -> str:
-        """How far apart the two motions end, and what the gap is made of."""
+        """Distance at which the two motions end, and the parts of the gap."""
         movers = (self.first, self.second)
         files, (one, other) = dict.fromkeys(mover.path for mover in movers), (f"{mover.engine}/{mover.integrator}" for mover in movers)
         parts = ((self.of_positions, self.moved, "positions"), (self.of_velocities, self.speed, "velocities"))
@@ -86,7 +86,7 @@ class Gap:
 
     @property
     def _read(self) -> str:
-        """What the readers of the files make of them, behind the share that this has."""
+        """Readings of the files, behind the share that they have."""
         sentences = dict.fromkeys(reading for mover in (self.first, self.second) for reading in mover.readings)
         return f": {'; '.join(sentences)}" if sentences else ""
 

@@ -33,7 +33,7 @@ def summary(found: FilesComparison) -> str:
 
 
 def conclude_pair(pair: PairRecord, detail: Detail = Detail.BRIEF) -> Conclusion:
-    """Whether two files are one robot, and what differs, the difference that moves accelerations most first."""
+    """Answer whether two files are one robot, and their differences, the one that moves accelerations most first."""
     names = names_apart([pair.first, pair.second])
     files = " and ".join(names.values())
     if pair.problem:

@@ -1,4 +1,4 @@
-"""What engines' readers make of a file, each reading with its lines and its effect, as plain data."""
+"""Readings that engines' readers make of a file, each with its lines and its effect, as plain data."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Effect:
 
     @property
     def size(self) -> float | None:
-        """What it moves: alone, or beside the others where it moves nothing alone."""
+        """Its effect: alone, or beside the others where it moves nothing alone."""
         return self.beside if self.beside is not None and (self.alone or 0.0) <= FELT else self.alone
 
     def concerned(self, most_lines: int = MOST_LINES) -> str:
@@ -128,7 +128,7 @@ def reading_lines(readings: Iterable[Effect], detail: Detail = Detail.BRIEF) -> 
 
 
 def reading_line(reading: Effect, most_lines: int = FEW_LINES) -> str:
-    """What a reading moves, what it is, the elements that it concerns, and what its user can do."""
+    """Line on a reading: its effect, what it is, the elements that it concerns, and what its user can do."""
     size = felt_text(reading.size)
     beside = "; beside the other readings alone" if reading.size != reading.alone else ""
     return f"{size:>6}  {reading.sentence} ({reading.concerned(most_lines)}{beside}): {reading.remedy}".removesuffix(": ")

@@ -100,7 +100,7 @@ class SiteCell:
 
 @dataclass(frozen=True, kw_only=True)
 class FeatureLine:
-    """What one subject makes of one feature, over all rows that have it.
+    """Verdicts of one subject on one feature, over all rows that have it.
 
     Attributes:
         asked: number of rows; agrees, unsupported: of them.
@@ -135,7 +135,7 @@ class Upstream:
 
 @dataclass(frozen=True, kw_only=True)
 class SiteFinding:
-    """What an engine gets wrong, in one way of being asked.
+    """Fault of an engine in one way of being asked.
 
     Attributes:
         way: the function and settings, the subject, or the version. rows: mechanisms on which it does, none for what is known beside
@@ -156,7 +156,7 @@ class SiteFinding:
 
 @dataclass(frozen=True, kw_only=True)
 class SiteCount:
-    """How many cells of an engine's version agree: of those where it gave an answer, ``unsupported`` ones aside; with its badge.
+    """Number of cells of an engine's version that agree: of those where it gave an answer, ``unsupported`` ones aside; with its badge.
 
     Attributes:
         tone: class of the style sheet for its gravest cell. line: what was found of it, in a sentence.

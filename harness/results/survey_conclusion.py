@@ -26,7 +26,7 @@ _ORDER = (_UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES)
 
 
 def conclude_survey(found: FilesComparison) -> Conclusion:
-    """What engines make of many robots, and a line for each engine."""
+    """Answer of a survey of many robots, and a line for each engine."""
     counts = Counter(_state(found, file) for file in found.files)
     parts = [state[counts[state] > 1].format(counts[state]) for state in _ORDER if counts[state]]
     return Conclusion(f"{counted(len(found.files), 'robot')}: {'; '.join(parts) or 'no file is one'}.", [*_engines(found)])

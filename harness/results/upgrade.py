@@ -1,4 +1,4 @@
-"""What a new version of an engine changes, as plain data, and in sentences: whether it changes anybody's robot comes first."""
+"""Changes that a new version of an engine makes, as plain data, and in sentences: whether it changes anybody's robot comes first."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Asked:
 
     @property
     def rounding(self) -> Sequence[RunChange]:
-        """How the median error changed of answers that agree before and now."""
+        """Changes of the median error of answers that agree before and now."""
         return [change for change in self.changes if change.what == MEDIAN and change not in self._felt]
 
     @property
@@ -175,7 +175,7 @@ class Upgraded:
 
     @property
     def left_out(self) -> Mapping[str, Sequence[tuple[str, LeftOut]]]:
-        """What bears on motion and was not asked about, with the name of each file that has it."""
+        """Parts that bear on motion and were not asked about, with the name of each file that has them."""
         found = dict.fromkeys((self._names[one.now.system], part) for one in self._compared for part in one.left_out)
         return grouped((part.what, (name, part)) for name, part in found)
 
@@ -197,7 +197,7 @@ class Upgraded:
 
     @property
     def headline(self) -> str:
-        """Whether the new version changes what was asked about, in a sentence."""
+        """Answer whether the new version changes what was asked about, in a sentence."""
         compared, engine = self._compared, f"{self.engine} {self.now}"
         if not compared:
             about = named(self._unanswered)
@@ -226,7 +226,7 @@ class Upgraded:
         return list(dict.fromkeys(self._names[one.now.system] for one in self.asked if one.now.system not in answered))
 
     def _what(self, changed: Sequence[Asked]) -> str:
-        """What changed, the largest of each kind."""
+        """The changes, the largest of each kind."""
         moved = max(one.moved for one in changed)
         numbers = [number for one in changed for number in one.numbers]
         parts = [f"accelerations {_by_up_to(moved)}"] if moved else []
@@ -242,7 +242,7 @@ class Upgraded:
 
     @property
     def not_compared(self) -> str:
-        """What no version was asked about, in a sentence; "" where there is nothing."""
+        """Parts that no version was asked about, in a sentence; "" where there are none."""
         parts = []
         for what, where in self.left_out.items():
             if self._is_of_one:
@@ -277,7 +277,7 @@ class Upgraded:
             yield from ("", f"rounding: the median error of {len(grown)} of {len(self.asked)} grew, the largest that of {said}")
 
     def _of(self, one: Asked, detail: Detail) -> Iterator[str]:
-        """What is said of one, of which the first line is a word."""
+        """Lines on one, of which the first is a word."""
         yield "worse" if one.is_worse else "changed" if one.is_open else "better" if one.is_better else "unchanged"
         if one.before.verdict != one.now.verdict or one.before.verdict not in SOUND:
             yield f"  {self.now} {_outcome(one.now)}; {self.before} {_outcome(one.before)}"
@@ -307,7 +307,7 @@ class Upgraded:
 
 
 def _outcome(record: Record) -> str:
-    """What a version does, in a few words."""
+    """Outcome of a version, in a few words."""
     error = f" by up to {error_text(record.backward_error)} data roundoffs" if record.backward_error is not None else ""
     said = {
         Verdict.AGREES: f"agrees (worst {error_text(record.backward_error)} data roundoffs)" if error else "agrees",

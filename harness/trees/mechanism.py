@@ -269,7 +269,7 @@ def _widened(written: FileProgram, given: Sequence[Given]) -> StraightLineProgra
 
 
 def independent_rows(jacobian: Array) -> tuple[list[int], list[int]]:
-    """Of rows, (m, nv), those that some velocity changes, and a maximal number of these that are independent, found in float64.
+    """Rows of (m, nv) that some velocity changes, and a maximal number of these that are independent, found in float64.
 
     That the chosen ones are independent is for a solution in balls to prove.
     """

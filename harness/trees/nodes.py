@@ -124,7 +124,7 @@ class Kinematics:
             number = self.nodes[number].parent
 
     def compensated(self) -> list[tuple[int, Term, Vector]]:
-        """Of each moving part with gravity compensation: its node, the mass whose weight is carried, and its centre in the node's frame."""
+        """Moving parts with gravity compensation: node, mass whose weight is carried, and its centre in the node's frame."""
         found = []
         for body in self.tree.bodies:
             number, frame = self.frames[body.name]

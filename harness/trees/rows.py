@@ -226,7 +226,7 @@ def _summed(world: World, terms: Terms) -> tuple[Term, list[tuple[int, Term]]]:
 
 
 def rows_of(tree: Tree, constraints: Iterable[Equality]) -> dict[str, Rows]:
-    """What constraints of a model say of its tree, by name, without those that the tree holds by itself, whose joint follows another.
+    """Rows that constraints of a model give of its tree, by name, without those that the tree holds by itself, whose joint follows another.
 
     Raises:
         ValueError: one couples tendons.

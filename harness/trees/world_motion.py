@@ -88,7 +88,7 @@ class World:
     # Springs between points, and what carries weights.
 
     def pulls(self) -> list[Spatial]:
-        """What springs between points and gravity compensation do to each node: moment about the origin of its frame, and force."""
+        """Wrench of springs between points and gravity compensation on each node: moment about the origin of its frame, and force."""
         builder, found = self.kinematics.builder, [self.kinematics.still for _ in self.moving]
         for number, mass, centre in self.kinematics.compensated():
             force = mass * -builder.vector(self.kinematics.tree.gravity)
@@ -174,7 +174,7 @@ def wrench(world: World, parts: Parts, number: int, point: Vector) -> Spatial:
 
 
 def size_of_wrench(world: World, parts: Parts, number: int, point: Vector, start: Vector) -> tuple[Term, Term]:
-    """How large the parts of moment and force are that cancel, see ``Reactions.sizes``, with arms from where the tree starts."""
+    """Sizes of the parts of moment and force that cancel, see ``Reactions.sizes``, with arms from where the tree starts."""
     moment = force = world.kinematics.builder.zero
     for other in world.behind(number):
         one = world.moving[other]
@@ -212,7 +212,7 @@ def root(world: World, number: int, nodes: Kinematics | None = None) -> Vector:
 
 
 def parts_of_motion(world: World, accelerations: Sequence[Term]) -> Parts:
-    """Of each node, what its lumps need for their motion at given accelerations of the joints, beyond their weight."""
+    """Wrenches that each node's lumps need for their motion at given accelerations of the joints, beyond their weight."""
     found = []
     of_nodes = zip(world.moving, accelerations_of_nodes(world, accelerations), weights(world), strict=True)
     for one, (spin, acceleration), own_weights in of_nodes:
@@ -229,7 +229,7 @@ def parts_of_motion(world: World, accelerations: Sequence[Term]) -> Parts:
 
 
 def weights(world: World) -> Parts:
-    """Of each node, what holds each of its lumps against gravity."""
+    """Wrenches that hold each of a node's lumps against gravity."""
     gravity = world.kinematics.builder.vector(world.kinematics.tree.gravity)
     forces = [[-(lump.mass * gravity) for lump in one.lumps] for one in world.moving]
     return [
@@ -239,7 +239,7 @@ def weights(world: World) -> Parts:
 
 
 def accelerations_of_nodes(world: World, accelerations: Sequence[Term]) -> list[Spatial]:
-    """Of each node, the change of its spin and the acceleration of its origin at given accelerations of the joints."""
+    """Rate of each node's spin and acceleration of its origin at given accelerations of the joints."""
     found: list[Spatial] = []
     for one in world.moving:
         spin, acceleration = found[one.node.parent] if one.node.parent >= 0 else world.kinematics.still

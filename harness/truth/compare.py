@@ -179,7 +179,7 @@ class Comparison(Rows):
 
     @property
     def headline(self) -> str:
-        """How many answers agree, and how far the worst is off, in a sentence."""
+        """Number of answers that agree, and the error of the worst, in a sentence."""
         agreeing, largest = int((self.verdicts == Verdict.AGREES.value).sum()), self.known("backward_error").max(initial=-1.0)
         off = (
             f"; the largest backward error is {error_text(float(largest))} data roundoffs, and up to {AGREEMENT:g} agrees"

@@ -98,7 +98,7 @@ class Configurations:
         return by_state(found, n), by_state(change, n)
 
     def enclose(self, q: Array, v: Array) -> Enclosed:
-        """What is near the determined positions of q, (n, nv), and the rates there, with those of v, (n, nv), that no row determines."""
+        """Configurations near the determined positions of q, (n, nv), and their rates, with those of v, (n, nv), that no row determines."""
         n, held, tied = len(q), len(self.positions), len(self.rates)
         blocks = -(-n // LANES)
         found, is_proved = np.empty((blocks, held + tied, 3, LANES)), np.empty((blocks, LANES))
@@ -175,7 +175,7 @@ class Encloser:
         return found
 
     def residual(self, q: Sequence[float]) -> Sequence[Any]:
-        """What the holonomic rows leave at positions, as ``arb`` at the working precision in force."""
+        """Residual of the holonomic rows at positions, as ``arb`` at the working precision in force."""
         import flint
 
         return self._parts(self._bound(flint.ctx.prec)(*q, *[0.0] * (2 * self._mechanism.nv + 1)))[0]

@@ -111,7 +111,7 @@ class Branch:
         return q[:, places], np.abs(change).max(axis=1)
 
     def _step(self, q: Array, step: Array) -> tuple[Array, Array]:
-        """Of the determined positions, (n, m): what Newton's method takes from them, and a step of the others along the tangent."""
+        """Changes of the determined positions, (n, m): the step of Newton's method, and that for a step of the others along the tangent."""
         still = np.zeros_like(q)
         found = values(self._constraints.placing, self._mechanism.inputs(States(q, still, still, np.zeros(len(q)))))
         rows = found[JACOBIAN].reshape(len(self._constraints.rows), self._mechanism.nv, -1).transpose(2, 0, 1)[:, self._holding]
@@ -187,7 +187,7 @@ def closes(mechanism: Mechanism, states: States, parameters: Array | None = None
 
 
 def distances(mechanism: Mechanism, states: States) -> dict[str, Array]:
-    """How far each constraint is from where it holds, (n,), by its name: the length of its holonomic rows, known to every bit of float64.
+    """Distance of each constraint from where it holds, (n,), by its name: the length of its holonomic rows, known to every bit of float64.
 
     ``mechanism`` has constraints.
     """
@@ -205,7 +205,7 @@ def distances(mechanism: Mechanism, states: States) -> dict[str, Array]:
 
 
 def rows_left(mechanism: Mechanism, states: States, parameters: Array | None = None) -> tuple[Array, Array]:
-    """What the rows and their rates leave, (n, rows), in float64, and the data roundoff of each; the holonomic rows come first.
+    """Residuals of the rows and their rates, (n, rows), in float64, and the data roundoff of each; the holonomic rows come first.
 
     ``mechanism`` has constraints; ``parameters`` are as of ``Mechanism.inputs``.
     """

@@ -228,7 +228,7 @@ class ChartKernel:
         return found.transpose(2, 0, 1)
 
     def _filtered(self, states: States, inputs: Array, scales: Array) -> Reference | None:
-        """What the loop finds; ``bits`` is 0 where that is not enough. None where there is no loop for the program."""
+        """Results of the loop; ``bits`` is 0 where they are not enough. None where there is no loop for the program."""
         if self.encoded is None:
             return None
         found = evaluate(self.encoded, inputs, scales)

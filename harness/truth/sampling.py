@@ -42,7 +42,7 @@ SIMPLE_ROTATIONS = np.array([*np.eye(4), *([_HALF, *(sign * _HALF * unit)] for u
 
 
 class Kind(IntEnum):
-    """What a sampled state is.
+    """Kind of a sampled state.
 
     ``GENERIC``: positions, rates and applied forces anywhere in their ranges, which hides gravity at the first joint of a chain.
     ``LOADED``: forces of the size that gravity and velocity terms ask for. ``STATIC``: at rest, under forces of the size that gravity
@@ -103,7 +103,7 @@ def keep_points(mechanism: Mechanism, count: int, seed: int) -> None:
 
 
 def _most(count: int) -> dict[Kind, int]:
-    """How many points of each kind a sample may take; each full block holds as many states of a kind as the first."""
+    """Largest number of points of each kind in a sample; each full block holds as many states of a kind as the first."""
     return {kind: math.ceil(count / len(TURNS)) * TURNS.count(kind) for kind in Kind}
 
 
@@ -134,7 +134,7 @@ def _points(mechanism: Mechanism, count: int, size: int, seed: int, kind: Kind) 
 
 
 def _exponent(count: int) -> int:
-    """Of the least power of two that is no less than ``count``."""
+    """Exponent of the least power of two that is no less than ``count``."""
     return max(0, math.ceil(math.log2(max(count, 1))))
 
 

@@ -1,4 +1,4 @@
-"""What one version of an engine makes of one mechanism or file: the numbers that it holds, and its accelerations; and two held together."""
+"""Portraits of mechanisms and files by versions of an engine: the numbers that they hold, and their accelerations; and two together."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ROUNDED = SOUND * 2.0**-52
 
 @dataclass(frozen=True)
 class Portrait:
-    """What a version makes of a system.
+    """Portrait of a system by a version.
 
     Attributes:
         numbers: that it holds. accelerations: (n, nv) in the kinetic-energy metric, as shares of the certified ones; roundoff: (n,) data

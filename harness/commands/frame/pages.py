@@ -1,4 +1,4 @@
-"""What a command leaves behind: sections with their page, and the report from the history in its folder."""
+"""Output of a command: sections with their page, and the report from the history in its folder."""
 
 from __future__ import annotations
 

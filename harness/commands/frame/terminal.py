@@ -261,7 +261,7 @@ def _one_name(found: Iterable[Cause | Record]) -> str:
 
 
 def print_diagnoses(causes: Sequence[Cause], held: Sequence[Difference], detail: Detail = Detail.VERBOSE) -> None:
-    """What the subjects of a system do not hold alike, and the whole diagnosis of each wrong subject."""
+    """The differences of what subjects of a system hold, and the whole diagnosis of each wrong subject."""
     say(*([""] if held else []), *(f"held after loading: {difference}" for difference in held))
     for cause in causes:
         if cause.lines != [cause.inference]:

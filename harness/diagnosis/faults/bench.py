@@ -206,7 +206,7 @@ class FaultBench:
         return caught, theory, order
 
     def _is_felt(self, planted: Change, size: float) -> bool:
-        """Whether the answers of some reader move by what is caught at least, more than by its rounding, or there are none."""
+        """True where the answers of some reader move by what is caught at least, more than by its rounding, or there are none."""
         answers = ((one, one.answer(planted.text, size)) for one in self.readers)
         return any(answer is None or one.theory(answer - one.watch.healthy) <= 1 for one, answer in answers)
 

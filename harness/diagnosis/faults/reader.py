@@ -61,7 +61,7 @@ class Reader:
 
     @cached_property
     def columns(self) -> list[Array]:
-        """What a change of each number of the model does at the sound states; see ``harness.crosscheck.explanation``."""
+        """Effect of a change of each number of the model at the sound states; see ``harness.crosscheck.explanation``."""
         return [column.values[self.sound] for column in written_columns(self.watch, self.reference)]
 
     def compared(self, accelerations: Array) -> Comparison:

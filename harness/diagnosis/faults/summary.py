@@ -90,7 +90,7 @@ class Fault:
 
 @dataclass(kw_only=True)
 class Campaign(StudyResult):
-    """What a campaign found; ``deaths`` has a sentence for each model whose process died."""
+    """Findings of a campaign; ``deaths`` has a sentence for each model whose process died."""
 
     STUDY: ClassVar[str] = "campaign"
 
@@ -222,7 +222,7 @@ def _kind(kind: str, faults: Sequence[Fault]) -> KindOfFault:
 
 
 def shares(kinds: Sequence[KindOfFault]) -> dict[str, dict[str, float | int]]:
-    """What was diagnosed of the kinds that the diagnosis knows, and of the others, "known" and "unknown", as counts and shares.
+    """Counts and shares of what was diagnosed of the kinds that the diagnosis knows, and of the others, "known" and "unknown".
 
     "named" and "in_class" count refusals by name; "found" and "found_in_class" are without them. A share of nothing is left out.
     """

@@ -1,1 +1,1 @@
-"""What a mechanism's model may hold: the tables ``formats``, by which ``checks`` goes, and ``mechanisms`` beyond them."""
+"""Contents that a mechanism's model may have: the tables ``formats``, by which ``checks`` goes, and ``mechanisms`` beyond them."""

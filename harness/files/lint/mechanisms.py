@@ -1,4 +1,4 @@
-"""What the model of a mechanism must not leave to its readers, beyond the tables of elements and attributes.
+"""Rules for the model of a mechanism beyond the tables of elements and attributes: what it must not leave to its readers.
 
 A file that passes has been read: here stands what is well-defined, but taken differently by some engine, or felt by none.
 """

@@ -201,11 +201,11 @@ class Attributes:
         self._source.unread.append(Unread(place, what, advice))
 
     def acts(self, stage: str) -> bool:
-        """Whether "spring" or "damper" forces are switched on."""
+        """True where "spring" or "damper" forces are switched on."""
         return is_on(self._root, stage) and is_on(self._root, "passive")
 
     def is_limited(self, element: etree._Element) -> bool:
-        """Whether the range of a joint or tendon holds, as ``autolimits`` says where it does not say so itself."""
+        """True where the range of a joint or tendon holds, as ``autolimits`` says where it does not say so itself."""
         limited = resolved_text(element, "limited", "auto")
         return limited == "true" or (limited == "auto" and self._auto_limits and bool(resolved_text(element, "range")))
 
@@ -253,6 +253,6 @@ def _are_parallel(first: Sequence[Fraction], second: Sequence[Fraction]) -> bool
 
 
 def inside(body: etree._Element, *tags: str) -> Iterator[etree._Element]:
-    """What is right inside a body, in its frames too, under one of the tags."""
+    """Elements right inside a body, in its frames too, under one of the tags."""
     for child in body.iterchildren(*tags, "frame"):
         yield from inside(child, *tags) if child.tag == "frame" else (child,)

@@ -1,4 +1,4 @@
-"""What an MJCF states between its bodies and joints: the springs and dampers of its tendons, and its equalities.
+"""Relations that an MJCF states between its bodies and joints: the springs and dampers of its tendons, and its equalities.
 
 Those springs are read that run straight from one site to another, or act on a sum of joint positions; those equalities that are of points
 and frames, or couple joints, fixed tendons and tendons through sites.
@@ -44,7 +44,7 @@ _Coupled = TypeVar("_Coupled", str, Tendon)
 
 
 class _NotRead(Exception):
-    """What an equality speaks of is not there, or not read; the message says what."""
+    """An equality speaks of what is not there, or not read; the message says of what."""
 
 
 class ElementsBetween:
@@ -177,7 +177,7 @@ class ElementsBetween:
     def _coupled(
         self, element: etree._Element, read: Callable[[etree._Element, str], _Coupled]
     ) -> tuple[_Coupled, _Coupled | None, tuple[Given, ...]]:
-        """What is coupled, its leader, and the coefficients."""
+        """The coupled part, its leader, and the coefficients."""
         first, second = f"{element.tag}1", f"{element.tag}2"
         tied, leader = read(element, first), read(element, second) if second in element.attrib else None
         return tied, leader, self._attributes.numbers(element, "polycoef", POLYNOMIAL)

@@ -100,7 +100,7 @@ class Inertias:
         return Inertia(pose, mass, source.numbers(element, "fullinertia", None, count=6), place)
 
     def _solid(self, geom: etree._Element) -> Iterator[Solid]:
-        """What a geom adds to its body: one solid, or nothing."""
+        """The solid that a geom adds to its body, or nothing."""
         source, attributes = self._source, self._attributes
         group = attributes.number(geom, "group", 0.0)
         if not self._groups[0] <= group <= self._groups[1]:
@@ -149,7 +149,7 @@ class Inertias:
         return Solid("mesh", (), (pose,), mass, mass, place=place, moments=given(compiled.moments, "moments"))
 
     def _is_mesh(self, geom: etree._Element) -> bool:
-        """Whether a geom has the shape, or the size, of a mesh."""
+        """True where a geom has the shape, or the size, of a mesh."""
         return resolved(geom, "mesh") is not None or resolved_text(geom, "type") in ("mesh", "sdf")
 
     def _with_sizes(self, geom: etree._Element, solid: Solid) -> Solid:
@@ -174,5 +174,5 @@ class Inertias:
 
 
 def _moves(body: etree._Element) -> bool:
-    """Whether a joint moves a body."""
+    """True where a joint moves a body."""
     return any(next(inside(one, *JOINTS), None) is not None for one in (body, *body.iterancestors("body")))

@@ -83,7 +83,7 @@ class _Page:
         return found + [line for spots in others for line in self._written(spots)]
 
     def _spots(self, body: Body, joint: Joint, quantity: str) -> list[list[Spot]]:
-        """What decides a quantity, in order of its weight."""
+        """Places that decide a quantity, in order of their weight."""
         if quantity in _OF_JOINTS:
             spots = _given(getattr(joint, _OF_JOINTS[quantity]))
             geared = [part for place, _ in spots if quantity == ARMATURE for part in self._parts(place, _GEAR)]

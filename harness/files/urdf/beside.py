@@ -1,4 +1,4 @@
-"""What a URDF declares beside its links and joints, in existing conventions: springs, reflected inertias, mimics and ball constraints.
+"""Declarations of a URDF beside its links and joints, in existing conventions: springs, reflected inertias, mimics and ball constraints.
 
 ``harness.files.model_file`` says which conventions are read. The position of a joint that mimics another is a multiple of its position,
 and an offset. Drake gives its ball constraint no name; the element may have one here, which Drake passes over.

@@ -66,7 +66,7 @@ class Encoded(EncodedProgram):
 
     @property
     def gamma(self) -> float:
-        """What the roundings of a sweep, and those of the norms of its results, add up to, relative to absolute values."""
+        """Sum of the roundings of a sweep, and of those of the norms of its results, relative to absolute values."""
         return (self.roundings + 4 * self.force.size + 16) * UNIT_ROUNDOFF * 1.01
 
 
@@ -154,7 +154,7 @@ def _power(builder: Builder, base: Term, exponent: int) -> Term:
 
 
 def _placed(builder: Builder, outputs: Outputs) -> tuple[EncodedProgram, dict[str, Indices]]:
-    """What was written, without a sweep: first the inputs, then the constants, then the instructions, each kind in its order."""
+    """The program without a sweep: first the inputs, then the constants, then the instructions, each kind in its order."""
     kinds = [0 if operation == "input" else 1 if operation in ("rational", "pi") else 2 for operation, *_ in builder.instructions]
     places = np.empty(len(kinds), dtype=np.int64)
     places[np.argsort(kinds, kind="stable")] = np.arange(len(kinds))

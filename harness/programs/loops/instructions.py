@@ -61,7 +61,7 @@ class Program:
 
 @dataclass(frozen=True)
 class _Arithmetic:
-    """How numbers stand at the places of ``values``, and the operations on them; ``add`` is of one and a sign times another."""
+    """Storage of numbers at the places of ``values``, and the operations on them; ``add`` is of one and a sign times another."""
 
     at: Callable[[Array, Value], Any]
     store: Callable[[Array, Value, Any], None]

@@ -53,7 +53,7 @@ _LEVEL = 2
 
 @dataclass(frozen=True)
 class Filtered(Rows):
-    """What the loop finds at n states.
+    """Results of the loop at n states.
 
     Attributes:
         high, low: (n, nv); the accelerations are high + low. radius: (n, nv) bounds of their errors; infinite or NaN for none.
@@ -150,7 +150,7 @@ def in_lanes(rows: Array) -> Array:
 
 
 def by_state(found: Array, n: int) -> Array:
-    """What the loop gives with a state in each lane, (blocks, ..., lanes), by states, (n, ...)."""
+    """Results of the loop with a state in each lane, (blocks, ..., lanes), by states, (n, ...)."""
     return np.ascontiguousarray(np.moveaxis(found, -1, 1).reshape(-1, *found.shape[1:-1])[:n])
 
 

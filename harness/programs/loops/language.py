@@ -136,7 +136,7 @@ class Writer:
         self.builder.call(self.module.globals[name], raws)
 
     def when(self, flag: Value) -> AbstractContextManager[Any]:
-        """What is written within is done where the flag is true."""
+        """Context whose code is done where the flag is true."""
         then: AbstractContextManager[Any] = self.builder.if_then(flag.raw)
         return then
 

@@ -84,7 +84,7 @@ class Value:
     __abs__ = _function("fabs")
 
     def __mod__(self, other: int) -> Value:
-        """Of integers, by a power of two: the remainder that is not negative."""
+        """Remainder of integers by a power of two, which is not negative."""
         return self & (other - 1)
 
     def __neg__(self) -> Value:

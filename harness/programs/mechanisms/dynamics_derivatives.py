@@ -161,7 +161,7 @@ def terms_of_forces(mechanism: Mechanism, program: StraightLineProgram, linear_v
 def sizes_of_parts(
     mechanism: Mechanism, program: StraightLineProgram, linear_velocity_in_body: bool = False, *, of_accelerations: bool
 ) -> StraightLineProgram:
-    """How large the parts are that an algorithm may form of a column of derivatives and cancel, from the inputs of ``program``.
+    """Sizes of the parts that an algorithm may form of a column of derivatives and cancel, from the inputs of ``program``.
 
     ``of_accelerations``: accelerations stand in the place of applied forces. The output "sizes" holds 3 nv numbers in the order of the
     columns of derivatives. Forces on what turns change with its angle by as much as they are large: a column by a rotating coordinate

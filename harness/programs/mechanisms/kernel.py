@@ -1,4 +1,4 @@
-"""What is compiled of a mechanism in float64, each state in the chart that is most regular there.
+"""Compiled programs of a mechanism in float64, each state in the chart that is most regular there.
 
 ``MechanismKernel`` has accelerations, terms and their derivatives, and ``EnergyKernel`` and ``LagrangianKernel`` the energies: what a
 computed motion keeps, and what its dampers take. A mechanism's energy programs stand beside its equations, one for each chart, so that

@@ -153,7 +153,7 @@ class Mechanism:
 
     @property
     def handed_to_engines(self) -> Any:
-        """What an engine that takes equations is given; of a user's file, the request to load it."""
+        """The source for an engine that takes equations; of a user's file, the request to load it."""
         return self
 
     @property

@@ -180,7 +180,7 @@ def nearest_inertia(moments: Sequence[float]) -> tuple[float, ...]:
 
 
 def _is_semidefinite(matrix: Rows) -> bool:
-    """Whether no eigenvalue is negative: the sums of the principal minors of each order are not, exactly."""
+    """True where no eigenvalue is negative: the sums of the principal minors of each order are not, exactly."""
     (a, d, e), (_, b, f), (_, _, c) = matrix
     minors = a * b - d * d + a * c - e * e + b * c - f * f
     determinant = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)

@@ -120,7 +120,7 @@ def spatial(angular: Vector, linear: Vector) -> Spatial:
 
 
 def power(motion: Spatial, force: Spatial) -> Term:
-    """What a force does along a motion."""
+    """Power of a force along a motion."""
     found: Term = motion[0] @ force[0] + motion[1] @ force[1]
     return found
 

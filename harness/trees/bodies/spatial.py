@@ -49,12 +49,12 @@ class FileBuilder(Builder):
         return tuple(value for _, value in self._parameters.values())
 
     def program(self, outputs: Mapping[str, Iterable[Term]]) -> StraightLineProgram:
-        """What was written, with the names of its parameters behind those of the inputs that it began with."""
+        """The program that was written, with the names of its parameters behind those of the inputs that it began with."""
         self.names = (*self._own, *(parameter_name(value) for value in self.parameters))
         return super().program(outputs)
 
     def written(self, outputs: Mapping[str, Iterable[Term]]) -> FileProgram:
-        """What ``outputs`` take of what was written."""
+        """The part of what was written that ``outputs`` take."""
         return FileProgram(without_unused(self.program(outputs)), self.parameters)
 
     def evaluated(self, outputs: Mapping[str, Iterable[Term]], bits: int, inputs: Sequence[float] = ()) -> dict[str, list[Any]]:

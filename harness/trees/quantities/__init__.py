@@ -1,1 +1,1 @@
-"""What engines compute of a tree beside accelerations, along the world's axes."""
+"""Quantities of a tree that engines compute beside accelerations, along the world's axes."""

@@ -68,7 +68,7 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
 
 
 def power_of_forces(motion: TreeMotion) -> Iterator[Block]:
-    """What the forces of inverse dynamics do: kinetic and potential energy gain as much, beside what dampers take."""
+    """Power of the forces of inverse dynamics: kinetic and potential energy gain as much, beside what dampers take."""
     found = size = motion.kinematics.builder.zero
     for velocity, block in zip(motion.kinematics.coordinates.velocities, inverse_dynamics(motion), strict=True):
         found = found + velocity * block.values[0]
@@ -83,7 +83,7 @@ def bias(motion: TreeMotion) -> Iterator[Block]:
 
 
 def gravity(motion: TreeMotion) -> Iterator[Block]:
-    """What holds the tree at rest against its weight."""
+    """Forces that hold the tree at rest against its weight."""
     return _forces_of(motion, weights(motion), "gravity force")
 
 

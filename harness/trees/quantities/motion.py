@@ -1,4 +1,4 @@
-"""What engines compute of a tree beside accelerations, as programs of positions, velocities, accelerations and the numbers of a file.
+"""Quantities of a tree beside accelerations, as programs of positions, velocities, accelerations and the numbers of a file.
 
 Everything is written along the world's axes, in blocks: a number, or a vector whose length says how large an error is. Each block
 comes with how large the parts are that an algorithm may form of it and cancel, which no derivative shows. Algorithms add the
@@ -108,7 +108,7 @@ class TreeMotion(World):
         return self.distance(number) + length(point + -self.moving[number].position)
 
     def sizes_of_columns(self, number: int, point: Vector) -> dict[int, tuple[Term, Term]]:
-        """What each velocity does to that of a point of a node's body, and to its spin, with arms taken from anywhere in the tree."""
+        """Sizes of the columns of the Jacobian of a point of a node's body, and of its spin, with arms taken from anywhere in the tree."""
         reach = self.extent + (self.from_root(number) + length(point + -self.moving[number].position))
         found: dict[int, tuple[Term, Term]] = {}
         for one in self.up_from(number):
@@ -120,7 +120,7 @@ class TreeMotion(World):
         return found
 
     def speeds(self, number: int, point: Vector) -> tuple[Term, Term]:
-        """How large the parts are of the velocity of a point of a node's body, and of its spin."""
+        """Sizes of the parts of the velocity of a point of a node's body, and of its spin."""
         speed = spin = self.kinematics.builder.zero
         for column, (linear, angular) in self.sizes_of_columns(number, point).items():
             rate = size_of(self.kinematics.coordinates.velocities[column])
@@ -165,7 +165,7 @@ def computed(motion: TreeMotion, blocks_of: Callable[[TreeMotion], Iterable[Bloc
 
 
 def have_same_points(tree: Tree, other: Tree, joints: Sequence[str]) -> bool:
-    """Whether the anchors of ``TreeMotion`` are the same in two trees, wherever these stand."""
+    """True where the anchors of ``TreeMotion`` are the same in two trees, wherever these stand."""
     places = [_points_at_one_position(one, joints) for one in (tree, other)]
     return places[0].keys() == places[1].keys() and all(
         a.overlaps(b) for name in places[0] for a, b in zip(places[0][name], places[1][name], strict=True)
@@ -249,7 +249,7 @@ def _potential(world: World) -> tuple[Term, Term]:
 
 
 def _springs(world: World) -> Iterator[tuple[Term, Term, list[Term]]]:
-    """Of each spring its stiffness, how far it is stretched, and what that is the difference of."""
+    """Stiffness of each spring, its extension, and the lengths of which that is the difference."""
     nodes, builder = world.kinematics, world.kinematics.builder
     for node in nodes.nodes:
         if node.joint.stiffness and node.joint.kind.is_single:
@@ -269,7 +269,7 @@ def _springs(world: World) -> Iterator[tuple[Term, Term, list[Term]]]:
 
 
 def positions(motion: TreeMotion) -> Iterator[Block]:
-    """Of each joint the anchor that moves with its body, and how its body is turned from where it stands at zero."""
+    """Anchor of each joint that moves with its body, and the rotation of its body from the position zero."""
     before = in_world(motion.kinematics.at_zero()).moving
     for number, name in motion.named():
         orientation, anchor = motion.moving[number].orientation, motion.anchors[name]
@@ -280,7 +280,7 @@ def positions(motion: TreeMotion) -> Iterator[Block]:
 
 
 def velocities(motion: TreeMotion) -> Iterator[Block]:
-    """Of each joint the velocity of the anchor that moves with its body, and the angular velocity of the body."""
+    """Velocity of each joint's anchor that moves with its body, and the angular velocity of the body."""
     for number, name in motion.named():
         one, anchor = motion.moving[number], motion.anchors[name]
         velocity = one.velocity_at(anchor + -one.position)
@@ -290,7 +290,7 @@ def velocities(motion: TreeMotion) -> Iterator[Block]:
 
 
 def jacobians(motion: TreeMotion) -> Iterator[Block]:
-    """Of each joint what each velocity adds to those of ``velocities``."""
+    """Jacobians of the ``velocities`` of each joint."""
     still, nothing = motion.kinematics.still, (motion.kinematics.builder.zero, motion.kinematics.builder.zero)
     for number, name in motion.named():
         anchor = motion.anchors[name]

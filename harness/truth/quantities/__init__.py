@@ -74,7 +74,7 @@ class TruthBasis:
 
     @property
     def has_other_points(self) -> bool:
-        """Whether points of joints are elsewhere by the numbers of ``read`` than by those of ``declared``."""
+        """True where points of joints are elsewhere by the numbers of ``read`` than by those of ``declared``."""
         if self.declared is None or self.read is None or self.declared.text == self.read.text:
             return False
         own, other = (self.robot_of(file).tree for file in (self.declared, self.read))

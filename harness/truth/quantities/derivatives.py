@@ -100,7 +100,7 @@ class DerivativeTruth(Truth):
         return replace(found, certified=found.certified & reference.certified)
 
     def third(self, states: States) -> Array:
-        """What is given beside q and v, (n, nv): the applied forces, or the accelerations that they cause."""
+        """The third argument beside q and v, (n, nv): the applied forces, or the accelerations that they cause."""
         return self._reference.evaluate(states).high if self.dynamics.is_inverse else states.tau
 
     def answers(self, model: Model, states: States) -> Array:
@@ -125,7 +125,7 @@ class DerivativeTruth(Truth):
         return said
 
     def of_terms(self, states: States) -> dict[str, Array]:
-        """What each term of the forces adds to the blocks, in float64, by its name; see ``terms_of_forces``."""
+        """Part of each term of the forces in the blocks, in float64, by its name; see ``terms_of_forces``."""
         reference, nv = self._reference.evaluate(states), self.nv
         inputs, found = self._inputs(states, reference.high), dict[str, Array]()
         factor = self._factor(reference)
@@ -160,7 +160,7 @@ class DerivativeTruth(Truth):
 
 
 def coordinate_names(mechanism: Mechanism) -> Iterator[str]:
-    """What each velocity is called: its joint, with the number of the velocity where the joint has several."""
+    """Name of each velocity: its joint, with the number of the velocity where the joint has several."""
     for place, joint in enumerate(mechanism.joints):
         several = mechanism.joints.count(joint) > 1
         yield f"joint {joint!r}" + (f", velocity {place - mechanism.joints.index(joint) + 1}" if several else "")

@@ -48,7 +48,7 @@ LARGEST_ACCELERATION = 100.0
 
 @dataclass(frozen=True)
 class AskedMotion:
-    """What an engine is asked at n states: q (n, nq), v and qdd (n, nv), of these ``joints``; ``zero``, (1, nq), is the position zero."""
+    """Arguments for an engine at n states: q (n, nq), v and qdd (n, nv), of these ``joints``; ``zero``, (1, nq), is the position zero."""
 
     joints: tuple[str, ...]
     q: Array
@@ -179,7 +179,7 @@ _inverse_dynamics = _asks("inverse_dynamics", ("q", "v", "qdd"), "n", "nv")
 
 
 def _power(model: Model, asked: AskedMotion) -> Array:
-    """Of the applied forces that the engine's inverse dynamics ask for, beside what springs and dampers do."""
+    """Power of the applied forces that the engine's inverse dynamics ask for, beside that of springs and dampers."""
     return np.asarray(np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked)))[:, None]
 
 

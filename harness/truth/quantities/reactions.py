@@ -111,7 +111,7 @@ class ReactionTruth(TruthOfMotion):
         )
 
     def _multipliers(self, states: States) -> Between:
-        """What the rows of constraints bear, with its derivatives by the inputs of the equations of motion; nothing for a tree."""
+        """Multipliers of the rows of constraints, with their derivatives by the inputs of the equations of motion; none for a tree."""
         inputs = np.ascontiguousarray(self._reference.mechanism.inputs(states).T)
         none = Between.none(*inputs.shape)
         if self._bearing is None:

@@ -43,7 +43,7 @@ def _enlarged_by_half(size: float) -> float:
 
 
 def _reduced(size: float) -> float:
-    """What undoes ``_enlarged``; without a mass there is nothing to undo."""
+    """The inverse of ``_enlarged``; without a mass there is nothing to undo."""
     return 1.0 / (1.0 + size) if size > -1.0 else 0.0
 
 

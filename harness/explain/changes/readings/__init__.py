@@ -38,7 +38,7 @@ _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "plac
 
 @dataclass(frozen=True)
 class Law:
-    """What a reader makes of one kind of element; any number of engines may have it.
+    """A way of reading one kind of element; any number of engines may have it.
 
     Attributes:
         name: as in a table. concerns: what is counted, in the plural: "joints", "links".
@@ -233,7 +233,7 @@ def _elements(path: Path) -> list[etree._Element]:
 
 
 def changed_parts(before: Tree, after: Tree) -> dict[tuple[str, ...], list[Place]]:
-    """Where the parts stand that differ, by their names: the number, or the element where the file does not give it.
+    """Places of the parts that differ, by their names: of the number, or of the element where the file does not give it.
 
     Parts that inherit a number from one element have one place.
     """
@@ -260,7 +260,7 @@ def _changed_in_body(one: Body, other: Body) -> Iterator[tuple[tuple[str, ...], 
 
 
 def _changed(one: Any, other: Any) -> Place | None:
-    """Where a part of a tree differs from ``other``, of which the parts have places of their own: a number if one does, or its element."""
+    """Place at which a part of a tree differs from ``other``, parts of which have places of their own: of a number, or of its element."""
     if other is None or one == other:
         return one.place if other is None else None
     own = [part.name for part in fields(one) if part.name not in _PARTS and getattr(one, part.name) != getattr(other, part.name)]
