@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from harness.comparison.robot_library import engine_of
-from harness.crosscheck.file_numbers import left_beside_readings, why_refused
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
+from harness.explain.file_numbers import left_beside_readings, why_refused
 from harness.explain.meant import Meant, effects, read_as, read_by, worst
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord

@@ -4,6 +4,5 @@ May use ``explain`` and what is below it.
 
 Start with ``run``, which goes on where ``loading`` ends; an ``assignment`` is a subject and what it is asked for, ``stages`` is
 what worker processes do, ``judgement`` makes the record, ``expected`` says what is known. ``explanation`` tells lost digits from a
-wrong number, of a user's file with ``file_numbers``, and ``held`` what no acceleration feels. ``as_read`` is a file as an
-engine reads it.
+wrong number, and ``held`` what no acceleration feels.
 """

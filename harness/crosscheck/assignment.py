@@ -24,7 +24,7 @@ from harness.truth.quantities.accelerations import AccelerationTruth, softened, 
 from harness.truth.reference import ReferenceKernel
 
 if TYPE_CHECKING:
-    from harness.crosscheck.as_read import FileAsRead
+    from harness.explain.as_read import FileAsRead
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Assignment:
     def file_as_read(self) -> FileAsRead:
         """The file as the subject's reader has it."""
         # Imported late: a run that is about mechanisms, and in which all is well, needs nothing of it.
-        from harness.crosscheck.as_read import read_file
+        from harness.explain.as_read import read_file
 
         return read_file(self.library, self.subject.engine, self.mechanism, self.model)
 
@@ -140,7 +140,7 @@ def truth_of(assignment: Assignment) -> Truth:
         read, of_file = assignment.as_read, _own_truth(assignment)
         if read is assignment:
             return of_file
-        from harness.crosscheck.as_read import ReadTruth
+        from harness.explain.as_read import ReadTruth
 
         file = assignment.file_as_read
         return ReadTruth(file, file.columns(assignment.asked), _own_truth(read), of_file)

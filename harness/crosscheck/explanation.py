@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of
-from harness.crosscheck.file_numbers import left_beside_readings
 from harness.engines import accelerations, load_engine
 from harness.engines.request import EngineAnswers, by_joint
 from harness.engines.tree_request import asked_joints
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
+from harness.explain.file_numbers import left_beside_readings
 from harness.explain.fit import Projection, explaining_directions
 from harness.explain.meant import STATES, Meant, meant
 from harness.explain.model_side import explaining_numbers

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.file_numbers import why_refused
 from harness.engines import Model, Unsupported, load_engine
 from harness.engines.tree_request import asked_joints
+from harness.explain.file_numbers import why_refused
 from harness.explain.meant import (
     STATES,
     Folded,
