@@ -11,12 +11,17 @@ import sys
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support import cache_with_mechanisms, make_library
 
+from harness.comparison.robot_library import RobotLibrary
+from harness.engines import describe_engines
 from harness.environments import REQUIREMENTS, Environment, interpreter_in, this_python
+from harness.explain.changes import readings
+from harness.workers import Workers
 
 # The bar of ``bar_pendulum``: inertia about the pin, weight times distance, damping of the pin.
 RIGHT = """
@@ -67,6 +72,74 @@ class Engine(Engine):
 
 ENGINE = Engine()
 """
+
+
+# Reads URDFs of one joint, the pin.
+ADAPTER_OF_FILES = """
+import numpy as np
+from harness.engines import Engine
+from harness.engines.interface import CompiledNumber
+from harness.engines.request import Refused
+from harness.engines.state_by_state import StateByState
+
+class Toy(Engine):
+    formats = ("urdf",)
+    requires = ("toy_engine", "toy-engine")
+    optional = True
+    factorises_mass_matrix = True
+    supplied = {"urdf": "dampers"}
+    why_no_equalities = "it has none"
+    call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
+
+    def read(self, request):
+        if len(request.joints) > 1:
+            raise Refused("one joint, no more", request.joints[1].name)
+        if request.joints[0].name != "pin":
+            raise Refused("no pin")
+        return ToyModel(request, {"pin": 0}, 1)
+
+    def compiled(self, request):
+        import toy_engine
+        gains = CompiledNumber("gains", "servo", getattr(toy_engine, "GAINS", ()), felt=False)
+        return CompiledNumber("dof_damping", "pin", (float(-toy_engine.friction(1.0)),)), gains
+
+class ToyModel(StateByState):
+    def __init__(self, *given):
+        import toy_engine
+        super().__init__(*given)
+        self.applies_dampers = getattr(toy_engine, "APPLIES_DAMPERS", True)
+
+    def _go_to(self, q, v):
+        self.q, self.v = q, v
+
+    def _mass_matrix(self):
+        import toy_engine
+        return np.diag(toy_engine.mass(self.q))
+
+    def _bias(self):
+        import toy_engine
+        return toy_engine.weight(self.q) - toy_engine.friction(self.v)
+
+ENGINE = Toy()
+"""
+
+
+@contextmanager
+def reading_files(root: Path, versions: Mapping[str, str]) -> Iterator[Path]:
+    """A folder of readings, for an engine file of the toy that reads robots' files, and environments with these versions of it."""
+    for name in ("engines", "readings"):
+        (root / name).mkdir()
+    (root / "engines" / "toy.py").write_text(ADAPTER_OF_FILES)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(cache_with_mechanisms(root / "cache")))
+        without_files = RobotLibrary.without_files.__func__  # type: ignore[attr-defined]
+        patch.setattr(RobotLibrary, "without_files", classmethod(lambda cls: replace(without_files(cls), engines=root / "engines")))
+        patch.setattr(readings, "__path__", [*readings.__path__, str(root / "readings")])
+        for version, source in versions.items():
+            plant(version, source)
+        describe_engines(RobotLibrary.without_files(), Workers)
+        yield root / "readings"
+    describe_engines(RobotLibrary.without_files(), Workers)
 
 
 @contextmanager

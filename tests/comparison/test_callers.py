@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -30,49 +29,9 @@ from harness.workers import Workers
 VERSIONS = {
     "1.0": toy_engine.RIGHT,
     "1.1": toy_engine.HEAVIER,
-    "1.2": toy_engine.RIGHT.replace("-0.3 * v", "0.0 * v"),
+    "1.2": toy_engine.RIGHT.replace("-0.3 * v", "0.0 * v") + "APPLIES_DAMPERS = False\n",
     "1.3": toy_engine.LACKING.replace("def mass", "def masses"),
 }
-ADAPTER = """
-import numpy as np
-from harness.engines import Engine
-from harness.engines.request import Refused
-from harness.engines.state_by_state import StateByState
-
-class Toy(Engine):
-    formats = ("urdf",)
-    requires = ("toy_engine", "toy-engine")
-    optional = True
-    factorises_mass_matrix = True
-    supplied = {"urdf": "dampers"}
-    why_no_equalities = "it has none"
-    call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
-
-    def read(self, request):
-        if len(request.joints) > 1:
-            raise Refused("one joint, no more", request.joints[1].name)
-        return ToyModel(request, {"pin": 0}, 1)
-
-class ToyModel(StateByState):
-    def __init__(self, *given):
-        import toy_engine
-        super().__init__(*given)
-        # A version that leaves dampers out is supplied with them.
-        self.applies_dampers = toy_engine.__version__ != "1.2"
-
-    def _go_to(self, q, v):
-        self.q, self.v = q, v
-
-    def _mass_matrix(self):
-        import toy_engine
-        return np.diag(toy_engine.mass(self.q))
-
-    def _bias(self):
-        import toy_engine
-        return toy_engine.weight(self.q) - toy_engine.friction(self.v)
-
-ENGINE = Toy()
-"""
 READINGS = """
 from harness.explain.changes.readings import _left_out, readings_of
 READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: ("The toy applies no damping", "add it", "its own text, in a test")}})
@@ -83,21 +42,8 @@ BAR = BUILT_IN.model_path("bar_pendulum", "urdf")
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder of readings, none in it, where the toy has an adapter and environments."""
-    root = tmp_path_factory.mktemp("toy")
-    (root / "engines").mkdir()
-    (root / "readings").mkdir()
-    (root / "engines" / "toy.py").write_text(ADAPTER)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(root / "cache"))
-        without_files = RobotLibrary.without_files.__func__  # type: ignore[attr-defined]
-        planted = classmethod(lambda cls: replace(without_files(cls), engines=root / "engines"))
-        patch.setattr(RobotLibrary, "without_files", planted)
-        patch.setattr(readings, "__path__", [*readings.__path__, str(root / "readings")])
-        for version, source in VERSIONS.items():
-            toy_engine.plant(version, source)
-        describe_engines(RobotLibrary.without_files(), Workers)
-        yield root / "readings"
-    describe_engines(RobotLibrary.without_files(), Workers)
+    with toy_engine.reading_files(tmp_path_factory.mktemp("toy"), VERSIONS) as folder:
+        yield folder
 
 
 def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]:

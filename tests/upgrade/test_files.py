@@ -6,17 +6,11 @@ import importlib
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import toy_engine
-from support import BUILT_IN, Done, cache_with_mechanisms, harness
-
-from harness.comparison.robot_library import RobotLibrary
-from harness.engines import describe_engines
-from harness.explain.changes import readings
-from harness.workers import Workers
+from support import BUILT_IN, Done, harness
 
 RIGHT = toy_engine.RIGHT + "GAINS = (0.0, -5.0)\n"
 VERSIONS = {
@@ -30,49 +24,6 @@ VERSIONS = {
     "1.6": RIGHT.replace("-0.3 * v", "0.0 * v").replace("-5.0", "-3.05"),
     "1.5": toy_engine.LACKING.replace("def mass", "def masses"),
 }
-ADAPTER = """
-import numpy as np
-from harness.engines import Engine
-from harness.engines.interface import CompiledNumber
-from harness.engines.request import Refused
-from harness.engines.state_by_state import StateByState
-
-class Toy(Engine):
-    formats = ("urdf",)
-    requires = ("toy_engine", "toy-engine")
-    optional = True
-    factorises_mass_matrix = True
-    supplied = {"urdf": "dampers"}
-    call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
-
-    def read(self, request):
-        if request.joints[0].name != "pin":
-            raise Refused("no pin")
-        return ToyModel(request, {"pin": 0}, 1)
-
-    def compiled(self, request):
-        import toy_engine
-        return (
-            CompiledNumber("dof_damping", "pin", (float(-toy_engine.friction(1.0)),)),
-            CompiledNumber("gains", "servo", toy_engine.GAINS, felt=False),
-        )
-
-class ToyModel(StateByState):
-    applies_dampers = True
-
-    def _go_to(self, q, v):
-        self.q, self.v = q, v
-
-    def _mass_matrix(self):
-        import toy_engine
-        return np.diag(toy_engine.mass(self.q))
-
-    def _bias(self):
-        import toy_engine
-        return toy_engine.weight(self.q) - toy_engine.friction(self.v)
-
-ENGINE = Toy()
-"""
 READINGS = """
 from harness.explain.changes.readings import _left_out, readings_of
 said = ("The toy before 1.5 applies no damping", "add it to tau", "its own text, in a test")
@@ -85,22 +36,13 @@ BAR = BUILT_IN.model_path("bar_pendulum", "urdf").read_text()
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder with bar.urdf, where the toy reads files of users."""
     root = tmp_path_factory.mktemp("toy")
-    for name in ("engines", "readings", "robots"):
-        (root / name).mkdir()
-    (root / "engines" / "toy.py").write_text(ADAPTER)
-    (root / "readings" / "toy_dampers_of_a_version.py").write_text(READINGS)
-    (root / "robots" / "bar.urdf").write_text(BAR)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(cache_with_mechanisms(root / "cache")))
-        without_files = RobotLibrary.without_files.__func__  # type: ignore[attr-defined]
-        patch.setattr(RobotLibrary, "without_files", classmethod(lambda cls: replace(without_files(cls), engines=root / "engines")))
-        patch.setattr(readings, "__path__", [*readings.__path__, str(root / "readings")])
+    robots = root / "robots"
+    robots.mkdir()
+    (robots / "bar.urdf").write_text(BAR)
+    with toy_engine.reading_files(root, VERSIONS) as declared:
+        (declared / "toy_dampers_of_a_version.py").write_text(READINGS)
         importlib.invalidate_caches()
-        for version, source in VERSIONS.items():
-            toy_engine.plant(version, source)
-        describe_engines(RobotLibrary.without_files(), Workers)
-        yield root / "robots"
-    describe_engines(RobotLibrary.without_files(), Workers)
+        yield robots
 
 
 def upgraded(folder: Path, before: str, now: str, *arguments: str) -> Done:
