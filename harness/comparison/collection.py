@@ -20,6 +20,7 @@ from pathlib import Path
 import msgspec
 
 from harness.errors import InvalidInput
+from harness.files.reading import FORMATS
 from harness.library import TEMPLATE_SUFFIX
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
@@ -38,7 +39,7 @@ def find_files(places: Sequence[str]) -> list[Path]:
     """
     found: dict[Path, None] = {}
     for place in places:
-        own = sorted(path for path in _candidates(place) if is_model(path))
+        own = sorted(path for path in _candidates(place) if format_of(path))
         if not own:
             templates = Path(place).is_dir() and sorted(Path(place).rglob(f"*{TEMPLATE_SUFFIX}"))
             what = f"; {templates[0].name} is a xacro template: write the URDF of it by xacro first" if templates else ""
@@ -50,19 +51,13 @@ def find_files(places: Sequence[str]) -> list[Path]:
 
 
 def format_of(path: Path) -> str:
-    """The format of a model that was found: "urdf" or "mjcf"."""
-    root = _ROOT.search(_COMMENT.sub(b"", path.read_bytes()))
-    return "urdf" if root is not None and root[1] == b"robot" else "mjcf"
-
-
-def is_model(path: Path) -> bool:
-    """True for a URDF, or an MJCF with a world."""
+    """The format, "urdf" or "mjcf", of a URDF or an MJCF with a world by its first tag, well-formed or not; "" for any other file."""
     try:
         content = _COMMENT.sub(b"", path.read_bytes())
     except OSError:
-        return False
+        return ""
     root = _ROOT.search(content)
-    return root is not None and root[1] in _WORLD and _WORLD[root[1]] in content
+    return FORMATS[root[1].decode()] if root and root[1] in _WORLD and _WORLD[root[1]] in content else ""
 
 
 def _candidates(place: str) -> Iterator[Path]:
