@@ -34,8 +34,9 @@ _SECTIONS = {
     "extension": ("plugins", True),
     "contact": ("contacts that are excluded", False),
 }
+_OTHERWISE = {"contact/pair": (_CONTACTS, True), "deformable/skin": (_VISUAL, False)}
 _ALONE = {"visual": "settings of the picture", "statistic": "settings of the picture", "size": "sizes of memory"}
-_IN_BODIES = {"camera": "cameras and lights", "light": "cameras and lights", "plugin": "plugins"}
+_IN_BODIES = {"camera": "cameras and lights", "light": "cameras and lights"}
 _SECTIONS_READ = ("compiler", "option", "default", "worldbody", "tendon")
 _OF_FLUID = ("density", "viscosity", "wind")
 
@@ -100,7 +101,10 @@ def _declared(source: Source, elements: Iterable[tuple[str, etree._Element]]) ->
         names = _OF_FLUID if element.tag == "option" else sorted({*element.attrib, *attributes.get(str(element.tag), ())})
         values = {name: text for name in names if (text := resolved_text(element, name))}
         for part in element.iterdescendants("*"):
-            values |= {f"{literal_tag(part)} {name}": str(value) for name, value in part.attrib.items()}
+            if part.tag == "config":
+                values[f"config {part.get('key')}"] = str(part.get("value"))
+            else:
+                values |= {f"{literal_tag(part)} {name}": str(value) for name, value in part.attrib.items()}
         targets = [(name, element.get(name)) for name in _TARGETS if element.get(name)]
         holder = next(element.iterancestors("body", "link", "worldbody"), None)
         if targets:
@@ -127,8 +131,7 @@ def _of_sections(root: etree._Element) -> Found:
     for section in root.iterchildren("*"):
         if section.tag in _SECTIONS:
             for element in section.iterchildren("*"):
-                is_pair = section.tag == "contact" and element.tag == "pair"
-                yield (_CONTACTS, True, element) if is_pair else (*_SECTIONS[section.tag], element)
+                yield (*_OTHERWISE.get(f"{section.tag}/{element.tag}", _SECTIONS[section.tag]), element)
         elif section.tag == "option" and any(_is_felt(section.get(name, "")) for name in _OF_FLUID):
             yield "fluid", True, section
         elif section.tag not in _SECTIONS_READ:
@@ -148,7 +151,7 @@ def _of_bodies(root: etree._Element) -> Found:
                 touches = any(resolved_text(element, name, "1") != "0" for name in ("contype", "conaffinity"))
                 yield _CONTACTS if touches else _VISUAL, touches, element
             elif element.tag in _IN_BODIES:
-                yield _IN_BODIES[element.tag], element.tag == "plugin", element
+                yield _IN_BODIES[element.tag], False, element
             elif element.tag == "body" and element.get("mocap") == "true":
                 yield "bodies moved from outside", False, element
 

@@ -29,8 +29,22 @@ ORIENTATIONS = tuple(_SIZES)
 REPEATED = "repeated"
 # Name of the outermost class where its author gave it none.
 MAIN = "main"
-# Where the defaults of an element stand under another tag than its own.
-_DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon"}
+# Where the defaults of an element stand under another tag than its own; those of actuators of all kinds are one set.
+_ACTUATORS = (
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+)
+_DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon", **dict.fromkeys(_ACTUATORS, "actuator")}
 _UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
 _LETTERS = 3
 
@@ -119,9 +133,9 @@ def _classes(root: etree._Element) -> dict[str, _Class]:
             known = classes.setdefault(name, _Class())
             known.around = _names(default.getparent())[-1:]
             for part, attribute, text in parts:
-                earlier, words = known.given.get((part.tag, attribute), []), len(text.split())
-                longer = [written for written in earlier if len(written.text.split()) > words]
-                known.given[part.tag, attribute] = [Written(text, part), *longer]
+                key = _DEFAULT_TAG.get(part.tag, part.tag), attribute
+                longer = [written for written in known.given.get(key, []) if len(written.text.split()) > len(text.split())]
+                known.given[key] = [Written(text, part), *longer]
     return classes
 
 
