@@ -1,14 +1,17 @@
 """Relations that an MJCF states between its bodies and joints: the springs and dampers of its tendons, and its equalities.
 
 Those springs are read that run straight from one site to another, or act on a sum of joint positions; those equalities that are of points
-and frames, or couple joints, fixed tendons and tendons through sites.
+and frames, or couple joints, fixed tendons and tendons through sites. What acts on bodies while constraints, actuators and contacts are off
+is left unread: MuJoCo computes deformable bodies and plugins among the passive forces, and adds the armature and the damping of an actuator
+to its joint or tendon, gear^2 times.
 
-Source: MuJoCo documentation, XML reference, ``tendon/spatial``, ``tendon/fixed``, ``equality``, ``option/flag``.
+Source: MuJoCo documentation, XML reference, ``tendon/spatial``, ``tendon/fixed``, ``equality``, ``option/flag``, ``deformable/flex``,
+``extension/plugin``, ``actuator/general``; MuJoCo 4.0.0.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TypeVar
 
@@ -39,6 +42,11 @@ from harness.files.tree import WORLD, Body, Coupling, Given, Placement, Pose, Qu
 _AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _UNWRITTEN = "is of a kind whose rows the harness does not write"
 _ALONG_PATH = "is about a tendon that runs along a path, or about none of this file"
+
+# Plugins of MuJoCo that act as actuators, sensors and shapes of contacts alone.
+_OFF_WITH_STAGES = ("mujoco.pid", "mujoco.sensor.", "mujoco.sdf.")
+_WITHOUT_IT = "compare a copy without it"
+_TO_THE_TARGET = "write gear^2 times that into its joint or tendon"
 
 _Coupled = TypeVar("_Coupled", str, Tendon)
 
@@ -73,8 +81,10 @@ class ElementsBetween:
         """Those between points, and those on sums of joint positions.
 
         Raises:
-            InvalidModel: one speaks of nothing in the file. A spring or damper on another path, or between two lengths, is left unread.
+            InvalidModel: one speaks of nothing in the file. A spring or damper on another path, or between two lengths, and what is always
+                on, is left unread.
         """
+        _note_what_is_always_on(self._source, self._attributes)
         found = [spring for tendon in self._root.iterfind("tendon/*") if (spring := self._spring(tendon)) is not None]
         return tuple(one for one in found if isinstance(one, Spring)), tuple(one for one in found if isinstance(one, Coupling))
 
@@ -190,6 +200,51 @@ class ElementsBetween:
         if any(part.tag != "site" for part in parts):
             raise _NotRead(_ALONG_PATH)
         return Polygon(name, tuple(self._at(self._named(part, "site", self._sites)) for part in parts))
+
+
+def _note_what_is_always_on(source: Source, attributes: Attributes) -> None:
+    """Add to ``source.unread`` what acts while constraints, actuators and contacts are off.
+
+    Raises:
+        InvalidModel: a number of it is none.
+    """
+    source.unread.extend(_of_flexes(source, attributes))
+    source.unread.extend(_of_plugins(source))
+    for actuator in source.root.iterfind("actuator/*"):
+        if armature := attributes.number(actuator, "armature", 0.0):
+            attributes.leave_unread(actuator, "armature", armature, "is an inertia that stays on with actuators off", _TO_THE_TARGET)
+        damping = next(filter(None, attributes.numbers(actuator, "damping", (0, 0, 0))), None)
+        if damping is not None and attributes.acts("damper"):
+            attributes.leave_unread(actuator, "damping", damping, "is a damper that stays on with actuators off", _TO_THE_TARGET)
+
+
+def _of_flexes(source: Source, attributes: Attributes) -> Iterator[Unread]:
+    springs, dampers = attributes.acts("spring"), attributes.acts("damper")
+    for flex in source.root.iterfind("deformable/flex"):
+        numbers = (("edge", "stiffness", springs), ("edge", "damping", dampers), ("elasticity", "young", springs or dampers))
+        for part, name, acts in numbers:
+            element = flex.find(part)
+            # A surface is neither stretched nor bent unless elastic2d says so.
+            is_limp = part == "elasticity" and flex.get("dim", "2") == "2" and flex.xpath("string(elasticity/@elastic2d)") in ("", "none")
+            if element is not None and acts and not is_limp and source.number(element, name, 0.0):
+                what = f'<{part} {name}="{element.get(name)}"> of {describe(flex)} is a passive force that stays on with constraints off'
+                yield Unread(source.place(element), what, _WITHOUT_IT)
+                break
+
+
+def _of_plugins(source: Source) -> Iterator[Unread]:
+    """Of what has a plugin first: an instance in <extension> may act without."""
+    declared = {
+        instance.get("name"): str(plugin.get("plugin"))
+        for plugin in source.root.iterfind("extension/plugin")
+        for instance in plugin.iterchildren("instance")
+    }
+    users = [plugin for plugin in source.root.iter("plugin") if plugin.getparent().tag != "extension"]
+    for plugin in (*users, *(one for one in source.root.iterfind("extension/plugin") if one.find("instance") is not None)):
+        name = plugin.get("plugin") or declared.get(plugin.get("instance"), "")
+        if not name.startswith(_OFF_WITH_STAGES):
+            what = f"plugin {name!r} in {describe(plugin.getparent())} is code that may push bodies with constraints and actuators off"
+            yield Unread(source.place(plugin), what, _WITHOUT_IT)
 
 
 def _by_name(elements: Iterable[etree._Element]) -> Elements:

@@ -23,7 +23,6 @@ from harness.files.document.source import Numbers, Source, not_negative, not_zer
 from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.always_on import note_what_is_always_on
 from harness.files.mjcf.attributes import JOINTS, KINDS, REPEATED, Attributes, inside, is_on, resolved_text
 from harness.files.mjcf.between import ElementsBetween
 from harness.files.mjcf.inertias import CompileMeshes, Inertias
@@ -53,7 +52,6 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> tu
     bodies = tuple(reader.body(body) for world in source.root.iterchildren("worldbody") for body in world.iter("body"))
     if any(body.gravity_compensation for body in bodies):
         _refuse_compensating_actuators(source)
-    note_what_is_always_on(source, attributes)
     between, inertias = ElementsBetween(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
     tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, source.place(source.root), inertias.bounds)
