@@ -20,13 +20,14 @@ from pathlib import Path
 import msgspec
 
 from harness.errors import InvalidInput
+from harness.files.document.xml import MAXIMUM_BYTES, irregular
 from harness.files.reading import FORMATS
 from harness.library import TEMPLATE_SUFFIX
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
-# The first tag that is no declaration, comment or instruction.
-_ROOT = re.compile(rb"<\s*([A-Za-z_][\w.:-]*)")
-_COMMENT = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)
+# The first tag that is no comment or instruction, or the root that a DOCTYPE names.
+_ROOT = re.compile(rb"<\s*(!DOCTYPE\s+)?([A-Za-z_][\w.:-]*)")
+_COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)", re.DOTALL)
 # A part of a model that others include has no world.
 _WORLD = {b"robot": b"<robot", b"mujoco": b"<worldbody"}
 
@@ -51,18 +52,31 @@ def find_files(places: Sequence[str]) -> list[Path]:
 
 
 def format_of(path: Path) -> str:
-    """The format, "urdf" or "mjcf", of a URDF or an MJCF with a world by its first tag, well-formed or not; "" for any other file."""
+    """The format of what looks like a model, "urdf" or "mjcf"; "" for other files, such as a part of an MJCF, which has no world.
+
+    A file looks like one by its root element, or by its suffix where it cannot be read.
+    """
+    by_suffix = "urdf" if path.suffix.lower() == ".urdf" else ""
     try:
-        content = _COMMENT.sub(b"", path.read_bytes())
+        if irregular(path):
+            return by_suffix or "mjcf"
+        with path.open("rb") as file:
+            content = file.read(MAXIMUM_BYTES)
+            is_whole = not file.read(1)
     except OSError:
-        return ""
+        return by_suffix or "mjcf"
+    # Encodings that are wider than UTF-8 put zeros between letters.
+    content = _COMMENT.sub(b"", content.replace(b"\0", b""))
     root = _ROOT.search(content)
-    return FORMATS[root[1].decode()] if root and root[1] in _WORLD and _WORLD[root[1]] in content else ""
+    if root is None or root[2] not in _WORLD:
+        return by_suffix
+    # The world may be an entity, or stand behind what is read.
+    return FORMATS[root[2].decode()] if root[1] or not is_whole or _WORLD[root[2]] in content else by_suffix
 
 
 def _candidates(place: str) -> Iterator[Path]:
     path = Path(place)
-    if path.is_file():
+    if path.exists() and not path.is_dir():
         yield path
         return
     if path.is_dir():
@@ -73,7 +87,7 @@ def _candidates(place: str) -> Iterator[Path]:
         except importlib.metadata.PackageNotFoundError:
             problem = "there is no such file or folder, and no distribution of this name is installed"
             raise InvalidInput(place, None, f"{problem}; name a folder of robots") from None
-    yield from (path for path in files if path.suffix.lower() in SUFFIXES and path.is_file())
+    yield from (path for path in files if path.suffix.lower() in SUFFIXES and not path.is_dir())
 
 
 NAME = "expected_robots.toml"

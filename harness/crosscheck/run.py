@@ -210,6 +210,9 @@ class CrossCheck(Study):
         wanted = [Task(None, call, (derive_and_sample, library, name, sampled, self.settings.seed), name)]
         derived, *read = yield [*wanted, *(Task(None, call, (read_model, path, form), name) for form, path in paths.items())]
         if failure := self._failure_of(system, None, derived, library.system_path(name)):
+            # Of one robot's file nothing else is to be told.
+            if library.reads_files and self.names == [name] and isinstance(derived.exception, InvalidInput):
+                raise derived.exception
             system.fail(failure)
         system.mechanism = derived.value
         for (model_format, path), outcome in zip(paths.items(), read, strict=True):

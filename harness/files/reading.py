@@ -15,6 +15,7 @@ from shlex import quote
 
 from lxml import etree
 
+from harness.files.document.on_disk import refuse_irregular_files
 from harness.files.document.source import PassedOver, Source, Unread
 from harness.files.document.xml import Document, describe, literal_tag, read_any
 from harness.files.equalities import Equality
@@ -107,6 +108,7 @@ def read(
     """
     source, base = Source(document), ""
     if (format := _format(source)) == "urdf":
+        refuse_irregular_files(source)
         reader = UrdfReader(source)
         tree, equalities = reader.read(gravity, floating_base)
         base = reader.floating_base

@@ -5,6 +5,7 @@ A night that goes on tells what was changed in between by digests of all that it
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -201,7 +202,12 @@ def _files(library: Library) -> Iterator[tuple[str, Path]]:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:_DIGITS]
+    # Of what cannot be read a survey says so, whatever it holds.
+    with contextlib.suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGITS]
+    return "cannot be read"
 
 
 def subjects_of(library: Library, engines: Sequence[str]) -> list[str]:

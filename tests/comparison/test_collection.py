@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import os
 from pathlib import Path
 
 import pytest
 from comparison.robots import FILES
+from support import harness
 
 from harness.comparison.collection import find_files
 from harness.errors import InvalidInput
+from harness.files.document.xml import MAXIMUM_BYTES
 
 
 def test_models_are_told_by_their_root_element(tmp_path: Path) -> None:
@@ -22,6 +26,35 @@ def test_models_are_told_by_their_root_element(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("<robot/>")
     assert sorted(find_files([str(tmp_path)])) == sorted(wanted)
     assert find_files([str(wanted[1]), str(tmp_path)])[0] == wanted[1]
+
+
+def test_what_looks_like_a_robot_is_found_whether_it_can_be_read_or_not(tmp_path: Path) -> None:
+    robot = (FILES / "arm.xml").read_text()
+    contents = {
+        "doctype.xml": f'<!DOCTYPE mujoco [<!ENTITY world "<body/>">]>\n{robot}',
+        "entity.xml": '<!DOCTYPE mujoco SYSTEM "other.dtd"><mujoco>&world;</mujoco>',
+        "empty.urdf": "",
+        "huge.xml": "<mujoco>" + " " * MAXIMUM_BYTES + "<worldbody/></mujoco>",
+    }
+    for name, content in contents.items():
+        (tmp_path / name).write_text(content)
+    wide = {"marked.xml": "utf-16", "little.xml": "utf-16-le", "big.xml": "utf-16-be", "wider.xml": "utf-32"}
+    for name, encoding in wide.items():
+        (tmp_path / name).write_bytes(robot.encode(encoding))
+    (tmp_path / "lost.xml").symlink_to("nowhere")
+    os.mkfifo(tmp_path / "pipe.xml")
+    wanted = {*contents, *wide, "lost.xml", "pipe.xml"}
+    (tmp_path / "page.xml").write_text('<!DOCTYPE html PUBLIC "mujoco"><html/>')
+    (tmp_path / "unended.xml").write_text("<!--" * 100_000 + "<mujoco><worldbody/>")
+    assert {path.name for path in find_files([str(tmp_path)])} == wanted
+    done = harness("survey", str(tmp_path), "--out", str(tmp_path / "reports"), "--json", str(tmp_path / "found.json"))
+    assert done.returncode == 1
+    assert done.stdout.splitlines()[0] == f"{len(wanted)} robots: {len(wanted)} cannot be read."
+    reasons = {Path(file["path"]).name: file["problem"] for file in json.loads((tmp_path / "found.json").read_text())["files"]}
+    assert {name: "UTF-16" in reasons[name] for name in wide} == dict.fromkeys(wide, True)
+    parts = {"doctype": "DOCTYPE", "entity": "DOCTYPE", "empty": "is empty", "huge": "is larger", "lost": "no such file", "pipe": "a FIFO"}
+    for name, reason in parts.items():
+        assert reason in next(problem for file, problem in reasons.items() if Path(file).stem == name)
 
 
 @pytest.mark.parametrize("place", ["", "no-such-distribution"])

@@ -506,7 +506,7 @@ WHOLE_FILES = {
     "truncated in a tag": ("mjcf", MJCF[: MJCF.index("axis")].encode(), 7, "not well-formed"),
     "not XML": ("mjcf", b"joint: pin\n", 1, "not well-formed"),
     "not UTF-8": ("mjcf", MJCF.replace("cart", "caf\u00e9").encode("latin-1"), 6, "byte 0xe9 is not UTF-8"),
-    "UTF-16": ("urdf", URDF.encode("utf-16"), 1, "is not UTF-8"),
+    "UTF-16": ("urdf", URDF.encode("utf-16"), None, "is in UTF-16"),
     "too large": ("mjcf", b" " * (MAXIMUM_BYTES + 1), None, f"larger than {MAXIMUM_BYTES} bytes"),
     "too deep": ("mjcf", b"<mujoco>\n" + b"<body>" * MAXIMUM_DEPTH, 2, f"nested more than {MAXIMUM_DEPTH} deep"),
     "chain too deep": ("urdf", chain(MAXIMUM_DEPTH).encode(), 2 * MAXIMUM_DEPTH + 1, f"more than {MAXIMUM_DEPTH} joints from the root"),
@@ -543,7 +543,7 @@ def test_unreadable_paths_are_refused(tmp_path: Path, monkeypatch: pytest.Monkey
     cases = {
         tmp_path / "none.xml": "no such file",
         tmp_path: "is a directory",
-        pipe: "not a regular file",
+        pipe: "is a FIFO; expected a model file",
         loop: "cannot be read: Too many levels of symbolic links",
         tmp_path / "null\0.xml": "cannot be read: embedded null byte",
         locked: "cannot be read: Permission denied",

@@ -26,6 +26,16 @@ MAXIMUM_ELEMENTS = 50_000
 # libxml2 stops at 256, and links a few thousand deep overflow Pinocchio's stack.
 MAXIMUM_DEPTH = 200
 _SHOWN = 60
+# Bytes at the beginning of a file, of which one is zero in every encoding that is wider than UTF-8.
+_ENOUGH = 4
+# Whatever has a name on a disk and is no regular file.
+_KINDS = (
+    (stat.S_ISDIR, "a directory"),
+    (stat.S_ISFIFO, "a FIFO"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
 # The version of an XML declaration, which stands at the beginning of a file.
 _VERSION = re.compile(r"""\A(\ufeff?<\?xml\s+version\s*=\s*)(["'])[\w.:-]*\2""")
 
@@ -139,19 +149,25 @@ def _written_by_family(path: Path, writer: Path, size: int) -> str:
     return text
 
 
+def irregular(path: Path) -> str:
+    """The kind of what is at ``path``, such as "a FIFO"; "" for a regular file.
+
+    Raises:
+        OSError, ValueError: there is nothing, or it may not be known.
+    """
+    mode = path.stat().st_mode
+    return next((kind for is_one, kind in _KINDS if is_one(mode)), "")
+
+
 def read_text(path: Path) -> str:
     """The text of a file, or what the writer of a family gives for a member of it; raises InvalidModel where there is none."""
     member = member_of(path)
     if member is not None:
         return _written_by_family(path, *member)
     try:
-        mode = path.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise InvalidModel(
-                path, None, "is a directory; expected a model file: name one in it; harness survey takes all robots of a folder"
-            )
-        if not stat.S_ISREG(mode):
-            raise InvalidModel(path, None, "is not a regular file; expected a model file")
+        if kind := irregular(path):
+            remedy = ": name one in it; harness survey takes all robots of a folder" if path.is_dir() else ""
+            raise InvalidModel(path, None, f"is {kind}; expected a model file{remedy}")
         with path.open("rb") as file:
             content = file.read(MAXIMUM_BYTES + 1)
     except FileNotFoundError:
@@ -160,6 +176,8 @@ def read_text(path: Path) -> str:
         raise InvalidModel(path, None, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAXIMUM_BYTES:
         raise InvalidModel(path, None, f"is larger than {MAXIMUM_BYTES} bytes; a model needs joints and inertias, not meshes")
+    if b"\0" in content[:_ENOUGH]:
+        raise InvalidModel(path, None, "is in UTF-16, UTF-32 or no text; save the file as UTF-8")
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -19,6 +19,7 @@ from fractions import Fraction
 from lxml import etree
 
 from harness.errors import InvalidModel
+from harness.files.document.on_disk import refuse_irregular_files
 from harness.files.document.source import Numbers, Source, not_negative, not_zero
 from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
 from harness.files.equalities import Equality
@@ -46,6 +47,7 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> tu
         InvalidModel: what has no meaning, or one that is that of MuJoCo's program alone.
     """
     _expand(source)
+    refuse_irregular_files(source)
     attributes = Attributes(source)
     _refuse_other_frames(source, attributes)
     reader = _MjcfReader(source, attributes, compile_meshes)
