@@ -17,6 +17,7 @@ from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_titled, progress, say
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import matching
+from harness.results.table import counted
 
 if TYPE_CHECKING:
     from harness.night.course import Course
@@ -57,8 +58,8 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
     """Run everything in one night that can be killed.
 
     Cross-check, atlas, survey, benchmark and a sample of the fault campaign, each unit stored
-    as soon as it is complete: a system, a case, a robot, a model. With --resume a night that was
-    killed goes on with the others. The folder of the report gets the page, a summary
+    as soon as it is complete: a system, a case, a robot, a model. Of those under way each answer is
+    kept, such as that of a batch of states. With --resume a night that was killed goes on where it was. The folder of the report gets the page, a summary
     (nightly.md, also for the step of a GitHub workflow), nightly.xml for CI (JUnit), and
     what is new since the last night.
 
@@ -121,9 +122,11 @@ def _choice(bracket: Bracket, stages: Sequence[Stage], names: Sequence[str], ask
 
 
 def _how_it_goes_on(course: Course) -> str:
-    if course.resumed:
-        return f"the night that began at {course.run.started} goes on: {course.resumed} units are complete"
-    return f"no night of this library was interrupted before a unit was complete; this one began at {course.run.started}"
+    kept = course.answered.count()
+    if not course.resumed and not kept:
+        return f"no night of this library was interrupted with anything answered; this one began at {course.run.started}"
+    under_way = f", and {counted(kept, 'answer')} of those under way" if kept else ""
+    return f"the night that began at {course.run.started} goes on: it has {counted(course.resumed, 'complete unit')}{under_way}"
 
 
 def _complete(bracket: Bracket, course: Course, stage: Stage) -> None:

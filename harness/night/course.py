@@ -1,5 +1,7 @@
 """The course of a night: it begins or goes on, stage by stage and unit by unit, and each unit is stored as soon as it is complete.
 
+Of a unit that is not complete the cache has what was answered.
+
 A night that goes on tells what was changed in between by digests of all that it reads.
 """
 
@@ -18,6 +20,7 @@ from harness.comparison.collection import find_files
 from harness.engines import select_subjects, subjects
 from harness.errors import InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest
+from harness.night.answered import Answered
 from harness.night.stage import NightChoice, Stage, UnitFound
 from harness.night.together import Together, attempted
 from harness.results.change_points import NightValue
@@ -66,6 +69,8 @@ class Course:
     def begin(cls, history: History, run: Run, choice: NightChoice) -> Course:
         """A night that starts now."""
         course = cls(history, history.begin(run, Night), run, choice)
+        # Another night of this library does not go on any more.
+        course.answered.forget_all()
         course._append(Night(settings=[choice.settings]))
         return course
 
@@ -86,6 +91,11 @@ class Course:
             raise InvalidRequest(f"the night that began at {began.started} cannot go on: {'; '.join(different)}; {remedy}")
         return cls(history, number, began, choice, night, len(night.done))
 
+    @property
+    def answered(self) -> Answered:
+        """The outcomes of the units under way."""
+        return Answered.of(self.history.path, self.run.library, self.run.started)
+
     def left(self, stage: Stage) -> list[str]:
         """The units of a stage that are not complete."""
         done = self.night.units_of(stage.name)
@@ -101,8 +111,10 @@ class Course:
         study = self.study_of(stage)
         units = {unit: partial(stage.steps, self.choice, unit) for unit in self.left(stage)}
         most = (lambda: 1) if stage.is_timed else (lambda: _UNITS_PER_SEAT * workers.seats)
-        for part in Together(units, most, stage.kind).run(workers):
+        answered = self.answered.of_stage(stage.name)
+        for part in Together(units, most, stage.kind, answered).run(workers):
             self._store(study, stage, part.label, part.value)
+            answered.forget(part.label)
             yield part
         if stage.closing is not None and _CLOSING not in self.night.units_of(stage.name):
             closing, found = stage.closing, self.found(stage)
@@ -113,6 +125,7 @@ class Course:
     def end(self, sentence: str) -> None:
         """Store that the night has ended, and with what; it does not go on afterwards."""
         self._append(Night(ended=[sentence]))
+        self.answered.forget_all()
 
     def found(self, stage: Stage) -> Any:
         """All that a stage has found by now."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from support_results import RECORD, RUN
 
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import Library
+from harness.night.answered import Answered
 from harness.night.course import Course, cases_of, unfinished
 from harness.night.stage import NightChoice, Stage, Steps, UnitFound
 from harness.night.stages import find_stages, select_stages
@@ -22,6 +24,7 @@ from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
 from harness.results.night import Night, NightSettings, case_of
 from harness.study import Inquiry, Study, ask
+from harness.workers import Outcome, Task
 
 SETTINGS = NightSettings(stages=["toy"], states=10, seed=0, versions={"mujoco": "4.0"}, inputs={"systems/a.py": "12"})
 
@@ -81,6 +84,66 @@ def test_no_more_units_are_under_way_than_are_allowed() -> None:
         for done, _ in enumerate(together.run(workers), start=1):
             assert len(begun) <= done + 2
     assert begun == list("abcdef")
+
+
+def test_a_unit_under_way_asks_only_for_what_was_not_answered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two tasks beside each other, then one after the other; the night is interrupted before each of them in turn."""
+
+    class Beside(Doubling):
+        def inquiries(self) -> Iterator[list[Inquiry[None]]]:
+            yield [self._doubled() for _ in range(2)]
+
+    def steps() -> Steps:
+        first = Beside(1, 2)
+        yield first
+        return (yield from toy_steps(str(first.value), [2, 0, 1]))
+
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    answered, asked = Answered.of(tmp_path / "history.sqlite", "mine", "today").of_stage("toy"), 0
+    other = Answered.of(tmp_path / "history.sqlite", "mine", "today").of_stage("atlas")
+
+    class Dying(InThisProcess):
+        def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
+            nonlocal asked
+            for outcome in super().run(tasks, further):
+                asked += 1
+                yield outcome
+                raise KeyboardInterrupt
+
+    values = []
+    for _ in range(8):
+        with Dying() as workers, suppress(KeyboardInterrupt):
+            values += [part.value for part in Together({"a": steps}, lambda: 1, CrossCheckResult, answered).run(workers)]
+    assert asked == 7
+    [value] = values
+    with InThisProcess() as workers:
+        [unbroken] = Together({"a": steps}, lambda: 1, CrossCheckResult).run(workers)
+    assert value == unbroken.value
+    assert other.count() == 0 < answered.count()
+    answered.forget("a")
+    assert answered.count() == 0
+
+
+@pytest.mark.parametrize("damage", ["cut", "gone", "other question"])
+def test_answers_that_cannot_be_used_are_asked_again(damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    answered = Answered.of(tmp_path / "history.sqlite", "mine", "today")
+
+    def found() -> list[int]:
+        with InThisProcess() as workers:
+            parts = Together({"a": lambda: toy_steps("a", [3])}, lambda: 1, CrossCheckResult, answered).run(workers)
+            return [part.value.result.records[0].states for part in parts]
+
+    assert found() == [8]
+    files = sorted(path for path in tmp_path.rglob("*") if path.is_file())
+    assert [file.name for file in files] == ["0", "1", "2"]
+    if damage == "cut":
+        files[1].write_bytes(files[1].read_bytes()[:-3])
+    elif damage == "gone":
+        files[0].unlink()
+    else:
+        answered.keep("a", 1, 7, Outcome(Task(None, double, (1,)), value=5))
+    assert found() == [8]
 
 
 class Broken(Doubling):

@@ -135,5 +135,48 @@ def test_a_killed_night_goes_on_and_ends_as_one_that_was_not(kills: int, systems
     assert all(expected.values())
 
 
+def answers(folder: Path) -> int:
+    """Outcomes of tasks that are kept by now, those of units under way alone."""
+    return sum(path.is_file() and not path.name.startswith(".") for path in (folder / "cache" / "nights").rglob("*"))
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(("seed", "most"), [(1, 4), *(pytest.param(seed, 1000, marks=pytest.mark.nightly) for seed in range(2, 8))])
+def test_a_unit_goes_on_behind_the_batch_that_was_under_way(seed: int, most: int, tmp_path: Path) -> None:
+    """One system, of whose unit nothing is complete when it is killed; what is waited for is a number of answers, not a time."""
+    asked = ["--stage", "cross-check", "--states", "6000", "--faults", "0"]
+    quiet, killed = (folder_with_library(tmp_path / name, ["bar_pendulum"]) for name in ("quiet", "killed"))
+
+    def begin(folder: Path, **options: Any) -> subprocess.Popen[str]:
+        variables = {**os.environ, "HARNESS_CACHE": str(folder / "cache")}
+        return subprocess.Popen(command(asked), cwd=folder, env=variables, stderr=subprocess.PIPE, text=True, start_new_session=True, **options)
+
+    with begin(quiet) as process:
+        said = process.communicate(timeout=600)[1]
+    assert process.returncode == 0, said
+    assert "interrupted with anything answered" in said
+
+    draw, kills = random.Random(seed), 0
+    while True:
+        before, more = answers(killed), draw.randint(1, 8)
+        with begin(killed, stdout=subprocess.DEVNULL) as process:
+            until = time.monotonic() + 120
+            while kills < most and process.poll() is None and (kept := answers(killed)) < before + more and time.monotonic() < until:
+                time.sleep(0.005)
+            if kills < most and process.poll() is None:
+                assert kept >= before + more, f"{kept} answers, of which {before} are from before"
+                os.killpg(process.pid, signal.SIGKILL)
+                kills += 1
+            said = without_progress(process.communicate(timeout=60)[1])
+        assert not before or f"goes on: it has 0 complete units, and {before} answer" in said
+        if process.returncode != -signal.SIGKILL:
+            break
+        assert answers(killed) >= kept
+    assert kills >= min(most, 10)
+    assert process.returncode == 0, said
+    assert stored(killed) == stored(quiet)
+    assert not answers(killed)
+
+
 def stage_of(name: str) -> Stage:
     return find_stages()[name]
