@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from harness.commands import STUDIES
-from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.bracket import Bracket, computing, lose
 from harness.commands.frame.options import STATES_OF_PROFILE, states_option, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_titled, progress, say
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import matching
 from harness.results.table import counted
+from harness.workers import SchedulerLost
 
 if TYPE_CHECKING:
     from harness.night.course import Course
@@ -59,9 +60,9 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
 
     Cross-check, atlas, survey, benchmark and a sample of the fault campaign, each unit stored
     as soon as it is complete: a system, a case, a robot, a model. Of those under way each answer is
-    kept, such as that of a batch of states. With --resume a night that was killed goes on where it was. The folder of the report gets the page, a summary
-    (nightly.md, also for the step of a GitHub workflow), nightly.xml for CI (JUnit), and
-    what is new since the last night.
+    kept, such as that of a batch of states. With --resume a night that was killed goes on where it
+    was. The folder of the report gets the page, a summary (nightly.md, also for the step of a
+    GitHub workflow), nightly.xml for CI (JUnit), and what is new since the last night.
 
     \b
     Examples:
@@ -82,11 +83,15 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
         say(f"harness: {_how_it_goes_on(course)}", err=True)
     bracket.run = course.run
     asked_for = [stage for stage in chosen if stage.name in choice.settings.stages]
-    for stage in asked_for:
-        _complete(bracket, course, stage)
-    summary = _summary(course, asked_for, choice)
+    try:
+        for stage in asked_for:
+            _complete(bracket, course, stage)
+    except SchedulerLost as loss:
+        lose(bracket, loss, f"the night has {counted(len(course.night.done), 'complete unit')}, and --resume goes on with the others")
+    summary = _summary(course, asked_for, choice, is_complete=bracket.lost is None)
     _write(bracket, course, summary)
-    course.end(summary.sentence)
+    if bracket.lost is None:
+        course.end(summary.sentence)
     _print(bracket, summary)
     bracket.finish(
         [InvalidRequest(problem) for problem in summary.problems], summary.night.crashed, summary.as_expected, summary.night.faults
@@ -138,7 +143,7 @@ def _complete(bracket: Bracket, course: Course, stage: Stage) -> None:
                 advance(part.label)
 
 
-def _summary(course: Course, stages: Sequence[Stage], choice: NightChoice) -> NightSummary:
+def _summary(course: Course, stages: Sequence[Stage], choice: NightChoice, is_complete: bool) -> NightSummary:
     from harness.night.course import cases_of, changes_of
     from harness.report.night import NightSummary
 
@@ -147,8 +152,8 @@ def _summary(course: Course, stages: Sequence[Stage], choice: NightChoice) -> Ni
         run=course.run,
         night=course.night,
         cases=cases,
-        before=course.night_before(stages),
-        changes=changes_of(course, stages),
+        before=course.night_before(stages) if is_complete else None,
+        changes=changes_of(course, stages) if is_complete else [],
         problems=list(dict.fromkeys([*(str(problem) for stage in stages for problem in stage.problems(choice)), *course.night.problems])),
         resumed=course.resumed,
     )

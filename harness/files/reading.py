@@ -15,8 +15,7 @@ from shlex import quote
 
 from lxml import etree
 
-from harness.files.document.on_disk import refuse_irregular_files
-from harness.files.document.source import PassedOver, Source, Unread
+from harness.files.document.source import PassedOver, Source, Unread, refuse_irregular_files
 from harness.files.document.xml import Document, describe, literal_tag, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import LeftOut

@@ -15,12 +15,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from harness.workers.local import LocalPool
-from harness.workers.tasks import Crash, Outcome, Task
+from harness.workers.tasks import Crash, Outcome, SchedulerLost, Task
 
 if TYPE_CHECKING:
     from harness.workers.cluster import Cluster
 
-__all__ = ["Crash", "Outcome", "Scheduler", "Task", "Workers"]
+__all__ = ["Crash", "Outcome", "Scheduler", "SchedulerLost", "Task", "Workers"]
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,9 @@ class Workers:
         """Outcomes in the order in which the tasks end; every task has exactly one.
 
         ``further`` is asked after each outcome for the tasks that it made possible.
+
+        Raises:
+            SchedulerLost: the scheduler of the cluster has ended.
         """
         assert self._pool is not None, "enter the context first"
         return self._pool.run(tasks, further)

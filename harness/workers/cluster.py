@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidRequest
 from harness.workers.local import POLL_SECONDS, LocalPool
-from harness.workers.tasks import Crash, Outcome, Task, TaskQueue
+from harness.workers.tasks import Crash, Outcome, SchedulerLost, Task, TaskQueue
 
 if TYPE_CHECKING:
     from harness.workers import Scheduler
@@ -60,6 +60,7 @@ class Cluster:
         except ModuleNotFoundError as error:
             raise InvalidRequest(f"--scheduler asks for a Dask cluster, and {error.name} is not installed; {INSTALL}") from error
         self._time_limit = time_limit
+        self._address = scheduler.address
         self._session = secrets.token_hex(16)
         self._owners: dict[Hashable, Seat] = {}
         with contextlib.ExitStack() as stack:
@@ -80,8 +81,10 @@ class Cluster:
 
     def close(self) -> None:
         """End the processes of this session on the cluster's machines; its workers stay."""
-        with self._open:
-            self._client.run(_end_session, self._session, on_error="ignore")
+        # Without a scheduler nobody reaches its workers, which end by themselves.
+        with self._open, contextlib.suppress(OSError, SchedulerLost):
+            if self._is_reached():
+                self._client.run(_end_session, self._session, on_error="ignore")
 
     @property
     def seats(self) -> int:
@@ -94,6 +97,9 @@ class Cluster:
         A task whose worker is lost is asked again before those that wait, and reported as crashed if that worker is lost too.
         A worker has one such task at a time, so that where one kills its workers the other is not taken for the culprit.
         Tasks that no worker comes for are reported as crashed.
+
+        Raises:
+            SchedulerLost: the scheduler has ended, and none is at its address again within ``CONNECT_SECONDS``.
         """
         run = _ClusterRun(tasks)
         run.seats = self._seats()
@@ -103,7 +109,7 @@ class Cluster:
                 # One question to the scheduler for each answer would take it longer than the answer.
                 if time.monotonic() - last_asked > POLL_SECONDS:
                     run.seats, last_asked = self._seats(), time.monotonic()
-                outcomes = list(run.collect())
+                outcomes = list(run.collect(self._is_reached()))
                 # A task that is yet to be put back goes before the others of its affinity.
                 known = run.seats | set(run.running)
                 self._owners = {affinity: seat for affinity, seat in self._owners.items() if seat in known}
@@ -122,8 +128,22 @@ class Cluster:
             for attempt in run.running.values():
                 attempt.future.cancel()
 
+    def _is_reached(self) -> bool:
+        """False while the scheduler's connection is gone.
+
+        Raises:
+            SchedulerLost: for good.
+        """
+        if self._client.status == "closed":
+            raise SchedulerLost(f"the scheduler at {self._address} is gone")
+        return bool(self._client.status == "running")
+
     def _seats(self) -> set[Seat]:
-        return {(address, number) for address, threads in self._client.nthreads().items() for number in range(threads)}
+        """Where tasks may run by now; nowhere while the scheduler does not answer. Raises as ``_is_reached``."""
+        threads: dict[str, int] = {}
+        with contextlib.suppress(OSError):
+            threads = self._client.nthreads() if self._is_reached() else {}
+        return {(address, number) for address, count in threads.items() for number in range(count)}
 
     def _give_out(self, run: _ClusterRun) -> None:
         suspected = {seat[0] for seat, attempt in run.running.items() if attempt.task in run.asked_again}
@@ -157,8 +177,13 @@ class _ClusterRun:
         self.running: dict[Seat, _Attempt] = {}
         self.asked_again: set[Task] = set()
 
-    def collect(self) -> Iterator[Outcome]:
-        """Outcomes of the attempts that have ended; tasks that lost their worker for the first time are put back."""
+    def collect(self, is_reached: bool) -> Iterator[Outcome]:
+        """Outcomes of the attempts that have ended; tasks that lost their worker for the first time are put back.
+
+        So are those whose scheduler is not reached, which is not their fault.
+        """
+        if not is_reached:
+            self.seats = set()
         for seat, attempt in list(self.running.items()):
             if not attempt.arrival.done() and seat in self.seats:
                 continue
@@ -167,8 +192,8 @@ class _ClusterRun:
             if outcome is None:
                 # Nothing more goes there until the scheduler names it again.
                 self.seats = {other for other in self.seats if other[0] != seat[0]}
-            if outcome is None and attempt.task not in self.asked_again:
-                self.asked_again.add(attempt.task)
+            if outcome is None and not (is_reached and attempt.task in self.asked_again):
+                self.asked_again.update([attempt.task] if is_reached else [])
                 self.queue.put_back(attempt.task)
             else:
                 self.asked_again.discard(attempt.task)

@@ -8,9 +8,15 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from harness.errors import InvalidRequest
+
 # Ways out for the user of a task that ended too early.
 MORE_TIME = "--time-limit (pytest: --harness-time-limit) allows more"
 MORE_MEMORY = "fewer --workers (pytest: --harness-workers) leave each of them more"
+
+
+class SchedulerLost(InvalidRequest):
+    """The scheduler of a cluster has ended while tasks were under way: exit status 3."""
 
 
 @dataclass(frozen=True, eq=False)

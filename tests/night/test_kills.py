@@ -149,7 +149,8 @@ def test_a_unit_goes_on_behind_the_batch_that_was_under_way(seed: int, most: int
 
     def begin(folder: Path, **options: Any) -> subprocess.Popen[str]:
         variables = {**os.environ, "HARNESS_CACHE": str(folder / "cache")}
-        return subprocess.Popen(command(asked), cwd=folder, env=variables, stderr=subprocess.PIPE, text=True, start_new_session=True, **options)
+        options |= {"env": variables, "stderr": subprocess.PIPE, "start_new_session": True}
+        return subprocess.Popen(command(asked), cwd=folder, text=True, **options)
 
     with begin(quiet) as process:
         said = process.communicate(timeout=600)[1]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from harness.results.plain_json import JsonDocument
     from harness.results.records import Record, Run, StudyResult
     from harness.study import Study
-    from harness.workers import Scheduler, Workers
+    from harness.workers import Scheduler, SchedulerLost, Workers
 
 
 STANDARD_OUTPUT = "-"
@@ -41,6 +41,7 @@ class Bracket:
             command has them.
         named_subjects: those of the command's options; other engine files of the library are not run.
         run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
+        lost: the loss of the scheduler, after which no study goes on; what was answered is told and written.
     """
 
     library_path: str | None = None
@@ -56,6 +57,7 @@ class Bracket:
     named_subjects: Sequence[str] = field(default=(), init=False)
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
+    lost: SchedulerLost | None = None
     run: Run = field(init=False)
     _document: str = ""
 
@@ -116,7 +118,7 @@ class Bracket:
 
     @cached_property
     def pool(self) -> Workers:
-        """The worker processes, from the first use to the end of the command.
+        """The worker processes, from the first use to the end of the command or the loss of the scheduler.
 
         Raises:
             InvalidRequest: the cluster cannot be reached.
@@ -129,7 +131,7 @@ class Bracket:
         from harness.programs.machine_code import replace_damaged
         from harness.workers import Workers
 
-        scheduler = None if on_this_machine else self.scheduler
+        scheduler = None if on_this_machine or self.lost is not None else self.scheduler
         # Where heyoka is loaded, it has the cache open.
         if scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
             say(f"harness: {damaged}", err=True)
@@ -154,7 +156,10 @@ class Bracket:
         ``kept`` is False for a study whose parts are no part of the run's.
         """
         from harness.study import run_study
+        from harness.workers import SchedulerLost
 
+        if self.lost is not None:
+            return study.result()
         parts = unwritten = 0
         try:
             with progress(study.steps, study.title) as advance:
@@ -166,8 +171,10 @@ class Bracket:
                         self.write_json(**document())
                         unwritten = 0
                     advance(part.label)
+        except SchedulerLost as loss:
+            lose(self, loss, f"{parts} of {study.steps} parts of the {study.title} were complete, and what follows is of those")
         finally:
-            if document is not None and unwritten:
+            if document is not None and (unwritten or self.lost is not None):
                 self.write_json(**document())
         return study.result()
 
@@ -179,7 +186,8 @@ class Bracket:
     def write_json(self, records: Sequence[Record] = (), **parts: Any) -> None:
         """Write the JSON file that was asked for, if one was; ``parts`` as for ``to_json``."""
         if self.json_path:
-            self._write_text(self._json.text(records, **parts))
+            lost = {} if self.lost is None else {"incomplete": str(self.lost)}
+            self._write_text(self._json.text(records, **parts, **lost))
 
     def write_plain(self, data: Any) -> None:
         """Write plain data, of a command that has no run, to the JSON file that was asked for, if one was."""
@@ -201,13 +209,23 @@ class Bracket:
             write_atomically(self.json_path, text)
 
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool, faults: Sequence[str] = ()) -> None:
-        """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict."""
+        """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict.
+
+        The loss of the scheduler is a death.
+        """
         options.report_errors(problems)
         for fault in faults:
             say(fault, err=True)
         if faults:
             options.report_own_fault()
-        sys.exit(options.CRASHED if crashed else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
+        sys.exit(options.CRASHED if crashed or self.lost is not None else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
+
+
+def lose(bracket: Bracket, loss: SchedulerLost, sentence: str) -> None:
+    """Go on without the scheduler: side tasks run on this machine, and no study does. The first line that is printed says so."""
+    bracket.lost, text = loss, str(loss)
+    bracket.__dict__.pop("pool", None)
+    say(f"{text[0].upper()}{text[1:]}: {sentence}.", "")
 
 
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:

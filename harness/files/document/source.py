@@ -1,4 +1,4 @@
-"""The elements of a model's files: their places, their numbers with the rules that these pass, and what is passed over.
+"""The elements of a model's files: their places, their numbers and the rules of these, the files they name, and what is passed over.
 
 What is in them and known to nobody is read past. A number that is read is checked, and refused at its line.
 
@@ -19,12 +19,16 @@ from typing import NoReturn
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, describe, literal_tag, shorten
+from harness.files.document.xml import Document, describe, irregular, literal_tag, shorten
 from harness.files.tree import Given, Place
 from harness.library import nearest
 
 UNIT_TOLERANCE = 1e-6
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+# Attributes that name a file: of meshes, height fields, skins and models, in URDFs, and the six sides of a texture.
+_NAMING = re.compile("file(name|up|down|left|right|front|back)?")
+# Before a path in a URDF.
+_SCHEME = re.compile("^[a-z]+://")
 _SPACE = re.compile(r"[ \t\r\n]+")
 
 Check = Callable[[tuple[float, ...]], str | None]
@@ -281,3 +285,47 @@ def unresolved(element: etree._Element, attribute: str, known: Elements) -> str:
     if name is None:
         return f"{describe(element)} has no attribute {attribute!r}; add it"
     return f'<{literal_tag(element)} {attribute}="{shorten(name)}"> names nothing in this file; {nearest(shorten(name), known)}'
+
+
+# Files that elements name. To open a FIFO or a device may wait forever.
+
+
+def refuse_irregular_files(source: Source) -> None:
+    """Refuse an element that names a FIFO, a device, a socket or a directory as a file, before an engine opens it.
+
+    Raises:
+        InvalidModel: at the line of the element.
+    """
+    folders = _folders(source)
+    for element in source.root.iter("*"):
+        for attribute, text in element.attrib.items():
+            if _NAMING.fullmatch(attribute) is None:
+                continue
+            kinds = {path: _kind(path) for path in _places(text, folders)}
+            # Readers differ in where they look; a directory beside the file that they find is none of their business.
+            is_found = any(path.is_file() for path in kinds)
+            for path, kind in kinds.items():
+                if kind and not (is_found and path.is_dir()):
+                    what = f'<{literal_tag(element)} {attribute}="{shorten(text)}">'
+                    source.refuse(element, f"{what}: {path} is {kind}; expected a regular file")
+
+
+def _kind(path: Path) -> str:
+    try:
+        return irregular(path)
+    except (OSError, ValueError):
+        return ""
+
+
+def _folders(source: Source) -> list[Path]:
+    """Where readers look: in the folders of the model and of its included files, and in those that it names below them."""
+    own = dict.fromkeys([source.document.path.parent, *(source.place(element).path.parent for element in source.root.iter("*"))])
+    named = [str(one.get(name)) for one in source.root.iter("compiler") for name in ("meshdir", "texturedir", "assetdir") if one.get(name)]
+    return [folder / name for folder in own for name in ("", *named)]
+
+
+def _places(text: str, folders: list[Path]) -> Iterator[Path]:
+    """Where the file of an attribute may lie; some readers go by the name of a file alone."""
+    name = _SCHEME.sub("", text.strip())
+    if name:
+        yield from dict.fromkeys(folder / one for folder in folders for one in (name, Path(name).name))

@@ -19,8 +19,7 @@ from fractions import Fraction
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.on_disk import refuse_irregular_files
-from harness.files.document.source import Numbers, Source, not_negative, not_zero
+from harness.files.document.source import Numbers, Source, not_negative, not_zero, refuse_irregular_files
 from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
