@@ -93,7 +93,7 @@ class Toy(Engine):
 
     def read(self, request):
         if len(request.joints) > 1:
-            raise Refused("one joint, no more", request.joints[1].name)
+            raise Refused("one joint, no more")
         if request.joints[0].name != "pin":
             raise Refused("no pin")
         return ToyModel(request, {"pin": 0}, 1)

@@ -34,7 +34,7 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
     caller = engine_of(engine)
     about: dict[str, Any] = {**subject_of(meant, caller, stance), "notes": answers.notes}
     if answers.refusal:
-        rest = why_refused(meant.robot, answers.element)
+        rest = why_refused(meant.robot, answers.refusal)
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
     if meant.undetermined:
         finite = int(np.isfinite(answers.of(meant.robot.joints)).all(axis=1).sum())

@@ -151,7 +151,7 @@ class Engine:
                 loaded = self.read(question.request)
                 found = loaded.forward_dynamics(question.q, question.v, question.tau)
             except Refused as refusal:
-                return EngineAnswers(refusal=str(refusal), element=refusal.element)
+                return EngineAnswers(refusal=str(refusal))
         if arithmetic.left:
             raise InvalidAnswer(f"it leaves {arithmetic.left} for everything behind it in the process")
         return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes)

@@ -133,7 +133,7 @@ def refuse_joints(request: Request, engine: str, floating: Collection[str]) -> N
     for joint in request.joints:
         is_asked = joint.name in floating and joint.kind.has_attitude and joint.is_measured_in_the_world
         if not joint.kind.is_single and not is_asked:
-            raise Refused(f"the harness asks {engine} about no {joint.kind} joint, as {joint.name!r} is", joint.name)
+            raise Refused(f"the harness asks {engine} about no {joint.kind} joint, as {joint.name!r} is")
 
 
 class FileModel:

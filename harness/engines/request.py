@@ -221,13 +221,12 @@ class EngineAnswers:
     Attributes:
         accelerations: {joint: (n, velocities of the joint)} of the joints of the question that it has; with couplings, of those that
             move by themselves.
-        refusal: the engine's own words where it does not read the file; "" where it does. element: the body or joint that they name.
+        refusal: the engine's own words where it does not read the file; "" where it does.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
     """
 
     accelerations: Mapping[str, Array] = field(default_factory=dict)
     refusal: str = ""
-    element: str = ""
     notes: tuple[str, ...] = ()
 
     def of(self, joints: Sequence[str]) -> Array:
@@ -236,11 +235,7 @@ class EngineAnswers:
 
 
 class Refused(Exception):
-    """An engine does not read a file; the message holds its own words. ``element``: the body or joint that they name, "" for none."""
-
-    def __init__(self, words: str, element: str = "") -> None:
-        super().__init__(words)
-        self.element = element
+    """An engine does not read a file; the message holds its own words."""
 
 
 def projected(mass: Array, force: Array, couplings: Array) -> Array:

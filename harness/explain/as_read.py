@@ -101,8 +101,7 @@ class FileAsRead:
     def effects_and_refusal(self, seed: int, failure: str = "") -> tuple[list[Effect], list[str]]:
         """Effect of each reading, at the states of a comparison of the file; or reasons why the engine refuses the file, if it fails."""
         if failure:
-            named = [body.name for body in self.robot.tree.bodies if f"'{body.name}'" in failure]
-            return [], why_refused(self.robot, named[0] if named else "")
+            return [], why_refused(self.robot, failure)
         key = self.library, self.engine, self.robot.path, self.robot.tree, seed
         return _EFFECTS.get(key, lambda: effects(meant(self.robot, STATES, seed), self.folded)), []
 

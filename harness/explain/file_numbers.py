@@ -147,17 +147,16 @@ def _where(meant: Meant, accelerations: Array) -> str:
     return f"{int(bad.sum())} of {len(truth)} states, most in {', '.join(worst)} (up to {error_text(float(error.max()))} rad/s^2 or m/s^2)"
 
 
-def why_refused(robot: Robot, element: str) -> list[str]:
+def why_refused(robot: Robot, refusal: str) -> list[str]:
     """The file's numbers of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
-    sentences = []
-    for body in robot.tree.bodies:
-        if body.name == element and body.place is not None:
-            place = body.place if body.inertia is None else body.inertia.places["moments"]
-            numbers = (
-                "no inertia" if body.inertia is None else f"{_numbers((body.inertia.mass,))} kg, {_numbers(body.inertia.moments)} kg m^2"
-            )
-            sentences.append(f"{place.within(robot.path)}: {element}: {numbers}")
-    return sentences + [f"{one.place}: {one.body}: {one.what}" for one in robot.impossible]
+    impossible = [f"{one.place}: {one.body}: {one.what}" for one in robot.impossible]
+    named = next((body for body in robot.tree.bodies if f"'{body.name}'" in refusal), None)
+    if named is None or named.place is None:
+        return impossible
+    place, numbers = named.place, "no inertia"
+    if (inertia := named.inertia) is not None:
+        place, numbers = inertia.places["moments"], f"{_numbers((inertia.mass,))} kg, {_numbers(inertia.moments)} kg m^2"
+    return [f"{place.within(robot.path)}: {named.name}: {numbers}", *impossible]
 
 
 def _numbers(values: Sequence[Fraction]) -> str:

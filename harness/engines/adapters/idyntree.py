@@ -50,7 +50,7 @@ class IdyntreeModel(StateByState):
         """Put the base where the root link of the file is in the world's origin: it is another where the parser leaves out that link."""
         root, base = root_link(elements_of(self.request)), self._model.getLinkName(self._model.getDefaultBaseLink())
         if root != base and self.request.floating_base:
-            raise Refused(f"its base is link {base!r}, not the root {root!r}, of whose motion the harness asks", root)
+            raise Refused(f"its base is link {base!r}, not the root {root!r}, of whose motion the harness asks")
         if root != base:
             pose = self._model.getFrameTransform(self._model.getFrameIndex(root)).asHomogeneousTransform()
             self._base.pose = np.linalg.inv(pose.toNumPy())

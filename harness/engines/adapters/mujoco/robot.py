@@ -36,7 +36,6 @@ from harness.files.rules import StepRule
 
 # Tags of a file by the names of MuJoCo's types of equality, where they are others.
 _TYPES = {"mimic": "joint"}
-_ELEMENT = re.compile(r"Element name '([^']*)'")
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
 # Of its solver of constraints, which needs two or three of Newton's method.
@@ -72,9 +71,7 @@ def _refusals() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        words = " ".join(str(error).split())
-        named = _ELEMENT.search(words)
-        raise Refused(words, named[1] if named else "") from error
+        raise Refused(" ".join(str(error).split())) from error
 
 
 def _spec(request: Request, at_the_top: bool = False) -> Any:
