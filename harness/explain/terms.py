@@ -20,6 +20,7 @@ from harness.arrays import Array
 from harness.engines import Model, Terms, accelerations
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.results.table import first_of
 from harness.truth.compare import Flags, compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.terms import APPLIED, GRAVITY, MASS, PASSIVE, TERMS, VELOCITY, TermReference, certify_terms, term_errors
@@ -227,8 +228,7 @@ def _when(since: str, at_some: str, given: str) -> str:
 
 
 def _are_wrong(named: Sequence[str], when: str, size: str) -> str:
-    more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
-    return f"{', '.join(named[:_MOST_NAMED])}{more} {'are' if len(named) > 1 else 'is'} wrong {when}; {size}"
+    return f"{first_of(named, _MOST_NAMED)} {'are' if len(named) > 1 else 'is'} wrong {when}; {size}"
 
 
 def batches_at(states: States) -> dict[str, States]:

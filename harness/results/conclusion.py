@@ -13,7 +13,7 @@ from typing import TypeVar
 from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord, names_apart
 from harness.results.detail import Detail
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_of_qdd, share_text
-from harness.results.table import Table, counted, error_text, grouped
+from harness.results.table import Table, counted, error_text, grouped, joined
 from harness.verdict import AGREEMENT, Verdict
 
 # Rows of a file, and of each of several files; further ones are counted.
@@ -36,17 +36,17 @@ class Conclusion:
     rows: Sequence[str | Table] = ()
 
 
-def conclude(found: FilesComparison, file: FileRecord, detail: Detail = Detail.BRIEF, most: int = MOST_ROWS) -> Conclusion:
-    """Answer of a comparison of a file, with at most ``most`` rows unless all are asked for, and with none for 0."""
-    [conclusion] = conclude_alike(found, [file], detail, most)
+def conclude(found: FilesComparison, file: FileRecord, detail: Detail = Detail.BRIEF) -> Conclusion:
+    """Answer of a comparison of a file, with at most ``MOST_ROWS`` rows unless all are asked for."""
+    [conclusion] = conclude_alike(found, [file], detail, MOST_ROWS)
     return conclusion
 
 
 def conclude_alike(found: FilesComparison, files: Sequence[FileRecord], detail: Detail, most: int) -> list[Conclusion]:
-    """The same of several files; those of which the same is to be said have one conclusion."""
+    """The same of several files, with at most ``most`` rows; those of which the same is to be said have one conclusion."""
     names = names_apart(one.path for one in found.files)
     told = grouped((_told(found, file, detail, most), names[file.path]) for file in files)
-    return [Conclusion(f"{_listed(own)}{sentence}", rows) for (sentence, rows), own in told.items()]
+    return [Conclusion(f"{joined(own)}{sentence}", rows) for (sentence, rows), own in told.items()]
 
 
 def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -> tuple[str, tuple[str, ...]]:
@@ -260,13 +260,7 @@ def _weight(subject: SubjectRecord) -> float:
 
 
 def _names(subjects: Sequence[SubjectRecord]) -> str:
-    return _listed(sorted(one.program for one in subjects))
-
-
-def _listed(names: Sequence[str]) -> str:
-    """ "MuJoCo", "MuJoCo and Pinocchio", "adam, MuJoCo and Pinocchio"."""
-    *most, last = names or [""]
-    return f"{', '.join(most)} and {last}" if most else last
+    return joined(sorted(one.program for one in subjects))
 
 
 def _s(subjects: Sequence[SubjectRecord]) -> str:

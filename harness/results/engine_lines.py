@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.results.readings import share_text
-from harness.results.table import counted, grouped, plural
+from harness.results.table import counted, grouped, joined, plural
 from harness.verdict import Verdict, is_soft
 
 # Features by which constraints give.
@@ -54,7 +54,7 @@ def engine_line(answers: Iterable[EngineOutcome]) -> str:
         named = list(dict.fromkeys(name for one in own for name in (one.readings[:1] if verdict == Verdict.MISREADS else ()) or [one.name]))
         parts += [f"{said} {_listed(named)}"] if named else []
         parts += _soft(mechanisms) if verdict == Verdict.UNSTABLE else []
-    parts += [f"of {counted(len(robots), 'robot file')} {_joined(_outcomes(robots))}"] if robots else []
+    parts += [f"of {counted(len(robots), 'robot file')} {joined(_outcomes(robots))}"] if robots else []
     return "; ".join(parts) or "nothing was asked of it"
 
 
@@ -62,7 +62,7 @@ def _outcomes(robots: Sequence[EngineOutcome]) -> list[str]:
     """Number of answers of each outcome, with what is read otherwise."""
     told = []
     for outcome, own in sorted(grouped((one.outcome, one) for one in robots).items()):
-        readings = _joined(list(dict.fromkeys(name for one in own for name in one.readings)))
+        readings = joined(list(dict.fromkeys(name for one in own for name in one.readings)))
         said = {Verdict.AGREES.value: plural(len(own), "agrees", "agree"), Verdict.MISREADS.value: "misread"}.get(outcome, outcome)
         told.append(f"{len(own)} {said}{f' ({readings})' if readings else ''}")
     return told
@@ -75,7 +75,7 @@ def _right(answers: Sequence[EngineOutcome]) -> list[str]:
     for model_format, own in asked:
         right, total = own.count(Verdict.AGREES), len(own)
         counts.append(f"{f'all {total}' if 1 < right == total else f'{right} of {total}'} {model_format.upper()}".rstrip())
-    return [f"right on {_joined(counts)} mechanism{'' if max(len(own) for _, own in asked) == 1 else 's'}"] if counts else []
+    return [f"right on {joined(counts)} mechanism{'' if max(len(own) for _, own in asked) == 1 else 's'}"] if counts else []
 
 
 def _soft(answers: Sequence[EngineOutcome]) -> list[str]:
@@ -86,15 +86,11 @@ def _soft(answers: Sequence[EngineOutcome]) -> list[str]:
     distances = [one.from_rigid or 0.0 for one in soft]
     names = counted(len({one.name for one in soft}), "mechanism")
     away = " to ".join(dict.fromkeys(share_text(bound) for bound in (min(distances), max(distances))))
-    return [f"{_joined(ties) or 'constraints'} soft, as documented (accelerations {away} from rigid ones, {names})"]
+    return [f"{joined(ties) or 'constraints'} soft, as documented (accelerations {away} from rigid ones, {names})"]
 
 
 def _listed(names: Sequence[str]) -> str:
     """The names, or the first of them and how many more there are."""
     if len(names) <= _MOST_NAMED:
-        return _joined(names)
-    return _joined([*names[: _MOST_NAMED - 1], f"{len(names) - _MOST_NAMED + 1} more"])
-
-
-def _joined(words: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+        return joined(names)
+    return joined([*names[: _MOST_NAMED - 1], f"{len(names) - _MOST_NAMED + 1} more"])

@@ -59,6 +59,17 @@ def plural(number: int, one: str, several: str) -> str:
     return one if number == 1 else several
 
 
+def joined(words: Sequence[str]) -> str:
+    """ "MuJoCo", "MuJoCo and Pinocchio", "adam, MuJoCo and Pinocchio"; "" of none."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """The first of several names, and how many more there are."""
+    more = len(names) - most
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:most])} and {more} more"
+
+
 def grouped(pairs: Iterable[tuple[_Key, _Held]]) -> dict[_Key, list[_Held]]:
     """Items by their keys, which stand in the order in which they come."""
     found: dict[_Key, list[_Held]] = {}

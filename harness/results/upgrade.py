@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated
 
 from harness.files.findings import LeftOut
@@ -14,7 +14,7 @@ from harness.results.comparison import names_apart
 from harness.results.detail import Detail, telling
 from harness.results.readings import share_text
 from harness.results.records import Record
-from harness.results.table import Column, TableOf, counted, error_text, grouped, number_text
+from harness.results.table import Column, TableOf, counted, error_text, first_of, grouped, number_text
 from harness.results.trend import MESSAGE, TIME, RunChange
 from harness.results.trend_numbers import MEDIAN, PERCENTILE_99, WORST
 from harness.verdict import AGREEMENT, SOUND, Verdict
@@ -52,7 +52,7 @@ class CompiledChange:
     @property
     def name(self) -> Annotated[str, Column("compiled number")]:
         """The quantity with its part and its owners."""
-        return " ".join(filter(None, [f"{self.quantity}{self.part}", "of" * any(self.owners), named(self.owners)]))
+        return " ".join(filter(None, [f"{self.quantity}{self.part}", "of" * any(self.owners), _named(self.owners)]))
 
     @property
     def old(self) -> Annotated[str, Column("before", "plain")]:
@@ -74,18 +74,13 @@ class CompiledChange:
         return min(number_text(value), f"{value:.{digits}g}", key=len)
 
 
+_named = partial(first_of, most=_MOST_NAMED)
 compiled_table = TableOf(CompiledChange, "name old new change", "Compiled numbers")
 
 
 def _by_up_to(size: float) -> str:
     text = share_text(size)
     return f"by up to {text}{'' if text[-1].isalpha() or text[-1] == '%' else ' of their size'}"
-
-
-def named(names: Sequence[str]) -> str:
-    """The first of several names, and how many more there are."""
-    more = len(names) - _MOST_NAMED
-    return ", ".join(names) if more <= 0 else f"{', '.join(names[:_MOST_NAMED])} and {more} more"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +195,7 @@ class Upgraded:
         """Answer whether the new version changes what was asked about, in a sentence."""
         compared, engine = self._compared, f"{self.engine} {self.now}"
         if not compared:
-            about = named(self._unanswered)
+            about = _named(self._unanswered)
             return f"Nothing was compared: neither {self.engine} {self.before} nor {self.now} answers about {about}"
         of = grouped((one.now.system, one) for one in compared)
         changed = {system: those for system, those in of.items() if any(one.is_changed for one in those)}
@@ -213,7 +208,7 @@ class Upgraded:
         those = [one for found in changed.values() for one in found]
         better = all(one.is_better and not one.is_open for one in those)
         how = ", for the worse" if any(one.is_worse for one in those) else ", for the better" if better else ""
-        names = named([self._names[system] for system in changed])
+        names = _named([self._names[system] for system in changed])
         which = f"{names} against {self.before}"
         if len(of) > 1:
             which = f"{len(changed)} of {counted(len(of), self.noun)} against {self.before} ({names})"
@@ -233,10 +228,10 @@ class Upgraded:
         if numbers:
             numbers = telling(sorted(numbers, key=lambda one: -one.size), lambda one: one.size)[0]
             by = f" {_by_up_to(numbers[0].size)}" if math.isfinite(numbers[0].size) else ""
-            parts.append(f"compiled numbers{by} ({named(list(dict.fromkeys(one.quantity for one in numbers)))})")
+            parts.append(f"compiled numbers{by} ({_named(list(dict.fromkeys(one.quantity for one in numbers)))})")
         others = [one for one in changed if one.before.verdict != one.now.verdict and not one.moved]
         verdicts = [f"from {old} to {new}" for old, new in dict.fromkeys((one.before.verdict, one.now.verdict) for one in others)]
-        parts += [named(verdicts)] if verdicts else []
+        parts += [_named(verdicts)] if verdicts else []
         unfelt = "; accelerations without constraints, actuators and fluid are the same to rounding"
         return f"{' and '.join(parts) or 'what stands below'}{unfelt if numbers and not moved and not others else ''}"
 
@@ -247,12 +242,12 @@ class Upgraded:
         for what, where in self.left_out.items():
             if self._is_of_one:
                 lines = sorted(line for _, part in where for line in part.lines)
-                parts.append(f"{what}, {'line' if len(lines) == 1 else 'lines'} {named([str(line) for line in lines])}")
+                parts.append(f"{what}, {'line' if len(lines) == 1 else 'lines'} {_named([str(line) for line in lines])}")
             else:
                 parts.append(f"{what} of {counted(len({name for name, _ in where}), self.noun)}")
         # Of a library's mechanisms it says itself which an engine cannot express.
         if self._unanswered and self._compared and self.noun == FILE:
-            parts.append(f"neither version answers about {named(self._unanswered)}")
+            parts.append(f"neither version answers about {_named(self._unanswered)}")
         return f"not compared: {'; '.join(parts)}" if parts else ""
 
     @property
@@ -269,7 +264,7 @@ class Upgraded:
         told.sort(key=lambda one: (not one.is_worse, not one.is_open, -one.size, one.now.system))
         said_of = grouped(((one.now.subject, *self._of(one, detail)), self._names[one.now.system]) for one in told)
         for (subject, *lines), names in said_of.items():
-            yield from ("", f"{named(names)}, {subject}: {lines[0]}", *lines[1:])
+            yield from ("", f"{_named(names)}, {subject}: {lines[0]}", *lines[1:])
         grown = [change for one in self.asked for change in one.rounding if change.is_worse]
         if grown:
             most = max(grown, key=lambda change: float(change.now))
