@@ -29,7 +29,7 @@ from harness.library import TEMPLATE_SUFFIX
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 # What an empty file should have been.
 EXPECTED = "a robot: a URDF, whose root element is <robot>, or an MJCF, whose root element is <mujoco>"
-# [m/s^2], of a URDF, which holds none.
+# [m/s^2, along -z], of a URDF, which holds none.
 GRAVITY = 9.81
 
 
@@ -93,13 +93,11 @@ def _is_expanded(element: etree._Element) -> bool:
     return is_call or (not tag.startswith("xacro:") and any("${" in value for value in element.attrib.values()))
 
 
-def read(
-    document: Document, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None
-) -> Meaning:
+def read(document: Document, *, floating_base: bool = False, compile_meshes: CompileMeshes | None = None) -> Meaning:
     """Meaning of a document; an MJCF that includes files or makes replicas is changed in place, by having them.
 
-    ``floating_base`` puts a free joint between the world and the root link of a URDF. ``gravity`` is along -z. ``compile_meshes`` gives
-    what meshes of an MJCF weigh, which no file states; it is called for files that need it.
+    ``floating_base`` puts a free joint between the world and the root link of a URDF. ``compile_meshes`` gives what meshes of an MJCF
+    weigh, which no file states; it is called for files that need it.
 
     Raises:
         InvalidModel: something in it has no meaning: a number that is none, a joint without axis, links that are no tree, an element
@@ -109,7 +107,7 @@ def read(
     if (format := _format(source)) == "urdf":
         refuse_irregular_files(source)
         reader = UrdfReader(source)
-        tree, equalities = reader.read(gravity, floating_base)
+        tree, equalities = reader.read(GRAVITY, floating_base)
         base = reader.floating_base
         (left_out, declared), spring_dampers = left_out_of_urdf(source), SpringDampers()
     elif floating_base:

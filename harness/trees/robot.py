@@ -27,7 +27,7 @@ from harness.files.joint_kinds import JointKind
 from harness.files.left_out import Declared
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.model_file import ModelFile, meaning_of
-from harness.files.reading import EXPECTED, GRAVITY, Meaning, read
+from harness.files.reading import EXPECTED, Meaning, read
 from harness.files.tree import WORLD, Given, Joint, SpringDampers, Tree
 from harness.files.urdf.kinds import BALL_CONSTRAINT
 from harness.programs.evaluation import mass_matrix
@@ -120,11 +120,10 @@ class Robot:
         return {joint.name: joint for joint in self.tree.joints}[name]
 
 
-def read_robot(path: Path, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None) -> Robot:
+def read_robot(path: Path, *, floating_base: bool = False, compile_meshes: CompileMeshes | None = None) -> Robot:
     """The robot in a file, URDF or MJCF as its root element says.
 
-    ``floating_base`` puts a free joint between the world and the root link of a URDF, which holds no gravity either: ``gravity``
-    [m/s^2] points along -z there.
+    ``floating_base`` puts a free joint between the world and the root link of a URDF.
 
     ``compile_meshes`` gives what meshes of an MJCF weigh, which no file states. It is called for files that need it.
 
@@ -132,24 +131,21 @@ def read_robot(path: Path, *, floating_base: bool = False, gravity: float = GRAV
         InvalidModel: the file cannot be read, or something in it has no meaning: a number that is none, a joint without axis, links
             that are no tree, an element that makes bodies by the rules of one engine alone.
     """
-    return robot_in(read_any(path, EXPECTED), floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
+    return robot_in(read_any(path, EXPECTED), floating_base=floating_base, compile_meshes=compile_meshes)
 
 
-def robot_in(
-    document: Document, *, floating_base: bool = False, gravity: float = GRAVITY, compile_meshes: CompileMeshes | None = None
-) -> Robot:
+def robot_in(document: Document, *, floating_base: bool = False, compile_meshes: CompileMeshes | None = None) -> Robot:
     """``read_robot`` of a file's elements, which the caller may have changed; raises the same."""
-    meaning = read(document, floating_base=floating_base, gravity=gravity, compile_meshes=compile_meshes)
-    return _robot(document.path, meaning)
+    return _robot(document.path, read(document, floating_base=floating_base, compile_meshes=compile_meshes))
 
 
 def robot_of(model: ModelFile, gravity: float) -> Robot:
-    """The robot in a validated model file; ``gravity`` as of ``read_robot``."""
+    """The robot in a validated model file; ``gravity`` [m/s^2, along -z] is that of a URDF, which holds none."""
     return _robot(model.path, replace(meaning_of(model), tree=tree_of(model, gravity), spring_dampers=SpringDampers()))
 
 
 def tree_of(model: ModelFile, gravity: float) -> Tree:
-    """The tree of a validated model file; ``gravity`` as of ``read_robot``."""
+    """The tree of a validated model file; ``gravity`` as of ``robot_of``."""
     meaning = meaning_of(model)
     tree = _whole(meaning)
     if meaning.format == "mjcf":
