@@ -30,7 +30,7 @@ from harness.commands.frame.options import INTERRUPTED, INVALID, report_own_faul
 from harness.library import FILE_SUFFIXES, TEMPLATE_SUFFIX, nearest
 from harness.registry import module_names
 from harness.study import is_out_of_memory
-from harness.version import __version__
+from harness.version import SYSTEMS, __version__
 
 # What the system may refuse any command, and the way out.
 _REMEDIES = {
@@ -157,6 +157,8 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def main(self, *arguments: Any, **options: Any) -> Any:
+        if sys.platform not in SYSTEMS:
+            _end(f"{sys.platform} is not supported; use {' or '.join(SYSTEMS.values())}, on Windows its subsystem for Linux (WSL)")
         try:
             with surroundings():
                 return super().main(*arguments, **options)

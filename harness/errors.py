@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+import sys
 from pathlib import Path
 
 
@@ -37,7 +39,37 @@ class InvalidEngine(InvalidInput):
 
 
 class InvalidRequest(Exception):
-    """Something asked for that cannot be: a name nothing has, options that do not fit: exit status 2."""
+    """Something asked for that cannot be: a name nothing has, options that do not fit, a package that is not installed: exit status 2."""
+
+
+DISTRIBUTION = "rigid-body-harness"
+# The extra of the distribution that installs a module; every other module that is used is a dependency.
+EXTRAS = {"bokeh": "report", "cma": "search", "distributed": "cluster", "heyoka": "lagrange"}
+
+
+def require(needed_for: str, *modules: str) -> None:
+    """Raise ``InvalidRequest`` where one of these ``modules`` is not installed.
+
+    ``needed_for`` opens its sentence, as "a report has charts".
+    """
+    if missing := [module for module in modules if not _is_installed(module)]:
+        raise InvalidRequest(f"{needed_for}: {not_installed(*missing)}")
+
+
+def not_installed(*modules: str) -> str:
+    """The sentence that these modules are not installed, with the command that installs those of extras."""
+    extras = ",".join(sorted({EXTRAS[module] for module in modules if module in EXTRAS}))
+    remedy = f"; pip install '{DISTRIBUTION}[{extras}]', or '.[{extras}]' in a clone" if extras else ""
+    if "heyoka" in modules and sys.platform != "linux":
+        remedy += "; its wheels are for Linux alone, and conda-forge has heyoka.py for macOS"
+    return f"{' and '.join(modules)} {'is' if len(modules) == 1 else 'are'} not installed{remedy}"
+
+
+def _is_installed(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def message_of(error: BaseException) -> str:

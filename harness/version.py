@@ -4,6 +4,8 @@ import functools
 import importlib.metadata
 
 __version__ = "0.1.0"
+# What ``sys.platform`` may be; Pinocchio has no wheels for other systems.
+SYSTEMS = {"linux": "Linux", "darwin": "macOS"}
 
 
 @functools.cache

@@ -9,6 +9,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, subjects_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_sentences, print_titled, say
+from harness.errors import require
 
 SECTION = STUDIES
 
@@ -37,6 +38,7 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     from harness.report.hard_cases import HardSummary
     from harness.results.atlas import Atlas
 
+    require("an atlas has charts", "bokeh", *(["heyoka"] if motion else []))
     study = AtlasStudy(bracket.library, cases, subjects, motion, quantities=quantities)
     run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
     bracket.complete(study, lambda: {"atlas": measured})

@@ -12,6 +12,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantities_option, takes, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_sentences, print_titled, say
+from harness.errors import require
 from harness.results.check_conclusion import MOST_ROWS
 from harness.results.detail import Detail
 from harness.results.table import grouped
@@ -84,6 +85,7 @@ def command(bracket: Bracket, asked: BenchOptions) -> None:
     bracket.time_limit = bracket.time_limit or settings.thoroughness.time_limit
     # The report is that of a library of mechanisms, whose page a robot would take the place of.
     kept = None if ROBOTS in bracket.library.kinds else Benchmark
+    require("a benchmark takes charts and machine code", *(["bokeh", "heyoka"] if kept is not None else ["heyoka"] if asked.motion else []))
     run, measured = bracket.begin(settings.thoroughness.states, asked.profile, kept), study.result()
     bracket.complete(study, lambda: {"benchmark": {"run": run} | vars(with_cheapest(measured))})
     summary = BenchmarkSummary(run, measured)

@@ -15,7 +15,7 @@ from harness.commands.frame.bracket import Bracket, computing, lose
 from harness.commands.frame.options import STATES_OF_PROFILE, states_option, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_titled, progress, say
-from harness.errors import InvalidInput, InvalidRequest
+from harness.errors import InvalidInput, InvalidRequest, require
 from harness.library import matching
 from harness.results.table import counted
 from harness.workers import SchedulerLost
@@ -75,6 +75,7 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
     from harness.night.course import Course
     from harness.night.stages import select_stages
 
+    require("a night takes charts, searches and machine code", "bokeh", "cma", "heyoka")
     chosen = select_stages(stages)
     choice = _choice(bracket, chosen, names, {name: list(value) if isinstance(value, tuple) else value for name, value in asked.items()})
     begun = bracket.begin(choice.settings.states, "nightly")

@@ -11,6 +11,7 @@ from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
 from harness.commands.frame.options import STATES_OF_PROFILE
 from harness.commands.frame.pages import write_page
+from harness.errors import require
 
 if TYPE_CHECKING:
     from harness.comparison.study import RobotComparison
@@ -40,6 +41,7 @@ def command(bracket: Bracket, profile: str) -> None:
     from harness.results.cross_check import CrossCheckResult
     from harness.show.gallery import Gallery
 
+    require("a report has charts", "bokeh")
     states = STATES_OF_PROFILE[profile]
     settings = Settings(
         library=bracket.library, states=states, seed=bracket.seed, componentwise=True, replay_options=bracket.replay_options

@@ -8,6 +8,7 @@ from harness.commands import STUDIES
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.options import quantity_option, subjects_option
 from harness.commands.frame.terminal import say
+from harness.errors import require
 
 SECTION = STUDIES
 
@@ -35,6 +36,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
     from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
     from harness.results.hard_states import as_lines
 
+    require("a search follows evolution strategies", "cma")
     bracket.choose_library([name])
     settings = SearchSettings(
         library=bracket.library,

@@ -23,7 +23,7 @@ from harness.engines import (
     select_subjects,
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
-from harness.errors import InvalidModel, InvalidRequest
+from harness.errors import InvalidModel, InvalidRequest, not_installed
 from harness.explain.meant import joints_without_inertia, request_of, undetermined, why_unmoved
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
@@ -64,7 +64,7 @@ def ask_engine(engine: str, question: EngineQuestion) -> EngineAnswers:
     """
     found = load_engine(RobotLibrary.without_files(), engine)
     if installed_version(found) is None:
-        return EngineAnswers(refusal=f"{found.requires[1]} is not installed; harness engines add {engine}")
+        return EngineAnswers(refusal=f"{not_installed(found.requires[1])}; harness engines add {engine}")
     try:
         return found.ask(question)
     except Unsupported as missing:

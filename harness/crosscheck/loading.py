@@ -11,7 +11,7 @@ from harness.crosscheck.expected import Expectations
 from harness.crosscheck.judgement import Pair, Pairs, SystemProgress
 from harness.crosscheck.settings import Settings, stored_states
 from harness.engines import Subject, Unsupported, engine_files, is_native, load_model
-from harness.errors import InvalidModel, InvalidRequest
+from harness.errors import InvalidModel, InvalidRequest, not_installed
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, orphaned_models
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -80,7 +80,7 @@ def assign(settings: Settings, expectations: Expectations, system: SystemProgres
     elif isinstance(model, str):
         pair.fail(model, refused=True)
     elif file.version is None:
-        pair.fail(f"{file.requires[1]} is not installed", unsupported=True)
+        pair.fail(not_installed(file.requires[1]), unsupported=True)
     elif file.elsewhere and (reason := file.too_old(file.version, pair.subject.format)):
         pair.fail(reason, unsupported=True)
     else:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from harness.engines import engine_files, subjects
 from harness.environments import split_name
-from harness.errors import InvalidInput
+from harness.errors import EXTRAS, InvalidInput
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
@@ -93,11 +93,9 @@ def stored_states(library: Library, mechanism: Mechanism) -> States | None:
 def describe_run(library: Library, states: int, seed: int, profile: str, command: Sequence[str], workers: str) -> Run:
     """Versions, machine and settings of a run that starts now; ``workers`` is how many processes it is spread over."""
     versions = {"harness": __version__, "python": platform.python_version()}
-    for distribution in ("sympy", "numpy", "scipy", "heyoka", "python-flint", "hypothesis", "cma"):
-        versions[distribution] = version_of(distribution)
-    # An extra, which a cluster alone asks for.
-    with contextlib.suppress(PackageNotFoundError):
-        versions["distributed"] = version_of("distributed")
+    for distribution in ("sympy", "numpy", "scipy", "python-flint", "hypothesis", *EXTRAS):
+        with contextlib.suppress(PackageNotFoundError):
+            versions[distribution] = version_of(distribution)
     known = {name: file for name, file in engine_files(library).items() if not split_name(name)[1]}
     engines = {name: file for name, file in known.items() if file.version is not None}
     versions |= {file.requires[1]: str(file.version) for file in engines.values()}

@@ -21,7 +21,7 @@ from typing import Any
 
 from harness.crosscheck.expected import Entry, Text, of_quantity, read_entries
 from harness.engines import NotOffered, Subject, engine_files, select_subjects
-from harness.errors import InvalidRequest
+from harness.errors import InvalidRequest, not_installed
 from harness.hard.cases import hard_cases
 from harness.hard.measurement import failed, measure
 from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, partings, stable_steps
@@ -119,7 +119,7 @@ def _installed(library: Library, names: Sequence[str]) -> list[Subject]:
         if file.version is not None or file.outcome.value is None:
             chosen.append(subject)
         elif names:
-            raise InvalidRequest(f"{subject} cannot be measured: {file.requires[1]} is not installed")
+            raise InvalidRequest(f"{subject} cannot be measured: {not_installed(file.requires[1])}")
     if not chosen:
         raise InvalidRequest("no engine is installed")
     return chosen

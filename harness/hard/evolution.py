@@ -21,6 +21,7 @@ from harness.crosscheck import hypothesis_search
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.hypothesis_search import note_of, objective
 from harness.crosscheck.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
+from harness.errors import require
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.study import Note
@@ -113,6 +114,7 @@ def worst_index(comparison: Comparison) -> int:
 
 
 def _strategy(space: StateSpace, population: int, random: np.random.Generator) -> Any:
+    require("a search follows evolution strategies", "cma")
     with warnings.catch_warnings():
         # It says that it cannot plot, and that it does not know the name of its own signals file.
         warnings.simplefilter("ignore")

@@ -25,7 +25,7 @@ from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.stages import ask_one_by_one, readings_and_refusal
 from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
-from harness.errors import InvalidInput, InvalidRequest
+from harness.errors import InvalidInput, InvalidRequest, not_installed
 from harness.hard.evolution import Hunt, hunt, hunts
 from harness.hard.worst_cases import digits_lost, locate, reproduce
 from harness.lagrange.derivation import load_mechanism
@@ -198,7 +198,7 @@ class StateSearch(Study):
                 self._result.crashed = self.crashed
                 continue
             if not reason and file.version is None:
-                reason = f"{file.requires[1]} is not installed"
+                reason = not_installed(file.requires[1])
             if reason and self.settings.subjects:
                 raise InvalidRequest(f"{subject} cannot be searched on {self.name}: {reason}")
             if not reason:

@@ -22,25 +22,25 @@ perturbations), 10.1 (scaled condition number and Cholesky).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, frame_of, load_audited, reference_kernel_of
-from harness.engines import Subject, select_subjects
+from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
+from harness.engines import Subject, Terms, select_subjects
 from harness.files.text.scan import compact
 from harness.library import Library
-from harness.programs.mechanisms.kernel import MechanismKernel
 from harness.programs.program import OUTPUTS, right_hand_side
 from harness.programs.states import States
 from harness.results.hard_states import RankedCase, worst_cases
 from harness.results.records import Record
 from harness.study import Note
 from harness.truth.compare import compare, farthest_block
-from harness.truth.reference import Reference
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.terms import certify_terms
 from harness.verdict import Verdict
 from harness.workers import Task, Workers
 
@@ -89,10 +89,9 @@ def locate(assignment: Assignment, state: States) -> Loss:
     error, verdict = float(comparison.backward_error[0]), str(comparison.verdicts[0])
     if not math.isfinite(error):
         return Loss(NONE, "the answer is not finite" if verdict == Verdict.ERROR else f"{verdict}: no backward error is known")
-    equations = MechanismKernel(assignment.mechanism, frame_of(assignment))
-    terms = equations.terms(state.q, state.v, state.tau)
+    terms = certify_terms(kernel, state).high
     shares = rounding_shares(reference, terms)
-    at_rest, under_load = (_at_rest(assignment, equations, state, terms, reference, load) for load in (1.0, LOAD))
+    at_rest, under_load = (_at_rest(assignment, kernel, state, terms, reference, load) for load in (1.0, LOAD))
     if at_rest is None or under_load is None:
         return Loss(NONE, f"{error:.3g} data roundoffs; at rest there is no finite answer")
     if at_rest < error / 2:
@@ -134,32 +133,30 @@ def _farthest(assignment: Assignment, state: States) -> Loss:
     return Loss(block, f"{error:.3g} data roundoffs in the {block}")
 
 
-def rounding_shares(reference: Reference, terms: Mapping[str, Array]) -> dict[str, float]:
+def rounding_shares(reference: Reference, terms: Terms) -> dict[str, float]:
     """Term to how far qdd moves when each of its entries is rounded [units of data roundoff], of the one state of ``reference``.
 
-    ``terms`` holds "mass" (1, nv, nv), "velocity", "gravity" and "passive" (1, nv).
+    ``terms`` are those of the same state.
     """
     factor = reference.norm_factor[0]
     # |M^-1 e_i|_M is the length of column i of R^-T.
     reach = np.linalg.norm(np.linalg.inv(factor.T), axis=0)
-    moved = {MASS_MATRIX: float((np.abs(terms["mass"][0]) @ np.abs(reference.high[0])) @ reach)}
-    moved |= {name: float(np.abs(terms[name][0]) @ reach) for name in (VELOCITY, GRAVITY_TERM, PASSIVE)}
+    moved = {MASS_MATRIX: float((np.abs(terms.mass[0]) @ np.abs(reference.high[0])) @ reach)}
+    moved |= {name: float(np.abs(getattr(terms, name)[0]) @ reach) for name in (VELOCITY, GRAVITY_TERM, PASSIVE)}
     return {name: move / float(reference.sensitivity[0]) for name, move in moved.items()}
 
 
-def _at_rest(
-    assignment: Assignment, equations: MechanismKernel, state: States, terms: Mapping[str, Array], moving: Reference, load: float
-) -> float | None:
+def _at_rest(assignment: Assignment, kernel: ReferenceKernel, state: States, terms: Terms, moving: Reference, load: float) -> float | None:
     """The subject's error at rest under forces that make the answer ``load`` times as large, over ``load``.
 
     In data roundoffs of the moving state; None where there is no finite answer.
     """
     still = States(state.q, np.zeros_like(state.v), state.tau, state.time)
-    held = equations.terms(still.q, still.v, still.tau)
-    stand_in = state.tau - terms["velocity"] + held["velocity"] + terms["passive"] - held["passive"]
-    total = np.array(right_hand_side({name: held[name][0] for name in OUTPUTS}, stand_in[0]))[None]
+    held = certify_terms(kernel, still).high
+    stand_in = state.tau - terms.velocity + held.velocity + terms.passive - held.passive
+    total = np.array(right_hand_side({name: getattr(held, name)[0] for name in OUTPUTS}, stand_in[0]))[None]
     still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)
-    reference = reference_kernel_of(assignment).evaluate(still)
+    reference = kernel.evaluate(still)
     error = assignment.judge(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load
     return float(error) if math.isfinite(error) else None
 

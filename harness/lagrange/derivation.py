@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from harness.programs.program import StraightLineProgram
 
 MOST_INSTRUCTIONS_READ = 200
-_VERSIONED = ("sympy", "heyoka", "python-flint", "numpy")
+_VERSIONED = ("sympy", "python-flint", "numpy")
 
 
 def load_mechanism(library: Library, name: str) -> Mechanism:

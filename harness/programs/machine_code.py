@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from harness.errors import require
 from harness.storage import machine_code_directory
 from harness.workers.program import is_worker
 
@@ -34,7 +35,12 @@ _DIFFERENT = "SELECT 1 FROM cache LEFT JOIN copies USING (hash) WHERE copies.obj
 
 
 def load_heyoka() -> Any:
-    """The module, ready to compile; where its cache cannot be used, it compiles without one."""
+    """The module, ready to compile; where its cache cannot be used, it compiles without one.
+
+    Raises:
+        InvalidRequest: it is not installed.
+    """
+    require("equations of motion become machine code", "heyoka")
     with _without_sympy() if is_worker() else contextlib.nullcontext():
         import heyoka
 

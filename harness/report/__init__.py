@@ -87,9 +87,11 @@ def _site(pages: Pages) -> dict[str, str]:
     texts, tables = {}, []
     for address, drawn in pages.drawn():
         texts[address] = drawn.text
+        if drawn.has_charts:
+            texts["bokeh.js"] = library()
         tables += [site_tables.shown(address, name, table) for name, table in drawn.tables.items()]
     site = replace(pages.site, tables=tables)
-    texts |= {name: asset(name) for name in _SHARED} | {"style.css": style_sheet(), "rebuild.py": standalone(), "bokeh.js": library()}
+    texts |= {name: asset(name) for name in _SHARED} | {"style.css": style_sheet(), "rebuild.py": standalone()}
     texts |= {count.badge: badge(count) for count in site.counts}
     return texts | {"site.json": dumps(site, indent=1) + "\n", "site.schema.json": schema()}
 

@@ -71,8 +71,6 @@ def plots_of(summary: Summary, system: str) -> dict[str, plotting.figure | None]
 
 def _overview(summary: Summary) -> plotting.figure | None:
     """The worst backward error of each pair, a row for each system."""
-    from bokeh.models import FixedTicker
-
     compared = [record for record in summary.records if drawable(record.backward_error)]
     if not compared:
         return None
@@ -80,6 +78,8 @@ def _overview(summary: Summary) -> plotting.figure | None:
     rows, count = summary.systems, len(summary.subjects)
     height = 50 + len(rows) * max(28, 12 * count)
     plot = new_figure(height, "worst backward error", "", x_axis_type="log", x_range=(low, high), y_range=(len(rows) - 0.5, -0.5))
+    from bokeh.models import FixedTicker
+
     plot.yaxis.ticker = FixedTicker(ticks=list(range(len(rows))))
     plot.yaxis.major_label_overrides = dict(enumerate(rows))
     plot.ygrid.ticker = FixedTicker(ticks=[row + 0.5 for row in range(len(rows))])

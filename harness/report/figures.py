@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeGuard, TypeVar
 
 from markupsafe import Markup
 
+from harness.errors import require
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ COLOURS = ("#2f8fd0", "#e0731d", "#16a37b", "#c766a5", "#b8860b", "#8a70d6", "#7
 GREY, RED = "#808080", "#d9534f"
 LOWEST, HIGHEST = 1e-300, 1e300
 _LEAST_SPAN = 100.0
+_NEEDED = "a report has charts"
 Style = tuple[str, str, str]
 _Item = TypeVar("_Item")
 
@@ -42,12 +44,12 @@ def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
     "charts" holds what fills the divs as JSON in gzip and base64, so that a page needs no script of its own; none where there is no
     plot. "plots" maps names to ``<div>`` elements.
     """
-    from bokeh.document import Document
-    from bokeh.embed.util import standalone_docs_json_and_render_items
-
     drawn: dict[str, Model] = {name: plot for name, plot in plots.items() if plot is not None}
     if not drawn:
         return {"charts": [], "plots": {}}
+    from bokeh.document import Document
+    from bokeh.embed.util import standalone_docs_json_and_render_items
+
     document = Document()
     # Without the freeze Bokeh visits all plots again after adding each.
     with document.models.freeze():
@@ -63,6 +65,7 @@ def embed(plots: Mapping[str, plotting.figure | None]) -> dict[str, Any]:
 @functools.cache
 def library() -> str:
     """All of BokehJS: the script that every page with plots loads."""
+    require(_NEEDED, "bokeh")
     from bokeh.resources import Resources
 
     return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) + "\n"
@@ -81,6 +84,7 @@ def styles(names: Sequence[str]) -> dict[str, Style]:
 
 def new_figure(height: int, x_label: str, y_label: str, **options: Any) -> plotting.figure:
     """An empty plot as wide as its place."""
+    require(_NEEDED, "bokeh")
     from bokeh.plotting import figure
 
     plot = figure(

@@ -36,10 +36,11 @@ _HEADING = re.compile(r'<h([23]) id="([^"]+)">(.*?)</h\1>', re.DOTALL)
 
 @dataclass(frozen=True)
 class Drawn:
-    """A page: its text, and the tables on it in their order, each by the value of its attribute ``data-table``."""
+    """A page: its text, the tables on it in their order, each by the value of its attribute ``data-table``, and whether it has charts."""
 
     text: str
     tables: dict[str, Table]
+    has_charts: bool
 
 
 # Of the page that is being drawn; None while a page is drawn whose tables nobody asked for.
@@ -51,10 +52,11 @@ def draw(template: str, page: str, plots: Mapping[str, plotting.figure | None], 
     tables: dict[str, Table] = {}
     token = _tables.set(tables)
     try:
-        text = environment().get_template(template).render(root="../" * page.count("/"), page=page, **about, **embed(plots))
+        embedded = embed(plots)
+        text = environment().get_template(template).render(root="../" * page.count("/"), page=page, **about, **embedded)
     finally:
         _tables.reset(token)
-    return Drawn(text, tables)
+    return Drawn(text, tables, bool(embedded["charts"]))
 
 
 def _finalized(value: Any) -> Any:

@@ -19,7 +19,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import InvalidRequest
+from harness.errors import InvalidRequest, require
 from harness.workers.local import POLL_SECONDS, LocalPool
 from harness.workers.tasks import Crash, Outcome, SchedulerLost, Task, TaskQueue
 
@@ -33,7 +33,6 @@ PATIENCE_SECONDS = 120.0
 CONNECT_SECONDS = 10.0
 # A thread of a worker of the cluster: the worker's address, and a number.
 Seat = tuple[str, int]
-INSTALL = "install the extra for clusters: pip install 'rigid-body-harness[cluster]', or '.[cluster]' in a clone"
 LOST = "lost its worker of the cluster, and another one when it was asked again"
 
 
@@ -54,11 +53,10 @@ class Cluster:
     """
 
     def __init__(self, scheduler: Scheduler, time_limit: float) -> None:
-        try:
-            from distributed import Client
-            from distributed.security import Security
-        except ModuleNotFoundError as error:
-            raise InvalidRequest(f"--scheduler asks for a Dask cluster, and {error.name} is not installed; {INSTALL}") from error
+        require("--scheduler asks for a Dask cluster", "distributed")
+        from distributed import Client
+        from distributed.security import Security
+
         self._time_limit = time_limit
         self._address = scheduler.address
         self._session = secrets.token_hex(16)

@@ -57,3 +57,10 @@ def test_it_is_exit_status_2_with_one_message(tmp_path: Path, arguments: list[st
     for fragment in fragments:
         assert fragment.lower() in done.stderr.lower()
     assert not (tmp_path / "reports").exists()
+
+
+def test_a_system_that_is_not_supported_is_refused_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "win32")
+    done = harness("list")
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr == "harness: win32 is not supported; use Linux or macOS, on Windows its subsystem for Linux (WSL)\n"

@@ -30,6 +30,7 @@ from harness.study import run_study
 from harness.truth.balls import condition_number, scaled_cholesky
 from harness.truth.compare import Comparison
 from harness.truth.sampling import HUGE_ANGLES, generic_sample
+from harness.truth.terms import certify_terms
 from harness.verdict import Verdict
 from harness.workers import Workers
 
@@ -298,12 +299,12 @@ def test_shares_are_what_rounding_really_does() -> None:
     assignment = assignment_of("arm_3r", "lagrange")
     state = generic_sample(assignment.mechanism, 1, 9)
     reference = reference_kernel_of(assignment).evaluate(state)
-    terms = assignment.mechanism.float64().terms(state.q, state.v, state.tau)
+    terms = certify_terms(reference_kernel_of(assignment), state).high
     shares = worst_cases.rounding_shares(reference, terms)
     random = np.random.default_rng(2)
-    mass, roundoff, signs = terms["mass"][0], 2.0**-30, random.choice([-1.0, 1.0], (2000, 3))
+    mass, roundoff, signs = terms.mass[0], 2.0**-30, random.choice([-1.0, 1.0], (2000, 3))
     for name in ("velocity", "gravity"):
-        moved = np.linalg.solve(mass, (signs * roundoff * terms[name][0]).T)
+        moved = np.linalg.solve(mass, (signs * roundoff * getattr(terms, name)[0]).T)
         sizes = np.sqrt(np.einsum("in,ij,jn->n", moved, mass, moved)) / roundoff / reference.sensitivity[0]
         assert shares[name] / 3 < sizes.max() <= shares[name] * (1 + 1e-9)
 

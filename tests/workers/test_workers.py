@@ -472,5 +472,5 @@ def test_workers_listen_on_no_socket_and_leave_no_folder(tmp_path: Path, monkeyp
 
 def test_a_scheduler_without_dask_is_refused_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InvalidRequest, match=r"--scheduler asks for a Dask cluster, and distributed is not installed.*\[cluster\]"):
+    with pytest.raises(InvalidRequest, match=r"--scheduler asks for a Dask cluster: distributed is not installed.*\[cluster\]"):
         Workers(scheduler=Scheduler("tcp://127.0.0.1:1")).__enter__()

@@ -28,7 +28,7 @@ from harness.engines import (
     subjects_beside,
 )
 from harness.engines.interface import audit
-from harness.errors import InvalidInput, InvalidModel
+from harness.errors import InvalidInput, InvalidModel, not_installed
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
 from harness.explain.meant import misread_by
@@ -114,7 +114,7 @@ class FaultBench:
         """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
         file = engine_files(self._library)[subject.engine]
         if file.version is None:
-            return f"{subject}: {f'{file.requires[1]} is not installed' if file.outcome.value else 'its engine file cannot be loaded'}"
+            return f"{subject}: {not_installed(file.requires[1]) if file.outcome.value else 'its engine file cannot be loaded'}"
         engine = load_engine(self._library, subject.engine)
         model = self.model if subject.format == self.model.format else None
         if model is None and subject.format != EQUATIONS:

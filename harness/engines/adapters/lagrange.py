@@ -55,6 +55,7 @@ class LagrangeModel:
 
 class LagrangeEngine(Engine):
     requires = ("heyoka", "heyoka")
+    optional = True
     formats = (EQUATIONS,)
     factorises_mass_matrix = True
 
