@@ -170,8 +170,8 @@ def test_a_room_says_where_to_start(room: str) -> None:
     assert [name for name in named if name not in modules | defined | set(ROOMS)] == []
 
 
-def test_contributing_draws_every_layer_in_its_place() -> None:
-    text = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8")
+def test_the_documentation_draws_every_layer_in_its_place() -> None:
+    text = (REPOSITORY / "docs" / "inside" / "architecture.md").read_text(encoding="utf-8")
     picture = text.partition("<!-- layers -->\n```text\n")[2].partition("```")[0]
     drawn = [set(re.findall(r"\w+", line.partition("  ")[0])) for line in picture.splitlines()]
     assert drawn == FLOORS
@@ -200,7 +200,7 @@ def prose(file: Path) -> str:
 
 
 def texts() -> Iterator[Path]:
-    yield from REPOSITORY.glob("*.md")
+    yield from (*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md"))
     yield REPOSITORY / ".ci" / "run"
     for folder in ("harness", "tests"):
         yield from (REPOSITORY / folder).rglob("*.py")

@@ -58,9 +58,10 @@ def mechanisms(library: str | Path | None = None) -> list[str]:
     Raises:
         harness.errors.InvalidInput: the library cannot be used.
 
-    >>> import harness
-    >>> harness.mechanisms()[:3]
-    ['acrobot', 'andrews_squeezer', 'arm_2r']
+    Examples:
+        >>> import harness
+        >>> harness.mechanisms()[:3]
+        ['acrobot', 'andrews_squeezer', 'arm_2r']
     """
     return Library.at(library).system_names()
 
@@ -75,12 +76,13 @@ def load(name: str | Path | System, library: str | Path | None = None, *, floati
         harness.errors.InvalidInput: library, system file or robot's file cannot be used.
         harness.errors.InvalidRequest: no such mechanism, or a ``System`` of which no equations can be derived.
 
-    >>> import harness
-    >>> harness.load("simple_pendulum")
-    simple_pendulum: Point mass on a massless rod that swings about a fixed pin.
-      joints: pin (theta)
-      parameters: m = 1.5 kg, L = 2 m, g = 9.81 m/s^2
-      equations: 1, which take 6 operations; .latex writes them, and .equations has them in SymPy
+    Examples:
+        >>> import harness
+        >>> harness.load("simple_pendulum")
+        simple_pendulum: Point mass on a massless rod that swings about a fixed pin.
+          joints: pin (theta)
+          parameters: m = 1.5 kg, L = 2 m, g = 9.81 m/s^2
+          equations: 1, which take 6 operations; .latex writes them, and .equations has them in SymPy
     """
     if not isinstance(name, str | Path):
         return _load_system(name)
@@ -138,10 +140,11 @@ def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options:
         harness.errors.InvalidInput: a library, system or model file cannot be used; the first of them.
         harness.errors.InvalidRequest: a name that nothing has.
 
-    >>> import harness
-    >>> records = harness.check("simple_pendulum", subjects=["mujoco/mjcf", "pinocchio/urdf"], states=20)
-    >>> [(record.subject, record.verdict) for record in records]
-    [('mujoco/mjcf', 'agrees'), ('pinocchio/urdf', 'agrees')]
+    Examples:
+        >>> import harness
+        >>> records = harness.check("simple_pendulum", subjects=["mujoco/mjcf", "pinocchio/urdf"], states=20)
+        >>> [(record.subject, record.verdict) for record in records]
+        [('mujoco/mjcf', 'agrees'), ('pinocchio/urdf', 'agrees')]
     """
     settings = _settings(names, options)
     chosen = select_quantities([quantities] if isinstance(quantities, str) else quantities)
@@ -160,9 +163,10 @@ def diagnose(name: str, *, quantity: str = ACCELERATIONS, **options: Unpack[Opti
         harness.errors.InvalidInput: the library, the system file or a model file that was given cannot be used.
         harness.errors.InvalidRequest: as ``check``; a robot, and another quantity than accelerations.
 
-    >>> import harness
-    >>> harness.diagnose("simple_pendulum", states=20)
-    nothing to explain: every record is as expected
+    Examples:
+        >>> import harness
+        >>> harness.diagnose("simple_pendulum", states=20)
+        nothing to explain: every record is as expected
     """
     require_quantity(quantity)
     settings = _settings([name], options)
@@ -206,11 +210,12 @@ def compare(name: str | Path, *others: Any, **options: Any) -> Comparison | Comp
         harness.errors.InvalidInput: a file cannot be used; the first of them.
         ValueError: the sizes are not those of the mechanism; and as ``load``.
 
-    >>> import harness
-    >>> models = harness.Library.built_in()
-    >>> found = harness.compare(models.model_path("arm_2r", "urdf"), models.model_path("arm_2r", "mjcf"), states=8)
-    >>> found.pairs[0].same
-    True
+    Examples:
+        >>> import harness
+        >>> models = harness.Library.built_in()
+        >>> found = harness.compare(models.model_path("arm_2r", "urdf"), models.model_path("arm_2r", "mjcf"), states=8)
+        >>> found.pairs[0].same
+        True
     """
     if all(isinstance(other, str | Path) for other in others) and "accelerations" not in options:
         return _compare_robots([Path(path) for path in (name, *others)], **options)

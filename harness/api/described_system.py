@@ -65,9 +65,10 @@ class DescribedSystem:
     def joints(self) -> dict[str, tuple[str, ...]]:
         """Names of the joints in the order of q and v, each with the coordinates that it carries.
 
-        >>> import harness
-        >>> harness.load("cart_pendulum").joints
-        {'slide': ('x',), 'pin': ('theta',)}
+        Examples:
+            >>> import harness
+            >>> harness.load("cart_pendulum").joints
+            {'slide': ('x',), 'pin': ('theta',)}
         """
         mechanism = self.mechanism
         return {joint: tuple(own) for joint, own in grouped(zip(mechanism.joints, mechanism.coordinates, strict=True)).items()}
@@ -76,9 +77,10 @@ class DescribedSystem:
     def parameters(self) -> dict[str, Parameter]:
         """Value and unit of each parameter by its name; of a robot, the numbers of its file that accelerations feel.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").parameters["L"]
-        Parameter(value=2.0, unit='m')
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").parameters["L"]
+            Parameter(value=2.0, unit='m')
         """
         return {name: Parameter(value, unit) for name, value, unit in self.mechanism.parameters}
 
@@ -107,9 +109,10 @@ class DescribedSystem:
         Raises:
             harness.errors.InvalidRequest: a robot has none.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").equations.mass_matrix
-        Matrix([[L**2*m]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").equations.mass_matrix
+            Matrix([[L**2*m]])
         """
         from harness.lagrange.derivation import equations_of
 
@@ -119,9 +122,10 @@ class DescribedSystem:
     def M(self) -> sp.Matrix:  # noqa: N802
         """The mass matrix, (nv, nv).
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").M
-        Matrix([[L**2*m]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").M
+            Matrix([[L**2*m]])
         """
         return self.equations.mass_matrix
 
@@ -129,9 +133,10 @@ class DescribedSystem:
     def C(self) -> sp.Matrix:  # noqa: N802
         """The Coriolis matrix of Christoffel symbols, (nv, nv); C v are the velocity terms of a T quadratic in the rates.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").C
-        Matrix([[0]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").C
+            Matrix([[0]])
         """
         return self.equations.christoffel_matrix()
 
@@ -139,9 +144,10 @@ class DescribedSystem:
     def g(self) -> sp.Matrix:
         """The gravity terms, (nv, 1).
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").g
-        Matrix([[L*g*m*sin(theta)]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").g
+            Matrix([[L*g*m*sin(theta)]])
         """
         return self.equations.gravity_terms
 
@@ -149,9 +155,10 @@ class DescribedSystem:
     def latex(self) -> Latex:
         r"""The equations of motion, one per coordinate, as LaTeX, which a notebook typesets unless it is very long.
 
-        >>> import harness
-        >>> print(harness.load("simple_pendulum").latex.splitlines()[1])
-        \ddot{\theta} m L^{2} + L g m \sin{\left(\theta \right)} &= \tau_{\theta}
+        Examples:
+            >>> import harness
+            >>> print(harness.load("simple_pendulum").latex.splitlines()[1])
+            \ddot{\theta} m L^{2} + L g m \sin{\left(\theta \right)} &= \tau_{\theta}
         """
         from harness.lagrange.equations import latex
 
@@ -163,8 +170,9 @@ class DescribedSystem:
         Raises:
             harness.errors.InvalidRequest: there is no model of it, or none that an engine can place.
 
-        >>> import harness
-        >>> harness.load("cart_pendulum").picture().save("cart_pendulum.svg")
+        Examples:
+            >>> import harness
+            >>> harness.load("cart_pendulum").picture().save("cart_pendulum.svg")
         """
         if isinstance(self._drawing, str):
             raise InvalidRequest(f"{self.name}: no picture, for {self._drawing}")

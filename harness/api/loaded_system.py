@@ -87,10 +87,11 @@ class LoadedSystem(DescribedSystem):
 
     Its joints are in the order of q, v, tau and qdd. What it is, stands in ``DescribedSystem``.
 
-    >>> import harness
-    >>> pendulum = harness.load("simple_pendulum")
-    >>> pendulum.accelerations(q=[0.5], v=[0.0]).value.round(6)
-    array([[-2.351582]])
+    Examples:
+        >>> import harness
+        >>> pendulum = harness.load("simple_pendulum")
+        >>> pendulum.accelerations(q=[0.5], v=[0.0]).value.round(6)
+        array([[-2.351582]])
     """
 
     def with_parameters(self, changed: Mapping[str, float] | None = None, /, **values: float) -> LoadedSystem:
@@ -99,10 +100,11 @@ class LoadedSystem(DescribedSystem):
         Raises:
             harness.errors.InvalidRequest: no parameter has such a name, or the value is not what its symbol is declared to be.
 
-        >>> import harness
-        >>> pendulum = harness.load("simple_pendulum")
-        >>> pendulum.with_parameters(g=1.62).accelerations([0.5], [0.0]).value.round(6)
-        array([[-0.388335]])
+        Examples:
+            >>> import harness
+            >>> pendulum = harness.load("simple_pendulum")
+            >>> pendulum.with_parameters(g=1.62).accelerations([0.5], [0.0]).value.round(6)
+            array([[-0.388335]])
         """
         chosen = {**(changed or {}), **values}
         for name, value in chosen.items():
@@ -133,10 +135,11 @@ class LoadedSystem(DescribedSystem):
             ValueError: the sizes are not those of the mechanism, or there is no time to go.
             harness.errors.InvalidRequest: no configuration closes the constraints there, or the motion cannot be followed to its end.
 
-        >>> import harness
-        >>> motion = harness.load("double_pendulum").simulate(q=[0.5, 0.0], v=[0.0, 0.0], seconds=10.0)
-        >>> motion.q.shape, bool(abs(motion.energy_drift).max() < 1e-13)
-        ((1001, 2), True)
+        Examples:
+            >>> import harness
+            >>> motion = harness.load("double_pendulum").simulate(q=[0.5, 0.0], v=[0.0, 0.0], seconds=10.0)
+            >>> motion.q.shape, bool(abs(motion.energy_drift).max() < 1e-13)
+            ((1001, 2), True)
         """
         states = _states(self.mechanism, q, v, None)
         if len(states) != 1:
@@ -171,12 +174,13 @@ class LoadedSystem(DescribedSystem):
         Raises:
             ValueError: the sizes are not those of the mechanism.
 
-        >>> import harness
-        >>> truth = harness.load("double_pendulum").accelerations(q=[0.1, 0.2], v=[1.0, 0.0])
-        >>> truth.value.round(6)
-        array([[ 0.400258, -2.292996]])
-        >>> bool((truth.error_bound < 1e-15).all())
-        True
+        Examples:
+            >>> import harness
+            >>> truth = harness.load("double_pendulum").accelerations(q=[0.1, 0.2], v=[1.0, 0.0])
+            >>> truth.value.round(6)
+            array([[ 0.400258, -2.292996]])
+            >>> bool((truth.error_bound < 1e-15).all())
+            True
         """
         reference = reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
@@ -188,9 +192,10 @@ class LoadedSystem(DescribedSystem):
             ValueError: the sizes are not those of the mechanism.
             harness.errors.InvalidRequest: constraints tie its coordinates.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").derivatives(q=[0.0], v=[0.0]).by_position
-        array([[[-4.905]]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").derivatives(q=[0.0], v=[0.0]).by_position
+            array([[[-4.905]]])
         """
         states, nv = _states(self.mechanism, q, v, tau), self.mechanism.nv
         try:
@@ -216,9 +221,10 @@ class LoadedSystem(DescribedSystem):
         Raises:
             ValueError: the size is not that of the mechanism.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").mass_matrix(q=[0.3]).value
-        array([[[6.]]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").mass_matrix(q=[0.3]).value
+            array([[[6.]]])
         """
         still = np.zeros((len(np.atleast_2d(q)), self.mechanism.nv))
         return _entries(self.mechanism, MASS_MATRIX, _states(self.mechanism, q, still, None))
@@ -227,14 +233,16 @@ class LoadedSystem(DescribedSystem):
         """Certified velocity terms and gravity together, without springs and dampers; under constraints as ``mass_matrix``.
 
         Args:
-            q, v: as for ``accelerations``.
+            q: as for ``accelerations``.
+            v: likewise.
 
         Raises:
             ValueError: the sizes are not those of the mechanism.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").bias(q=[0.5], v=[1.0]).value.round(6)
-        array([[14.109494]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").bias(q=[0.5], v=[1.0]).value.round(6)
+            array([[14.109494]])
         """
         return _entries(self.mechanism, BIAS, _states(self.mechanism, q, v, None))
 
@@ -242,15 +250,18 @@ class LoadedSystem(DescribedSystem):
         """Certified applied forces that give these accelerations, beside springs and dampers.
 
         Args:
-            q, v: as for ``accelerations``. qdd: accelerations like v.
+            q: as for ``accelerations``.
+            v: likewise.
+            qdd: accelerations like v.
 
         Raises:
             harness.errors.InvalidRequest: under constraints any force that these bear may be added.
             ValueError: the sizes are not those of the mechanism.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").inverse_dynamics(q=[0.5], v=[0.0], qdd=[0.0]).value.round(6)
-        array([[14.109494]])
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").inverse_dynamics(q=[0.5], v=[0.0], qdd=[0.0]).value.round(6)
+            array([[14.109494]])
         """
         if self.mechanism.constraints is not None:
             raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
@@ -264,11 +275,12 @@ class LoadedSystem(DescribedSystem):
         Raises:
             ValueError: the sizes are not those of the mechanism.
 
-        >>> import harness
-        >>> harness.load("simple_pendulum").compare(q=[0.5], v=[0.0], accelerations=[-2.351582])
-        the answer does not agree with the truth; the largest backward error is 3.51e+08 data roundoffs, and up to 64 agrees
-        state  verdict    backward error  relative error
-            0  disagrees        3.51e+08        1.13e-07
+        Examples:
+            >>> import harness
+            >>> harness.load("simple_pendulum").compare(q=[0.5], v=[0.0], accelerations=[-2.351582])
+            the answer does not agree with the truth; the largest backward error is 3.51e+08 data roundoffs, and up to 64 agrees
+            state  verdict    backward error  relative error
+                0  disagrees        3.51e+08        1.13e-07
         """
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
         return compare(reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)

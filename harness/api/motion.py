@@ -37,9 +37,10 @@ class SimulatedMotion:
     def plot(self) -> Drawing:
         """The positions over time, an axis for each unit.
 
-        >>> import harness
-        >>> motion = harness.load("cart_pendulum").simulate(q=[0.0, 0.5], v=[0.0, 0.0], seconds=5.0)
-        >>> motion.plot().save("cart_pendulum.svg")
+        Examples:
+            >>> import harness
+            >>> motion = harness.load("cart_pendulum").simulate(q=[0.0, 0.5], v=[0.0, 0.0], seconds=5.0)
+            >>> motion.plot().save("cart_pendulum.svg")
         """
         from harness.show.line_chart import draw_lines
 

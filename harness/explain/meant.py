@@ -310,6 +310,7 @@ def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Readi
         remedy=reading.remedy,
         beside=beside,
         is_misread=reading.is_misread,
+        page=reading.page,
     )
 
 

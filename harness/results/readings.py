@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -29,6 +30,7 @@ class Effect:
         count: number of the elements concerned, of which several may have one line; 0 in records that do not tell.
         is_misread: whether the reader accepts what it does not read as the format says, and no documentation of the engine tells.
         included: those of the elements that stand in included files, as "common.xml:12".
+        page: its name in the documentation, below ``findings/``.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Effect:
     count: int = 0
     is_misread: bool = False
     included: tuple[str, ...] = ()
+    page: str = ""
 
     @property
     def size(self) -> float | None:
@@ -64,6 +67,11 @@ class Effect:
     def statement(self) -> str:
         """Sentence, number and lines of the elements concerned, and effect."""
         return f"{self.sentence}: {self.concerned()}; {share_of_qdd(share_text(self.size))}"
+
+
+def page_of(engine: str, name: str) -> str:
+    """The name of the page of a reading or finding: "pinocchio-joint-damping"."""
+    return "-".join(re.findall(r"[a-z0-9]+", f"{engine} {name}".lower()))
 
 
 def share_text(change: float | None) -> str:

@@ -25,6 +25,7 @@ from harness.environments import split_name
 from harness.files.document.xml import read_any
 from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
 from harness.registry import declared
+from harness.results.readings import page_of
 from harness.results.table import grouped
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
@@ -77,6 +78,11 @@ class Reading(Law):
     versions: str = ""
     is_misread: bool = False
 
+    @property
+    def page(self) -> str:
+        """The name of its page in the documentation."""
+        return page_of(self.engine, self.name)
+
     def read(self, robot: Robot) -> Robot:
         """The robot that the engine computes with; the very robot where the reading does not apply."""
         tree = self.tree(robot)
@@ -119,14 +125,18 @@ def readings_of(
     )
 
 
+def find_all() -> list[Reading]:
+    """Every reading that is declared."""
+    return list(declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}").values())
+
+
 def find_readings(engine: str, model_format: str, reader: str = "") -> list[Reading]:
     """The readings of an engine for a format, in the order in which they are read; ``reader`` is the engine whose reader it has, if any.
 
     An engine without a version, as the one beside the harness, is the newest; ``engine@version`` has what that version has.
     """
-    found = declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}").values()
     name, version = split_name(engine)
-    own = (one for one in found if one.engine in (name, reader) and model_format in one.formats)
+    own = (one for one in find_all() if one.engine in (name, reader) and model_format in one.formats)
     named = {one.name: one for one in own if (version or _NEWEST) in SpecifierSet(one.versions, prereleases=True)}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return sorted((named[name] for name in order.static_order() if name in named), key=lambda reading: not reading.first)
@@ -250,6 +260,7 @@ def _changed_in_body(one: Body, other: Body) -> Iterator[tuple[tuple[str, ...], 
     kept = {joint.name: joint for joint in other.joints}
     yield ("body", one.name), _changed(one, other)
     yield ("body", one.name), _changed(one.inertia or one, other.inertia if one.inertia else other)
+    yield ("body", one.name), one.place if one.inertia is None and other.inertia is not None else None
     for joint in one.joints:
         yield ("joint", joint.name), _changed(joint, kept.get(joint.name))
     if len(one.solids) == len(other.solids):
