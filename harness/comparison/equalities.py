@@ -18,8 +18,9 @@ from harness.arrays import Array
 from harness.comparison.robot_library import ask_engine, engine_of, engines_of_files
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, Held
+from harness.explain.as_read import read_by
 from harness.explain.changes.readings import element_at
-from harness.explain.meant import Meant, largest_change, question_of, read_as, read_by, reference_of, worst
+from harness.explain.meant import Meant, largest_change, question_of, read_as, reference_of, worst
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
 from harness.files.rules import ConstraintLaw
 from harness.files.tree import WORLD

@@ -18,7 +18,8 @@ from harness.engines import NotOffered, installed_version, runs_elsewhere
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidModel, InvalidRequest
-from harness.explain.meant import read_by, request_of
+from harness.explain.as_read import read_by
+from harness.explain.meant import request_of
 from harness.files.document.xml import read_any
 from harness.files.joint_kinds import JointKind
 from harness.files.reading import format_of

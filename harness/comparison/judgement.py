@@ -15,8 +15,9 @@ import numpy as np
 from harness.comparison.robot_library import engine_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
-from harness.explain.file_numbers import left_beside_readings, why_refused
-from harness.explain.meant import Meant, effects, read_as, read_by, worst
+from harness.explain.as_read import effects, read_by, why_refused
+from harness.explain.file_numbers import left_beside_readings
+from harness.explain.meant import Meant, read_as, worst
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text

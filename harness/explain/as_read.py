@@ -3,44 +3,139 @@
 What the reader makes of the file follows from its declared readings, never from an answer. A plain engine on a user's file has all of
 them, an aided one those that nothing is supplied for; on a mechanism's model an engine is supplied with all that the model says, so that
 its misreadings alone are left. A reader that is mended agrees with the file again, and one that does something else disagrees with both.
+
+Readings act on one tree one after the other, so that one may undo another, or matter only beside it. The effect of a reading is
+therefore that of it alone; and where it does nothing alone, that beside all others.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Hashable, Mapping
+import math
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, Unsupported, load_engine
+from harness.engines import Engine, Model, Unsupported, load_engine
+from harness.engines.request import EngineAnswers
 from harness.engines.tree_request import asked_joints
-from harness.explain.file_numbers import why_refused
-from harness.explain.meant import (
-    STATES,
-    Folded,
-    columns_of,
-    effects,
-    meant,
-    misread_by,
-    read_by,
-    request_of,
-    spread,
-    undetermined,
-    why_unread,
-)
+from harness.explain.changes.readings import Reading, find_readings
+from harness.explain.meant import STATES, Meant, change, columns_of, meant, read_as, request_of, spread, undetermined, why_unread, worst
 from harness.files.model_file import ModelFile
-from harness.library import Library
+from harness.library import Library, Stance
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.results.readings import Effect
+from harness.results.readings import FELT, Effect
 from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism, mechanism_of
-from harness.trees.robot import Robot
+from harness.trees.robot import Robot, robot_of
 from harness.truth.compare import Certified, Comparison, Flags, compare
 from harness.truth.quantities import Quantity, Truth
-from harness.verdict import Verdict
+from harness.verdict import AGREEMENT, Verdict
+
+# Readings that may not hold at once; with ten readings there are 55 ways.
+_MOST_DROPPED = 2
+
+
+@dataclass(frozen=True)
+class Folded:
+    """A robot after readings.
+
+    Attributes:
+        robot: after all of them. applied: each that changes what those before it leave, with the robot before it.
+    """
+
+    robot: Robot
+    applied: tuple[tuple[Reading, Robot], ...]
+
+
+def fold(robot: Robot, readings: Iterable[Reading]) -> Folded:
+    """The readings one after the other; those that leave everything as it is are none of it."""
+    applied = []
+    for reading in readings:
+        changed = reading.read(robot)
+        if changed is not robot:
+            applied.append((reading, robot))
+            robot = changed
+    return Folded(robot, tuple(applied))
+
+
+def read_by(robot: Robot, name: str, engine: Engine, stance: Stance) -> Folded:
+    """A robot as an engine's reader has it; an aided one is supplied with what some of its readings leave out.
+
+    ``name``: of the engine, with its version where that is not the one beside the harness.
+    """
+    readings = find_readings(name, robot.format, engine.reader)
+    return fold(robot, (one for one in readings if not (stance == Stance.AIDED and one.supplied)))
+
+
+def misread_by(file: ModelFile, gravity: float, engine: str, library: Library) -> tuple[Robot, Folded]:
+    """The robot in a mechanism's model, and what an engine's misreadings make of it; those of numbers that the harness supplies do nothing.
+
+    ``gravity`` [m/s^2] is that of a URDF, which holds none.
+    """
+    robot = robot_of(file, gravity)
+    readings = find_readings(engine, file.format, getattr(load_engine(library, engine), "reader", ""))
+    return robot, fold(robot, (one for one in readings if one.is_misread and not one.supplied))
+
+
+def effects(found: Meant, folded: Folded) -> list[Effect]:
+    """Effect of each reading, at a few states."""
+    few, readings = found.few, [reading for reading, _ in folded.applied]
+    return [_effect(few, reading, robot, readings) for reading, robot in folded.applied]
+
+
+def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Reading]) -> Effect:
+    alone = change(few, read_as(few, reading.read(few.robot)))
+    beside = None
+    if len(readings) > 1 and alone is not None and alone <= FELT:
+        every = read_as(few, fold(few.robot, readings).robot)
+        others = read_as(few, fold(few.robot, [one for one in readings if one is not reading]).robot)
+        beside = None if every.undetermined or others.undetermined else change(every, others)
+    count, places = reading.places(robot)
+    return Effect(
+        name=reading.name,
+        sentence=reading.sentence,
+        concerns=reading.concerns,
+        lines=tuple(place.line for place in places if place.path == robot.path),
+        included=tuple(f"{place.path.name}:{place.line}" for place in places if place.path != robot.path),
+        count=count,
+        alone=alone,
+        source=reading.source,
+        remedy=reading.remedy,
+        beside=beside,
+        is_misread=reading.is_misread,
+        page=reading.page,
+    )
+
+
+def readings_that_do_not_hold(found: Meant, folded: Folded, answers: EngineAnswers) -> list[str]:
+    """The fewest readings without which all others explain an answer, a sentence; none where no one or two of them do.
+
+    They are declarations that the engine in use, or this file, departs from.
+    """
+    readings = [reading for reading, _ in folded.applied]
+    for count in range(1, min(_MOST_DROPPED, len(readings)) + 1):
+        for dropped in itertools.combinations(readings, count):
+            kept = fold(found.robot, [one for one in readings if one not in dropped]).robot
+            if _left(found.few, kept, answers) <= AGREEMENT and (left := _left(found, kept, answers)) <= AGREEMENT:
+                names = " and ".join(f'"{one.name}"' for one in dropped)
+                return [
+                    f"without the reading {names} {left:.3g} data roundoffs are left: the engine reads what that is about as the file says"
+                ]
+    return []
+
+
+def _left(found: Meant, robot: Robot, answers: EngineAnswers) -> float:
+    """The worst backward error of the first answers against what ``robot`` means; infinite where they cannot be compared."""
+    if not set(robot.joints) <= set(answers.accelerations):
+        return math.inf
+    read = read_as(found, robot)
+    left = None if read.undetermined else worst(compare(read.truth, answers.of(robot.joints)[: len(found.states)]))
+    return math.inf if left is None else left
 
 
 @dataclass(frozen=True)
@@ -110,6 +205,22 @@ def _columns(sizes: Mapping[str, int], joints: tuple[str, ...]) -> list[int]:
     """The columns of joints, in their order, where the joints with ``sizes`` stand one after the other."""
     ends = dict(zip(sizes, itertools.accumulate(sizes.values()), strict=True))
     return [column for joint in joints for column in range(ends[joint] - sizes[joint], ends[joint])]
+
+
+def why_refused(robot: Robot, refusal: str) -> list[str]:
+    """The file's numbers of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
+    impossible = [f"{one.place}: {one.body}: {one.what}" for one in robot.impossible]
+    named = next((body for body in robot.tree.bodies if f"'{body.name}'" in refusal), None)
+    if named is None or named.place is None:
+        return impossible
+    place, numbers = named.place, "no inertia"
+    if (inertia := named.inertia) is not None:
+        place, numbers = inertia.places["moments"], f"{_numbers((inertia.mass,))} kg, {_numbers(inertia.moments)} kg m^2"
+    return [f"{place.within(robot.path)}: {named.name}: {numbers}", *impossible]
+
+
+def _numbers(values: Sequence[Fraction]) -> str:
+    return " ".join(f"{float(value):g}" for value in values)
 
 
 def read_file(library: Library, engine: str, mechanism: Mechanism, model: ModelFile | None) -> FileAsRead:

@@ -5,17 +5,16 @@ The truth is certified anew at each value. No change is taken for linear, where 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines.request import EngineAnswers
+from harness.explain.as_read import Folded, readings_that_do_not_hold
 from harness.explain.fit import best_change
-from harness.explain.meant import Folded, Meant, readings_that_do_not_hold, reference_of
+from harness.explain.meant import Meant, reference_of
 from harness.explain.search import Tried
 from harness.explain.textbook_side import TextbookSide, search_parameters
 from harness.files.tree import Given, Place
@@ -145,19 +144,3 @@ def _where(meant: Meant, accelerations: Array) -> str:
     worst = dict.fromkeys(joints[column] for column in np.argsort(-error)[:4])
     bad = compare(truth, accelerations).known("backward_error") > AGREEMENT
     return f"{int(bad.sum())} of {len(truth)} states, most in {', '.join(worst)} (up to {error_text(float(error.max()))} rad/s^2 or m/s^2)"
-
-
-def why_refused(robot: Robot, refusal: str) -> list[str]:
-    """The file's numbers of the body that an engine's refusal names, and what is impossible in it, a sentence each."""
-    impossible = [f"{one.place}: {one.body}: {one.what}" for one in robot.impossible]
-    named = next((body for body in robot.tree.bodies if f"'{body.name}'" in refusal), None)
-    if named is None or named.place is None:
-        return impossible
-    place, numbers = named.place, "no inertia"
-    if (inertia := named.inertia) is not None:
-        place, numbers = inertia.places["moments"], f"{_numbers((inertia.mass,))} kg, {_numbers(inertia.moments)} kg m^2"
-    return [f"{place.within(robot.path)}: {named.name}: {numbers}", *impossible]
-
-
-def _numbers(values: Sequence[Fraction]) -> str:
-    return " ".join(f"{float(value):g}" for value in values)

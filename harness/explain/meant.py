@@ -1,42 +1,31 @@
-"""Certified truth of robots, whose programs a process keeps, and of what the readings of an engine make of them.
-
-Readings act on one tree one after the other, so that one may undo another, or matter only beside it. What a reading does is therefore
-said alone; and where it does nothing alone, beside all others.
-"""
+"""Certified truth of robots, whose programs a process keeps, at sampled states; questions to engines there, and effects of changes."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, load_engine, request
-from harness.engines.request import AskedJoint, EngineAnswers, EngineQuestion, Held, Request, in_columns
+from harness.engines import request
+from harness.engines.request import AskedJoint, EngineQuestion, Held, Request, in_columns
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
-from harness.explain.changes.readings import Reading, find_readings
-from harness.files.model_file import ModelFile
 from harness.files.tree import Joint, Tree
-from harness.library import Library, Stance
+from harness.library import Stance
 from harness.programs.states import States
-from harness.results.readings import FELT, Effect
 from harness.storage import Kept
 from harness.trees.bodies.inertias import bounded
 from harness.trees.mechanism import mechanism_of
-from harness.trees.robot import Robot, robot_of
-from harness.truth.compare import Comparison, Flags, compare
+from harness.trees.robot import Robot
+from harness.truth.compare import Comparison, Flags
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 from harness.truth.sampling import sample
-from harness.verdict import AGREEMENT
 
 # Sampled states of a file, and how many of them the effect of a change is computed at.
 STATES, STATES_OF_EFFECTS = 64, 16
-# Readings that may not hold at once; with ten readings there are 55 ways.
-_MOST_DROPPED = 2
 # Programs of humanoids take megabytes.
 _REFERENCES: Kept[ReferenceKernel] = Kept(most=8)
 Named = TypeVar("Named", bound=Hashable)
@@ -237,104 +226,3 @@ def effects_of_numbers(
         after = reference.evaluate(states, np.tile(changed, (len(states), 1)))
         found[key] = largest_change(before, after.high, before.certified & after.certified)
     return found
-
-
-# Readings
-
-
-@dataclass(frozen=True)
-class Folded:
-    """A robot after readings.
-
-    Attributes:
-        robot: after all of them. applied: each that changes what those before it leave, with the robot before it.
-    """
-
-    robot: Robot
-    applied: tuple[tuple[Reading, Robot], ...]
-
-
-def fold(robot: Robot, readings: Iterable[Reading]) -> Folded:
-    """The readings one after the other; those that leave everything as it is are none of it."""
-    applied = []
-    for reading in readings:
-        changed = reading.read(robot)
-        if changed is not robot:
-            applied.append((reading, robot))
-            robot = changed
-    return Folded(robot, tuple(applied))
-
-
-def read_by(robot: Robot, name: str, engine: Engine, stance: Stance) -> Folded:
-    """A robot as an engine's reader has it; an aided one is supplied with what some of its readings leave out.
-
-    ``name``: of the engine, with its version where that is not the one beside the harness.
-    """
-    readings = find_readings(name, robot.format, engine.reader)
-    return fold(robot, (one for one in readings if not (stance == Stance.AIDED and one.supplied)))
-
-
-def misread_by(file: ModelFile, gravity: float, engine: str, library: Library) -> tuple[Robot, Folded]:
-    """The robot in a mechanism's model, and what an engine's misreadings make of it; those of numbers that the harness supplies do nothing.
-
-    ``gravity`` [m/s^2] is that of a URDF, which holds none.
-    """
-    robot = robot_of(file, gravity)
-    readings = find_readings(engine, file.format, getattr(load_engine(library, engine), "reader", ""))
-    return robot, fold(robot, (one for one in readings if one.is_misread and not one.supplied))
-
-
-def effects(found: Meant, folded: Folded) -> list[Effect]:
-    """Effect of each reading, at a few states."""
-    few, readings = found.few, [reading for reading, _ in folded.applied]
-    return [_effect(few, reading, robot, readings) for reading, robot in folded.applied]
-
-
-def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Reading]) -> Effect:
-    alone = change(few, read_as(few, reading.read(few.robot)))
-    beside = None
-    if len(readings) > 1 and alone is not None and alone <= FELT:
-        every = read_as(few, fold(few.robot, readings).robot)
-        others = read_as(few, fold(few.robot, [one for one in readings if one is not reading]).robot)
-        beside = None if every.undetermined or others.undetermined else change(every, others)
-    count, places = reading.places(robot)
-    return Effect(
-        name=reading.name,
-        sentence=reading.sentence,
-        concerns=reading.concerns,
-        lines=tuple(place.line for place in places if place.path == robot.path),
-        included=tuple(f"{place.path.name}:{place.line}" for place in places if place.path != robot.path),
-        count=count,
-        alone=alone,
-        source=reading.source,
-        remedy=reading.remedy,
-        beside=beside,
-        is_misread=reading.is_misread,
-        page=reading.page,
-    )
-
-
-def readings_that_do_not_hold(found: Meant, folded: Folded, answers: EngineAnswers) -> list[str]:
-    """The fewest readings without which all others explain an answer, a sentence; none where no one or two of them do.
-
-    They are declarations that the engine in use, or this file, departs from.
-    """
-    readings = [reading for reading, _ in folded.applied]
-    for count in range(1, min(_MOST_DROPPED, len(readings)) + 1):
-        for dropped in itertools.combinations(readings, count):
-            kept = fold(found.robot, [one for one in readings if one not in dropped]).robot
-            if _left(found.few, kept, answers) <= AGREEMENT and (left := _left(found, kept, answers)) <= AGREEMENT:
-                names = " and ".join(f'"{one.name}"' for one in dropped)
-                return [
-                    f"without the reading {names} {left:.3g} data roundoffs are left: the engine reads what that is about as the file says"
-                ]
-    return []
-
-
-def _left(found: Meant, robot: Robot, answers: EngineAnswers) -> float:
-    """The worst backward error of the first answers against what ``robot`` means; infinite where they cannot be compared."""
-    if not set(robot.joints) <= set(answers.accelerations):
-        return math.inf
-    read = read_as(found, robot)
-    left = None if read.undetermined else worst(compare(read.truth, answers.of(robot.joints)[: len(found.states)]))
-    return math.inf if left is None else left

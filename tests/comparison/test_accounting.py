@@ -10,9 +10,10 @@ from comparison.robots import FILES, meant_by
 
 from harness.comparison import judgement
 from harness.engines.request import EngineAnswers
-from harness.explain import meant
+from harness.explain import as_read
+from harness.explain.as_read import fold
 from harness.explain.changes.readings import Law, Reading, readings_of, with_joints
-from harness.explain.meant import fold, read_as
+from harness.explain.meant import read_as
 from harness.files.tree import Joint
 from harness.library import Stance
 from harness.report.comparison import subject_lines
@@ -39,7 +40,7 @@ def judged(hold: Sequence[Reading], declared: Sequence[Reading], monkeypatch: py
     found = meant_by(FILES / "arm.urdf")
     truth = read_as(found, fold(found.robot, hold).robot).truth
     answers = EngineAnswers(dict(zip(found.robot.joints, truth.high.T[:, :, None], strict=True)))
-    monkeypatch.setattr(meant, "find_readings", lambda *_: list(declared))
+    monkeypatch.setattr(as_read, "find_readings", lambda *_: list(declared))
     return judgement.judge(found, answers, "pinocchio", Stance.PLAIN)
 
 

@@ -10,9 +10,9 @@ from comparison.robots import FILES, edited
 from hypothesis import given
 from hypothesis import strategies as st
 
+from harness.explain.as_read import fold
 from harness.explain.changes.readings import Reading, find_readings
 from harness.explain.changes.readings.pybullet import diagonalized, half_extents
-from harness.explain.meant import fold
 from harness.files.tree import Inertia, Tree
 from harness.trees.robot import read_robot
 

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.comparison.robot_library import engines_of_files, robot_at
+from harness.explain.as_read import effects, fold
 from harness.explain.changes.readings import Reading, find_all
-from harness.explain.meant import STATES, effects, fold, meant
+from harness.explain.meant import STATES, meant
 from harness.results.readings import Effect, felt_text, page_of, share_of_qdd
 from pages.made import DOCS, REPOSITORY, Made, fenced, linked, literal, table
 

@@ -29,9 +29,9 @@ from harness.engines import (
 )
 from harness.engines.interface import audit
 from harness.errors import InvalidInput, InvalidModel, not_installed
+from harness.explain.as_read import misread_by
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
-from harness.explain.meant import misread_by
 from harness.explain.pattern import NOTHING, UNDECIDED, infer
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
