@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import msgspec
@@ -110,6 +112,9 @@ class History(AbstractContextManager["History"]):
     Fields that a row lacks take their defaults; fields that this harness does not know are passed over, for rows are
     never written again.
 
+    A kill in the middle of a commit leaves a journal beside the file, without which nobody can read it: the next to open it plays the
+    journal back. Where the folder may not be written, that is done in a copy, which nothing can be appended to.
+
     Raises:
         InvalidInput: on opening and from every method: the file is no history, is damaged, comes from
             a newer harness, cannot be written, or is locked by another process for a minute.
@@ -119,14 +124,28 @@ class History(AbstractContextManager["History"]):
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
+        self._copy: TemporaryDirectory[str] | None = None
         with self._explained():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._connection = sqlite3.connect(self.path, timeout=_BUSY_SECONDS, isolation_level=None)
             try:
-                open_history(self._connection, self.path)
-            except BaseException:
-                self._connection.close()
-                raise
+                self._connection = self._connected(self.path)
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode != sqlite3.SQLITE_READONLY_ROLLBACK:
+                    raise
+                self._copy = TemporaryDirectory()
+                for name in (self.path.name, f"{self.path.name}-journal"):
+                    shutil.copy(self.path.with_name(name), self._copy.name)
+                self._connection = self._connected(Path(self._copy.name) / self.path.name)
+                self._connection.execute("PRAGMA query_only = ON")
+
+    def _connected(self, path: Path) -> sqlite3.Connection:
+        connection = sqlite3.connect(path, timeout=_BUSY_SECONDS, isolation_level=None)
+        try:
+            open_history(connection, self.path)
+        except BaseException:
+            connection.close()
+            raise
+        return connection
 
     def __exit__(self, *error: object) -> None:
         self.close()
@@ -134,6 +153,8 @@ class History(AbstractContextManager["History"]):
     def close(self) -> None:
         """Close the file; the history cannot be used afterwards."""
         self._connection.close()
+        if self._copy is not None:
+            self._copy.cleanup()
 
     def begin(self, run: Run, kind: type[StudyResult]) -> int:
         """Store that a study of this kind begins; its number, which grows from study to study."""

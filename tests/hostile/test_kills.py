@@ -29,7 +29,8 @@ def written(history: Path) -> int:
     if not history.is_file():
         return 0
     try:
-        with sqlite3.connect(f"file:{history}?mode=ro", uri=True) as connection:
+        # One that may write plays back the journal of a commit that was killed.
+        with sqlite3.connect(f"file:{history}?mode=rw", uri=True) as connection:
             rows = connection.execute("SELECT content FROM parts WHERE part = 'records'").fetchall()
     except sqlite3.OperationalError:
         return 0

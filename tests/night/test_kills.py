@@ -55,7 +55,8 @@ def rows(history: Path) -> int:
     if not history.is_file():
         return 0
     try:
-        with sqlite3.connect(f"file:{history}?mode=ro", uri=True, timeout=10) as connection:
+        # One that may write plays back the journal of a commit that was killed.
+        with sqlite3.connect(f"file:{history}?mode=rw", uri=True, timeout=10) as connection:
             return int(connection.execute("SELECT count(*) FROM parts").fetchone()[0])
     except sqlite3.OperationalError:
         return 0

@@ -88,6 +88,62 @@ def test_round_trip(path: Path) -> None:
         assert worst is not None and math.copysign(1, worst["tau"][1]) == -1
 
 
+# Pages are written before the commit, as in the middle of one, and the process dies there.
+_DYING = """
+import os, signal, sys
+from harness.results.cross_check import CrossCheckResult
+from harness.results.history import History
+history = History(sys.argv[1])
+run = history._connection.execute
+run("PRAGMA cache_size = 1")
+run("BEGIN IMMEDIATE")
+for _ in range(300):
+    run("INSERT INTO parts (study_id, part, content) VALUES (1, 'records', ?)", ("x" * 5000,))
+run("UPDATE parts SET content = content || ' '")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.fixture
+def killed(path: Path) -> Path:
+    """A history of one record whose writer was killed in the middle of the next commit."""
+    with History(path) as history:
+        history.append(history.begin(RUN, CrossCheckResult), CrossCheckResult(records=[RECORD]))
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    died = subprocess.run([sys.executable, "-c", _DYING, str(path)], env=environment, capture_output=True, text=True, check=False)
+    assert died.returncode == -signal.SIGKILL, died.stderr
+    assert path.with_name(f"{path.name}-journal").is_file()
+    with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as connection, pytest.raises(sqlite3.OperationalError, match="readonly"):
+        connection.execute("SELECT count(*) FROM parts")
+    return path
+
+
+def test_a_commit_that_was_killed_is_taken_back_by_the_next_to_open_it(killed: Path) -> None:
+    with History(killed) as history:
+        assert history.read(1, CrossCheckResult).records == [RECORD]
+    assert [file.name for file in killed.parent.iterdir()] == [killed.name]
+
+
+def test_a_commit_that_was_killed_is_taken_back_in_a_copy_where_nothing_may_be_written(
+    killed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files, connect = {file: file.read_bytes() for file in killed.parent.iterdir()}, sqlite3.connect
+
+    def connect_reading(database: Path, **options: Any) -> sqlite3.Connection:
+        return connect(f"file:{database}?mode=ro", uri=True, **options) if database == killed else connect(database, **options)
+
+    monkeypatch.setattr(sqlite3, "connect", connect_reading)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "elsewhere"))
+    (tmp_path / "elsewhere").mkdir()
+    with History(killed) as history:
+        found = history.read(1, CrossCheckResult)
+        assert found.records == [RECORD]
+        with pytest.raises(InvalidInput, match="attempt to write a readonly database"):
+            history.append(1, found)
+    assert not list((tmp_path / "elsewhere").iterdir())
+    assert {file: file.read_bytes() for file in killed.parent.iterdir()} == files
+
+
 def same(first: Any, second: Any) -> bool:
     """Equality in which NaN equals NaN."""
     return repr(first) == repr(second)
