@@ -43,7 +43,7 @@ class CertifiedValues:
     Attributes:
         value: (n, nv, nv) of a matrix, (n, nv) of forces; the float64 nearest to the truth [SI].
         error_bound: of the same shape; the truth is certainly no farther from ``value`` than this; inf where nothing could be certified.
-        data_roundoff: of the same shape; how far the truth moves when every input moves by half an ulp.
+        data_roundoff: of the same shape; how far the truth moves when every input moves by 2^-53 of itself.
         certified: (n,) whether the truth is known far below its data roundoff.
     """
 
@@ -69,7 +69,7 @@ class Derivatives:
         by_position, by_velocity, by_force: (n, nv, nv) the float64 nearest to the truth. Those by positions are along the velocities: of a
             ball or free joint by turns about the axes of its body, and by displacements along the axes of its parent.
         error_bound: (n, 3, nv, nv) the truth is certainly no farther from the three than this; inf where nothing could be certified.
-        data_roundoff: (n, 3, nv) how far each column moves, in the energy norm, when every input moves by half an ulp.
+        data_roundoff: (n, 3, nv) how far each column moves, in the energy norm, when every input moves by 2^-53 of itself.
         certified: (n,) whether the truth is known far below its data roundoff.
     """
 

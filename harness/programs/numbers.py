@@ -8,10 +8,11 @@ from typing import Any
 
 # high + low is what is known, bound what it may be wrong by.
 Number = tuple[float, float, float]
+# One unit roundoff of z is |z| 2^-53, which is once to twice half a unit in its last place.
 UNIT_ROUNDOFF = 2.0**-53
 # Numbers on which one instruction of the processor works at once.
 LANES = 4
-# Half an ulp stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
+# Half a unit in the last place stops shrinking at the smallest subnormal number, 2^-1074: the roundoff of an input z is
 # UNIT_ROUNDOFF * max(|z|, SMALLEST_SCALE).
 SMALLEST_SCALE = 2.0**-1021
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-# A change of an error by less than so many data roundoffs is none: half an ulp of an input moves the answer by one.
+# A change of an error by less than so many data roundoffs is none: one unit roundoff of an input moves the answer by one.
 LEAST_ERROR, LARGEST_ERROR = 0.1, 1e16
 MEDIAN, PERCENTILE_99, WORST, COST = "median backward error", "99 % backward error", "worst backward error", "cost"
 # Backward errors that are followed from run to run, by the titles of their columns.

@@ -69,7 +69,7 @@ class Certified(Rows):
 
     @property
     def data_roundoff(self) -> Array:
-        """Length of what half an ulp in every input does to a block."""
+        """Length of what one unit roundoff in every input does to a block: inputs z move by 2^-53 |z|."""
         return UNIT_ROUNDOFF * self.sensitivity
 
     @property

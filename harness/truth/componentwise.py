@@ -1,7 +1,7 @@
-"""The componentwise backward error of an answer: by how many half ulps the inputs must move, each by itself, to give the answer.
+"""The componentwise backward error of an answer: by how many unit roundoffs the inputs must move, each by itself, to give the answer.
 
-It is the smallest t such that, to first order, inputs moved by at most t half ulps each, and an answer rounded by at most t half
-ulps in each component, explain the error:
+It is the smallest t such that, to first order, inputs moved by at most t unit roundoffs each, and an answer by at most t in each
+component, explain the error:
 
     minimise t  subject to  sum_k D_k u y_k + u diag(|a|) w = a - a*,  |y_k| <= t, |w_i| <= t,  D_k = dqdd/dz_k |z_k|,
 
@@ -30,7 +30,7 @@ _NEGLIGIBLE = 1e-6
 
 
 def componentwise_error(kernel: ReferenceKernel, state: States, reference: Reference, answer: Array, beyond: float = 0.0) -> float:
-    """The componentwise backward error of ``answer``, (nv,), at ``state``, whose one ``reference`` is [half ulps of the inputs].
+    """The componentwise backward error of ``answer``, (nv,), at ``state``, whose one ``reference`` is [unit roundoffs of the inputs].
 
     NaN where the state is not certified, the answer is not finite, or the error is certainly not ``beyond``: to see that costs
     a tenth of a millisecond, where importing the solver costs most of a second.

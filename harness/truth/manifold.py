@@ -176,7 +176,7 @@ def enclosed(mechanism: Mechanism, q: Array, v: Array) -> Enclosure | None:
 
 
 def closes(mechanism: Mechanism, states: States, parameters: Array | None = None) -> Flags:
-    """(n,) whether a state closes all constraints, in positions and in rates, as far as half an ulp of each input leaves it open.
+    """(n,) whether a state closes all constraints, in positions and in rates, as far as one unit roundoff of each input leaves it open.
 
     ``parameters`` are as of ``Mechanism.inputs``.
     """

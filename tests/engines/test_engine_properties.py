@@ -109,7 +109,7 @@ class PinocchioProbe(Probe):
         return by_position, by_rate
 
     def allowed_errors(self, at: Linearisation) -> Array:
-        """Of a product of M^-1 with the derivative of the forces, and of what half an ulp of the inputs does to it.
+        """Of a product of M^-1 with the derivative of the forces, and of what one unit roundoff of the inputs does to it.
 
         Its terms may cancel: M^-1 e_i has the norm sqrt((M^-1)_ii). So may those of the forces, which Pinocchio forms
         in the world's frame, where every weight, and the pull of a spring on either end, has a moment about the origin.
@@ -424,7 +424,7 @@ def test_inverse_dynamics_undo_forward_dynamics(case: Case, probe: Probe) -> Non
 def test_energies_are_those_of_the_textbook(case: Case, probe: Probe) -> None:
     """T, and differences of V between states, with springs and tendons.
 
-    T is summed from M_ij v_i v_j, each at most sqrt(M_ii M_jj) |v_i v_j|; V may move by what half an ulp does to it.
+    T is summed from M_ij v_i v_j, each at most sqrt(M_ii M_jj) |v_i v_j|; V may move by what one unit roundoff does to it.
     """
     states = case.states
     masses = case.terms["mass"]

@@ -143,7 +143,7 @@ def test_digits_lost_far_from_the_tree_are_told_from_a_wrong_number(tmp_path: Pa
     start, end = text.index('  <joint name="flange"'), text.index("</robot>")
     path.write_text(text[:start] + text[end:])
     record = record_of(path, "mujoco", aided=True)
-    assert record.explained and record.outcome == "lost digits" and "half ulps of m r^2" in record.lost_digits
+    assert record.explained and record.outcome == "lost digits" and "roundings of m r^2" in record.lost_digits
     found = meant_by(path)
     links = FarLinks(found.robot)
     assert links.explain(found.truth, found.states, found.truth.high).all()

@@ -295,7 +295,7 @@ def test_the_condition_of_a_scaled_matrix_does_not_depend_on_units() -> None:
 
 
 def test_shares_are_what_rounding_really_does() -> None:
-    """Perturb the terms at random by half an ulp, solve in long double: no sample exceeds the share, the worst comes near."""
+    """Perturb the terms at random by one unit roundoff, solve in long double: no sample exceeds the share, the worst comes near."""
     assignment = assignment_of("arm_3r", "lagrange")
     state = generic_sample(assignment.mechanism, 1, 9)
     reference = reference_kernel_of(assignment).evaluate(state)

@@ -190,7 +190,7 @@ def test_a_constraint_that_determines_nothing_regularly_closes_nothing() -> None
 
 
 def test_lengths_that_cancel_in_a_row_do_not_open_it() -> None:
-    """Near zero angles half an ulp of them is less than what float64 rounds in the lengths."""
+    """Near zero angles one unit roundoff of them is less than what float64 rounds in the lengths."""
     mechanism = load_mechanism(Library.built_in(), "bricard")
     states = sample(mechanism, 400, seed=1)
     states.q[:100, 0] *= 1e-6

@@ -94,6 +94,6 @@ def test_loops_have_none() -> None:
 
 
 def test_what_is_zero_by_geometry_is_certified_at_rest() -> None:
-    """About the last axis of the arm alone, across which the moments of its hand have no share that half an ulp would change."""
+    """About the last axis of the arm alone, across which the moments of its hand have no share that one unit roundoff would change."""
     states = States.at([2.0, -0.0013, 1.111263540325, 0.0, -1.52521185, 0.0], [0.0] * 6, [0.0] * 5 + [0.03])
     assert truth_of("stanford_arm", "mjcf").evaluate(states).certified.all()

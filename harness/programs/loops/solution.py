@@ -90,7 +90,7 @@ class Workspace:
 def defect(code: Writer, n: Value, i: Value, approximate: Array, entries: Array, sizes: Array) -> Value:
     """A bound of the sum of row i of |I - X M|, X an approximate inverse of M, (n, n).
 
-    ``entries`` are those of M, and ``sizes`` their absolute values with their errors over half an ulp.
+    ``entries`` are those of M, and ``sizes`` their absolute values with their errors over one unit roundoff.
     """
     # The last roundings are those of scaled entries.
     gamma = as_number(n + 12) * (UNIT_ROUNDOFF * 1.001)

@@ -229,7 +229,7 @@ _SOFTENED: Kept[Mechanism] = Kept(64)
 # The digits that MuJoCo loses at light links far from the centre of mass of their tree.
 
 FAR_LINKS = (
-    "no error is beyond what half ulps of m r^2 do at light links far from the centre of mass of their tree, about which the engine forms "
+    "no error is beyond what roundings of m r^2 do at light links far from the centre of mass of their tree, about which the engine forms "
     "inertias, and no number of the file explains them"
 )
 
@@ -238,7 +238,7 @@ class FarLinks:
     """What the joints of one robot carry, and how far from the centre of all that is, with every joint at zero.
 
     MuJoCo forms composite inertias about that centre: what a joint carries has m r^2 there, of which the small inertia about the joint's
-    own axis is what is left of a difference. Half an ulp of m r^2 stays in the entries of M, whatever the arithmetic of the rest.
+    own axis is what is left of a difference. One unit roundoff of m r^2 stays in the entries of M, whatever the arithmetic of the rest.
 
     Source: MuJoCo documentation, Computation, ``mjData.cinert``: com-based body inertia; the hard case of this name in ``harness.hard``.
 
@@ -270,7 +270,7 @@ class FarLinks:
         return replace(found, verdicts=np.where(lost, Verdict.UNSTABLE.value, found.verdicts))
 
     def explain(self, truth: Reference, states: States, accelerations: Array) -> Flags:
-        """(n,) whether the error of accelerations (n, nv) is not beyond what half ulps of m r^2 in M, and of m r in forces, do."""
+        """(n,) whether the error of accelerations (n, nv) is not beyond what unit roundoffs of m r^2 in M, and of m r in forces, do."""
         # |M^-1 e_j|_M = |R^-T e_j| with M = R' R.
         inverse = np.linalg.inv(truth.norm_factor)
         reach = np.sqrt((inverse**2).sum(axis=2))

@@ -98,7 +98,7 @@ class ReactionTruth(TruthOfMotion):
         bearing = self._multipliers(states)
         slopes = np.concatenate([slopes, bearing.slopes], axis=1)
         felt, further = self._as_inputs(states, slopes)
-        # What half an ulp of twice the kinetic energy as a torque on each rotating coordinate does.
+        # What one unit roundoff of twice the kinetic energy as a torque on each rotating coordinate does.
         rotating = states.q.shape[1] + nv + np.flatnonzero(self._basis.mechanism.rotating)
         return Between(
             high=np.concatenate([reference.high, bearing.high], axis=1),

@@ -1,7 +1,7 @@
 """The state after one step of each integrator that an engine documents, velocities and positions each a block.
 
 The truth is the rule that the engine declares for the file it reads, on the equations of motion that the numbers of the declared file
-have: one program of q, v, tau, those numbers and the step length. Its data roundoff is what half an ulp of each of them does.
+have: one program of q, v, tau, those numbers and the step length. Its data roundoff is what one unit roundoff of each of them does.
 
 Lengths are kinetic-energy norms with M at the start: of differences of velocities, and of the tangent vectors of differences of
 positions, which for a rotation is twice the vector part of the difference as a quaternion in the body's frame. How far a quaternion is
