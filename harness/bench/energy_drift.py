@@ -9,7 +9,6 @@ symplectic integrators) and section VIII.5 (random walk of roundings).
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -31,7 +30,7 @@ from harness.results.benchmark import Drift
 from harness.study import Note
 from harness.truth.sampling import generic_sample
 
-# Size of the steps, and the longest that one integrator may take [s].
+# Size of the steps, and the longest that one integrator may take by its nominal time [s].
 STEP, LONGEST = 1e-3, 120.0
 TOLERANCE = 1e-12
 KEPT = 2048
@@ -75,7 +74,9 @@ def _inputs_of(program: StraightLineProgram, output: str) -> set[int]:
 
 
 def drifts(scene: Scene, chosen: Sequence[Integrator], steps: int, note: Note, step: float = STEP, seconds: float = LONGEST) -> list[Drift]:
-    """Energy over ``steps`` steps of ``step`` [s], or as many as fit into ``seconds``, of the integrators that are ``chosen``.
+    """Energy over ``steps`` steps of ``step`` [s], of the integrators that are ``chosen``.
+
+    They are as many fewer as take ``seconds`` by the evaluations of a trial and ``Integrator.nominal_seconds``.
 
     Dampers are taken out of the mechanism and its models. Adaptive integrators run over the same time at
     ``TOLERANCE``. An integrator that cannot express the mechanism has no entry.
@@ -95,9 +96,8 @@ def drifts(scene: Scene, chosen: Sequence[Integrator], steps: int, note: Note, s
         except Unsupported:
             continue
         size, trial = TOLERANCE if integrator.adaptive else step, min(steps, TRIAL_STEPS)
-        began = time.perf_counter()
-        integrator.run(advance, replace(start, horizon=trial * step), size, trial, 1)
-        allowed = seconds * trial / (time.perf_counter() - began)
+        tried = integrator.run(advance, replace(start, horizon=trial * step), size, trial, 1)
+        allowed = seconds * trial / (max(tried.evaluations, 1) * integrator.nominal_seconds(conservative))
         count = min(steps, max(KEPT, int(allowed) // KEPT * KEPT))
         path = integrator.run(advance, replace(start, horizon=count * step), size, count, KEPT)
         energy = energies.along(path.q, path.v, path.times).energy

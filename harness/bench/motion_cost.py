@@ -110,8 +110,8 @@ def motion_costs(
 ) -> tuple[MotionTruth, list[MotionCost], list[Order]]:
     """Truth, work and precision, and orders of convergence of the integrators that are ``chosen``.
 
-    ``steps`` [s] for integrators that take one, over ``horizon`` [s] or as far as the truth is trusted; a run that
-    would take longer than ``seconds`` is left out with a note. An integrator that lacks its model, or cannot express
+    ``steps`` [s] for integrators that take one, over ``horizon`` [s] or as far as the truth is trusted; a run of more evaluations than
+    take ``seconds`` by ``Integrator.nominal_seconds`` is left out with a note. An integrator that lacks its model, or cannot express
     the mechanism, has one entry that says so.
     """
     name = scene.mechanism.name
@@ -135,15 +135,17 @@ def motion_costs(
 
 def _sweep(integrator: Integrator, advance: Advance, judge: MotionJudge, steps: Sequence[float], seconds: float) -> list[MotionCost]:
     found: list[MotionCost] = []
-    per_step, mechanism = 0.0, judge.scene.mechanism
+    mechanism = judge.scene.mechanism
+    most, per_step = seconds / integrator.nominal_seconds(mechanism), 0.0
     for size in TOLERANCES if integrator.adaptive else sorted(steps, reverse=True):
         count = KEPT if integrator.adaptive else max(1, round(judge.start.horizon / size))
         entry = _nothing(mechanism.name, integrator, size, "")
-        if not integrator.adaptive and per_step * count > seconds:
-            found.append(replace(entry, note=f"left out: would take about {per_step * count:.0f} s"))
+        if not integrator.adaptive and per_step * count > most:
+            left_out = f"left out: about {per_step * count:,.0f} evaluations; the budget of this profile is {most:,.0f}"
+            found.append(replace(entry, note=left_out))
             continue
         path, elapsed = _run(integrator, advance, judge.start, size, count)
-        per_step, state_error = elapsed / count, judge.state_error(path)
+        per_step, state_error = path.evaluations / count, judge.state_error(path)
         found.append(
             replace(
                 entry,
@@ -187,10 +189,11 @@ def measured_order(integrator: Integrator, advance: Advance, judge: MotionJudge,
         return replace(about, explanation=f"no step has an error below {SMALL_ERROR:g}")
     first = min(small, key=lambda cost: cost.steps)
     sizes, errors, slopes = [first.step or 0.0], [first.state_error or 0.0], []
-    count, per_step = first.steps, first.seconds / first.steps
+    count, per_step = first.steps, first.evaluations / first.steps
+    most = seconds / integrator.nominal_seconds(judge.scene.mechanism)
     for _ in range(MOST_HALVINGS):
         count *= 2
-        if count > MOST_ORDER_STEPS or per_step * count > seconds:
+        if count > MOST_ORDER_STEPS or per_step * count > most:
             break
         path = advance(judge.start, judge.start.horizon / count, count, count)
         error = judge.state_error(path)
@@ -203,7 +206,7 @@ def measured_order(integrator: Integrator, advance: Advance, judge: MotionJudge,
             break
     printed = ", ".join(f"{slope:.2f}" for slope in slopes)
     if not _is_stable(slopes):
-        reason = f"slopes {printed or 'none'} still change where rounding or the time allowed ends the range"
+        reason = f"slopes {printed or 'none'} still change where rounding or the budget of evaluations ends the range"
         return replace(about, explanation="; ".join(filter(None, [reason, explanation])), steps=sizes)
     order = float(np.polyfit(np.log(sizes[-3:]), np.log(errors[-3:]), 1)[0])
     assert integrator.order is not None

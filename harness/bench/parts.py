@@ -64,8 +64,8 @@ class Thoroughness:
         quantity_states: at which errors of other quantities than accelerations are measured.
         sizes: numbers of bodies of the growing chain; arms: of seven joints, of the growing robot.
         steps: steps of the integrators [s]; horizon: length of those motions [s].
-        seconds: longest that an integrator may take with one step, else the step is left out.
-        long_steps: steps of a long run, or as many as take an integrator ``long_seconds``.
+        seconds: longest that an integrator may take with one step by its nominal time, else the step is left out.
+        long_steps: steps of a long run, or as many as take an integrator ``long_seconds`` by that.
         time_limit: seconds a task may take.
     """
 

@@ -97,7 +97,8 @@ class TrueMotion:
     Attributes:
         path: the motion, up to the horizon, or not far beyond ``trusted`` where that is shorter.
         trusted: time [s] up to which its error stays below ``TRUSTED_ERROR``.
-        errors: (k + 1,) relative difference from the run in higher precision; see the module's text.
+        errors: (k + 1,) relative difference of ``path``, whose states are rounded to float64, from the run in higher precision; see the
+            module's text.
         precision: how the two runs differ, in words.
     """
 
@@ -182,7 +183,8 @@ def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) 
         piece = times[first : first - (-intervals // PIECES) + 1]
         found, check = (_continued(solver, so_far, piece) for solver, so_far in zip(solvers, (found, check), strict=True))
         truth = Path(found.times, _in_long_double(check.q), _in_long_double(check.v))
-        errors = metric.errors(truth, found.q, found.v)
+        # Of what is kept, which is in float64.
+        errors = metric.errors(truth, found.q.astype(np.float64), found.v.astype(np.float64))
         if not (errors <= TRUSTED_ERROR).all():
             break
     seconds = time.perf_counter() - began
@@ -190,7 +192,7 @@ def reference_motion(mechanism: Mechanism, start: Start, intervals: int = 1000) 
     trusted = float(times[beyond[0] - 1]) if len(beyond) else start.horizon
     q, v, work = (part.astype(np.float64) for part in (found.q, found.v, np.asarray(found.work)))
     path = Path(found.times, q, v, work, found.evaluations, seconds)
-    return TrueMotion(path, trusted, errors, f"Taylor's method in {lower.__name__}, against {higher.__name__}, each to its own rounding")
+    return TrueMotion(path, trusted, errors, f"Taylor's method in {lower.__name__}, kept in float64, against {higher.__name__}")
 
 
 def _continued(solver: Taylor, so_far: Path, times: Array) -> Path:

@@ -200,7 +200,10 @@ class Record:
         if (shown := self.representative) is not None:
             size = "no backward error" if shown.backward_error is None else f"backward error {shown.backward_error:.3g} data roundoffs"
             simplest = [f"the simplest state that shows it: {size}", *state_and_replay(shown.state, shown.replay)]
-        over, moves = f"over {self.states:,} states; up to {AGREEMENT:g} agrees", "every input and answer moves by that many times 2^-53 of itself"
+        over, moves = (
+            f"over {self.states:,} states; up to {AGREEMENT:g} agrees",
+            "every input and answer moves by that many times 2^-53 of itself",
+        )
         lines = [
             f"{self.title}: {self.verdict}, expected {self.expected}",
             "" if error is None else f"worst backward error {error:.3g} data roundoffs {over}",

@@ -6,7 +6,7 @@ doubles until the radius is negligible beside the data roundoff, which then come
 
 Beside it stands the share of the motion and of the weight. Engines work in Cartesian frames, in which centripetal forces, v x (m v)
 and moments of weights are formed and cancel; the equations have lost these terms to algebra, so no derivative shows them. Of the motion
-it is one unit roundoff of twice the kinetic energy, as a torque on every rotating coordinate. Of the weight it is one unit roundoff of g sqrt(m):
+it is one unit roundoff of twice the kinetic energy, as a torque on every rotating coordinate. Of the weight it is one of g sqrt(m):
 by Gauss's principle the accelerations are those that the joints leave of an acceleration of each element of mass, which makes none
 longer, and a fall of all elements at g is that long; it counts where the exact answer is shorter than an eighth of it, so that weights
 cancel for the most part. Without the share a wheel that is carried along at 10 m/s, a pendulum at its dead
@@ -16,7 +16,7 @@ it only to an answer that would fail without it.
 Norms are kinetic-energy norms |x|_M = sqrt(x' M x), which make metres and radians comparable and do
 not depend on the choice of coordinates.
 
-The data roundoff of a robot is that of a mechanism whose parameters are the numbers of its file: one unit roundoff of each number as it stands
+The data roundoff of a robot is that of a mechanism whose parameters are the numbers of its file: one unit roundoff of each as it stands
 there, once however many elements share it through a class. Numbers that are zero are exact.
 
 Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 7; Demmel, Underflow

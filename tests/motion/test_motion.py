@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +17,11 @@ from harness.files.model_file import parse_model
 from harness.files.text.scan import find_numbers, with_values
 from harness.library import Library
 from harness.motion.integrators import integrators, select_integrators
-from harness.motion.integrators.equations import EULER_CROMER, RUNGE_KUTTA
+from harness.motion.integrators.equations import EULER_CROMER, RUNGE_KUTTA, TAYLOR
 from harness.motion.integrators.mujoco import RUNGE_KUTTA as MUJOCO_RUNGE_KUTTA
+from harness.motion.integrators.pinocchio import RUNGE_KUTTA as PINOCCHIO_RUNGE_KUTTA
 from harness.motion.integrators.variational import MIDPOINT
-from harness.results.benchmark import MotionCost, MotionTruth, Order
+from harness.results.benchmark import Drift, MotionCost, MotionTruth, Order
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import generic_sample
@@ -113,6 +116,27 @@ def test_what_takes_too_long_is_left_out_and_says_so(cart: Scene) -> None:
     costs = _costs(cart, "equations RK4", seconds=1e-6)
     assert costs[0].note == "" and [cost.steps for cost in costs[1:]] == [0, 0]
     assert all("left out" in cost.note and cost.state_error is None for cost in costs[1:])
+
+
+def without_times(found: Sequence[MotionCost | Drift]) -> list[MotionCost | Drift]:
+    return [replace(one, seconds=0.0) for one in found]
+
+
+def test_budgets_count_evaluations_whatever_the_clock_says(cart: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside a load that makes each look at the clock ten minutes later than the one before, the same is measured."""
+    chosen = [RUNGE_KUTTA, MUJOCO_RUNGE_KUTTA, PINOCCHIO_RUNGE_KUTTA, TAYLOR]
+
+    def measured() -> tuple[list[MotionCost | Drift], list[Order], list[MotionCost | Drift]]:
+        _, costs, orders = motion_costs(cart, chosen, [1e-1, 1e-2, 1e-3], 2.0, 0.02, silent)
+        return without_times(costs), orders, without_times(drifts(cart, chosen, 10**6, silent, seconds=0.05))
+
+    quiet, now = measured(), itertools.count(step=600.0)
+    monkeypatch.setattr("time.perf_counter", lambda: next(now))
+    assert measured() == quiet
+    costs, _, long = quiet
+    left_out = [(cost.integrator, cost.note.partition(";")[0]) for cost in costs if isinstance(cost, MotionCost) and cost.note]
+    assert left_out == [(PINOCCHIO_RUNGE_KUTTA.name, "left out: about 8,000 evaluations")]
+    assert all(2048 <= drift.steps < 10**5 for drift in long if drift.integrator != TAYLOR.name)
 
 
 def test_what_cannot_be_expressed_says_why() -> None:

@@ -252,3 +252,14 @@ def test_a_scene_holds_both_models_of_a_system_and_of_a_familys_member() -> None
 def test_reference_error_counts_only_what_is_trusted() -> None:
     path = Path(np.arange(3.0), np.zeros((3, 1)), np.zeros((3, 1)), None, 0, 0.0)
     assert TrueMotion(path, 1.0, np.array([0.0, 1e-10, 1e-3]), "").error == 1e-10
+
+
+def test_the_error_of_a_true_motion_holds_what_float64_loses_of_it() -> None:
+    """Far from zero a small motion loses most digits where it is kept."""
+    mechanism = load_mechanism(LIBRARY, "bar_pendulum")
+    start = Start(np.array([1000 * np.pi]), np.array([1e-3]), 2.0)
+    reference = reference_motion(mechanism, start, 20)
+    exact = Taylor(mechanism, np.longdouble).solve(start.q, start.v, reference.path.times)
+    lost = Metric(mechanism).errors(Path(exact.times, exact.q, exact.v), reference.path.q, reference.path.v)
+    assert lost.max() > 1e-11
+    assert (reference.errors >= lost * (1 - 1e-6)).all()

@@ -20,6 +20,7 @@ from harness.crosscheck.scene import Scene
 from harness.library import CONSTRAINED, MECHANISMS, ROBOTS
 from harness.motion.taylor import Path
 from harness.motion.trajectories import Start
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import declared, select
 
 # What an integrator integrates, and a method computes: mechanisms that are trees, those with constraints, and robots' files.
@@ -31,6 +32,11 @@ Advance = Callable[[Start, float, int, int], Path]
 LARGEST = 1e12
 # Looking costs as much as a step of a small mechanism.
 ROWS_BETWEEN_LOOKS = 64
+
+
+def compiled_seconds(mechanism: Mechanism) -> float:
+    """Nominal time of one evaluation of the compiled equations [s]."""
+    return 3e-7 + 1.7e-8 * len(mechanism.charts(linear_velocity_in_body=False)[0].instructions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +52,8 @@ class Integrator:
         long_run: what theory says of its energy on a conservative system over many steps: "bounded",
             "secular", or "" where it is silent.
         of: what it integrates, some of ``KINDS``: mechanisms with their energies and models, those with constraints, robots' files.
+        nominal_seconds: of one evaluation of a mechanism's accelerations, to a factor of two or so. Budgets count evaluations by it, so
+            that what is measured does not depend on the machine and its load.
         explain: says, from runs on a scene with a step [s], where the method is not what its name promises; "" if it is.
     """
 
@@ -55,6 +63,7 @@ class Integrator:
     prepare: Callable[[Scene], Advance]
     adaptive: bool = False
     long_run: str = ""
+    nominal_seconds: Callable[[Mechanism], float] = compiled_seconds
     explain: Callable[[Scene, Start, float], str] | None = None
     of: tuple[str, ...] = (MECHANISMS,)
 
