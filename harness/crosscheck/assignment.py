@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from harness.arrays import Array
 from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
 from harness.engines.interface import audit, require_constraints
@@ -18,10 +20,11 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.storage import Kept
-from harness.truth.compare import Certified, Comparison
+from harness.truth.compare import Certified, Comparison, Flags, compare
 from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
 from harness.truth.quantities.accelerations import AccelerationTruth, softened, softness_of
 from harness.truth.reference import ReferenceKernel
+from harness.verdict import Verdict
 
 if TYPE_CHECKING:
     from harness.explain.as_read import FileAsRead
@@ -108,12 +111,6 @@ class Assignment:
         return truth.judge(certified, states, truth.answers(model, states), model)
 
 
-def frame_of(assignment: Assignment) -> bool:
-    """True if the subject's answers need the truth with linear velocities in the body's frame."""
-    in_body = load_engine(assignment.library, assignment.subject.engine).linear_velocity_in_body
-    return in_body and bool(assignment.mechanism.charts_in_body)
-
-
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
     """The certified kernel that a subject's accelerations are judged by, compiled once per process."""
     return acceleration_truth_of(assignment).kernel
@@ -161,7 +158,7 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
     """The basis of a quantity that takes numbers of a file, and what of it the truth of a mechanism depends on."""
     quantity, mechanism, read, declared = assignment.asked, assignment.mechanism, assignment.model, assignment.declared
     engine = load_engine(assignment.library, assignment.subject.engine)
-    in_body, precision = frame_of(assignment), engine.unit_roundoff
+    in_body, precision = engine.linear_velocity_in_body and bool(mechanism.charts_in_body), engine.unit_roundoff
     # Of a user's file the digits that M's condition costs are excused in every algorithm; a number that explains them is looked for.
     factorises = engine.factorises_mass_matrix or assignment.library.reads_files
     system = assignment.system or mechanism.name
@@ -189,6 +186,25 @@ def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[
         return softened(mechanism, softness_of(mechanism.constraints, laws, read))
 
     return softening
+
+
+def answers_what_is_read(assignment: Assignment, states: States) -> Flags:
+    """True for each answer that is that of what the subject's reader is known to misread of a mechanism's model.
+
+    False everywhere where it is declared to misread nothing.
+    """
+    nowhere, found = np.zeros(len(states), dtype=bool), assignment.file_as_read
+    if not found.folded.applied or assignment.mechanism.constraints is not None or found.why_not:
+        return nowhere
+    about = replace(assignment, mechanism=found.written, quantity=ACCELERATIONS)
+    model = load_model(about.library, about.subject, about.mechanism, about.model)
+    loaded = model.loaded()
+    if loaded is not None and set(loaded.joints) != set(about.mechanism.joints):
+        return nowhere
+    truth, own_states = truth_of(about), found.into(states)
+    # The other mechanism may be one whose M is next to singular: digits that this costs are excused in any engine.
+    verdicts = compare(truth.evaluate(own_states), truth.answers(model, own_states), factorises=True).verdicts
+    return np.isin(verdicts, (Verdict.AGREES.value, Verdict.UNSTABLE.value))
 
 
 def declared_model(library: Library, system: str) -> ModelFile:

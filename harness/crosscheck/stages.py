@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, answers_what_is_read, load_audited, reference_kernel_of
 from harness.engines import InvalidAnswer, Misread, Model, NotOffered, Unsupported, accelerations, load_engine
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
@@ -134,13 +134,13 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
         if quantity.is_asked_again:
             require_repeatable(truth, model, states, answers, certified)
         comparison = truth.judge(certified, states, answers[0], model)
-        if (comparison.verdicts == Verdict.DISAGREES.value).any() and assignment.model is not None:
-            # Imported late: a run in which all is well needs nothing of it.
-            from harness.crosscheck import misreading
-
+        wrong = comparison.verdicts == Verdict.DISAGREES.value
+        if wrong.any() and assignment.model is not None:
+            # A reader that is mended agrees, and one that does something else disagrees with what it is known to read, too.
+            read = answers_what_is_read(assignment, states)
             if quantity.is_default:
-                comparison = misreading.judged(assignment, states, comparison)
-            elif misreading.is_for_what_is_read(assignment, states).all():
+                comparison = replace(comparison, verdicts=np.where(wrong & read, Verdict.MISREADS.value, comparison.verdicts))
+            elif read.all():
                 return Answers(failure=MISREAD, misread=True)
         remark = declared_precision(assignment) if quantity.is_default else ""
         if not remark and (comparison.verdicts == Verdict.DISAGREES.value).any():
@@ -151,11 +151,13 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
         rigid = compare(truths.of(truth.rigid), answers[0])
         return Answers(comparison, seconds, remark=remark, from_rigid=rigid.known("relative_error"))
     except Misread as error:
-        from harness.crosscheck import misreading
-
-        if quantity.is_default:
-            return Answers(misreading.judged_alone(assignment, states), remark=str(error))
-        return Answers(failure=str(error), misread=bool(misreading.is_for_what_is_read(assignment, states).all()))
+        read = answers_what_is_read(assignment, states)
+        if not quantity.is_default:
+            return Answers(failure=str(error), misread=bool(read.all()))
+        # What has other joints is compared with nothing.
+        verdicts = np.where(read, Verdict.MISREADS.value, Verdict.DISAGREES.value)
+        nothing, no = np.full(len(states), np.nan), np.zeros(len(states), dtype=bool)
+        return Answers(Comparison(nothing, nothing, no, verdicts, no, np.zeros(len(states))), remark=str(error))
     except NotOffered as error:
         # Every engine claims to compute the default one.
         return Answers.missing(error) if quantity.is_default else Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)

@@ -86,14 +86,10 @@ class Charts:
 
 
 class MechanismKernel:
-    """The float64 evaluator of one mechanism's equations, and of their derivatives, at its own parameters.
+    """The float64 evaluator of one mechanism's equations, and of their derivatives, at its own parameters."""
 
-    ``linear_velocity_in_body`` says in which frame the states give the linear velocity of a free joint.
-    """
-
-    def __init__(self, mechanism: Mechanism, linear_velocity_in_body: bool = False) -> None:
-        self._mechanism, self._in_body = mechanism, linear_velocity_in_body
-        self._charts = Charts(mechanism.charts(linear_velocity_in_body))
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism, self._charts = mechanism, Charts(mechanism.charts(linear_velocity_in_body=False))
 
     def accelerations(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         """qdd, (n, nv), at q (n, nq), v and tau (n, nv), and time (n,) [s], 0 for None."""
@@ -127,11 +123,11 @@ class MechanismKernel:
         mechanism = self._mechanism
 
         def make() -> Any:
-            program = write(mechanism, self._charts.programs[chart], self._in_body)
+            program = write(mechanism, self._charts.programs[chart])
             inputs, outputs = symbols_of(program, mechanism.parameter_values)
             return compiled(inputs, outputs, outputs, len(program.instructions) > MOST_STRAIGHT)
 
-        return _COMPILED.get((mechanism.key, self._in_body, write.__name__, chart), make)
+        return _COMPILED.get((mechanism.key, write.__name__, chart), make)
 
     @property
     def compiled(self) -> Float64Kernel:
