@@ -97,7 +97,7 @@ class StateSearch(Study):
         if not find_quantities()[settings.quantity].is_default:
             refuse_robots(settings.library, self.name, settings.quantity)
         self._expectations = load_expectations(settings.library, settings.quantity)
-        self._result = SearchResult(place=path_of(settings.library, self.name))
+        self.found = SearchResult(place=path_of(settings.library, self.name))
         self._subjects = self._select()
         self._hunts = hunts(settings.budget)
         self.steps = 1 + (len(self._hunts) + 1) * len(self._subjects)
@@ -105,7 +105,7 @@ class StateSearch(Study):
         self._worst: dict[Subject, dict[int, States]] = {}
         # One crash of a subject is enough: each costs a process.
         self._crashes: dict[Subject, Crash] = {}
-        self._found: list[tuple[FoundState, str]] = []
+        self._cases: list[tuple[FoundState, str]] = []
         # Nobody claims to compute these.
         self._not_offered: dict[Subject, str] = {}
 
@@ -128,7 +128,7 @@ class StateSearch(Study):
 
     def _hunt(self, assignment: Assignment, number: int) -> Inquiry[None]:
         """The worst states of one subject that one way of hunting finds."""
-        subject, result = assignment.subject, self._result
+        subject, result = assignment.subject, self.found
         states, population = self._hunts[number]
         outcome = yield from ask(hunt, assignment, states, population, self.settings.seed)
         yield Part(f"{subject} {states:,} states by {f'a population of {population}' if population else 'hypothesis'}", None)
@@ -157,11 +157,11 @@ class StateSearch(Study):
         yield Part(f"{assignment.subject} explained", None)
         if self._has_failed(outcome, assignment.subject):
             return
-        self._found += outcome.value
+        self._cases += outcome.value
         if any(found.verdict == Verdict.EXPLAINED for found, _ in outcome.value):
             outcome = yield from ask(call, readings_and_refusal, assignment, self.settings.seed, "")
             if not self._has_failed(outcome, assignment.subject):
-                self._result.readings[str(assignment.subject)] = outcome.value[0]
+                self.found.readings[str(assignment.subject)] = outcome.value[0]
 
     def _replay(self, assignment: Assignment, crash: Crash) -> Inquiry[None]:
         """The state at which the engine died; without one if it does not die again."""
@@ -170,16 +170,13 @@ class StateSearch(Study):
         batch = States.at(**json.loads(crash.note)["states"]) if crash.note else nothing
         outcome = yield from ask(ask_one_by_one, assignment, batch)
         if outcome.crash is None or not outcome.crash.note:
-            self._result.failures[str(assignment.subject)] = f"{crash}; no single state repeats it: try a lower --budget"
+            self.found.failures[str(assignment.subject)] = f"{crash}; no single state repeats it: try a lower --budget"
             return
         state = json.loads(outcome.crash.note)
         # Neither loading nor certifying asks the engine at that state.
         program = yield from ask(_program, assignment, States.at(**state))
         about = {"state": state, "verdict": Verdict.ERROR.value, "term": "none", "statement": str(crash)}
-        self._found.append((_found(assignment, backward_error=None, digits_lost=0.0, **about), program.value or ""))
-
-    def result(self) -> SearchResult:
-        return self._result
+        self._cases.append((_found(assignment, backward_error=None, digits_lost=0.0, **about), program.value or ""))
 
     def _select(self) -> list[Subject]:
         """The subjects that can be searched; one that was asked for by name and cannot be is refused."""
@@ -194,8 +191,8 @@ class StateSearch(Study):
             reason = self._expectations.why_no_model(library, self.name, subject)
             file = engine_files(library)[subject.engine]
             if failure := self.failure(file.outcome):
-                self._result.failures[str(subject)] = failure
-                self._result.crashed = self.crashed
+                self.found.failures[str(subject)] = failure
+                self.found.crashed = self.crashed
                 continue
             if not reason and file.version is None:
                 reason = not_installed(file.requires[1])
@@ -203,26 +200,26 @@ class StateSearch(Study):
                 raise InvalidRequest(f"{subject} cannot be searched on {self.name}: {reason}")
             if not reason:
                 chosen.append(subject)
-        if not chosen and not self._result.failures:
+        if not chosen and not self.found.failures:
             raise InvalidRequest(f"no subject can be searched on {self.name}")
         return chosen
 
     def _has_failed(self, outcome: Outcome, subject: Subject) -> bool:
         failure = self.failure(outcome)
         if outcome.crash is not None:
-            self._result.crashed = True
+            self.found.crashed = True
             self._crashes.setdefault(subject, outcome.crash)
         elif failure:
-            self._result.failures[str(subject)] = failure
+            self.found.failures[str(subject)] = failure
         return bool(failure)
 
     def _conclude(self) -> None:
         """Rank what was found, and store it."""
-        settings, result = self.settings, self._result
+        settings, result = self.settings, self.found
         if self._not_offered and not result.states:
             raise InvalidRequest(f"{self.name}, {settings.quantity}: " + "; ".join(dict.fromkeys(self._not_offered.values())))
         options = [*settings.replay_options, *quantity_options(settings.quantity)]
-        distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._found}
+        distinct = {(one.subject, json.dumps(one.state)): (one, program) for one, program in self._cases}
         for one, program in sorted(distinct.values(), key=lambda pair: severity(pair[0]), reverse=True):
             expectation = self._expectations.of(settings.library.label(self.name), one.subject)
             if settings.library.reads_files:

@@ -11,7 +11,7 @@ from harness.diagnosis.faults.campaign import CampaignSettings, run_campaign, sm
 from harness.engines import EQUATIONS, Subject, engine_files, select_subjects, subjects_beside
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import Library, names_in
-from harness.study import Inquiry, Part, Study, ask
+from harness.study import Inquiry, Study, ask
 from harness.verdict import Verdict
 
 
@@ -37,9 +37,9 @@ class FaultStudy(Study):
         function: Callable[..., Any],
         given: Sequence[Any],
     ) -> None:
-        super().__init__()
+        super().__init__(list[Any]())
         self.left_out, self.deaths, self.steps = dict(left_out), list[str](), len(models)
-        self._library, self._models, self._order, self._rows = library, models, order, list[Any]()
+        self._library, self._models, self._order = library, models, order
         self._function, self._given = function, given
         for file in engine_files(library).values():
             self.failure(file.outcome)
@@ -48,7 +48,7 @@ class FaultStudy(Study):
         yield [self._ask(*model) for model in self._models]
 
     def result(self) -> list[Any]:
-        return sorted(self._rows, key=attrgetter(*self._order))
+        return sorted(self.found, key=attrgetter(*self._order))
 
     def _ask(self, name: str, what: Any) -> Inquiry[None]:
         outcome = yield from ask(self._function, self._library, name, what, *self._given, affinity=name)
@@ -58,8 +58,7 @@ class FaultStudy(Study):
         elif outcome.exception is not None:
             of_file = isinstance(outcome.exception, InvalidInput)
             self.report(outcome.exception if of_file else InvalidRequest(f"{name}, {what}: {outcome.exception}"))  # type: ignore[arg-type]
-        self._rows += outcome.value or []
-        yield Part(f"{name} {what}", outcome.value or [])
+        yield self.kept(f"{name} {what}", outcome.value or [])
 
 
 def campaign(library: Library, names: Sequence[str], settings: CampaignSettings, formats: Sequence[str] = ()) -> FaultStudy:
