@@ -191,7 +191,7 @@ class _Examination:
                 gone.append(element)
                 yield element.line, element.tag, "", _named(element), why
                 continue
-            for attribute in element.attributes:
+            for attribute in self._said(element):
                 if self._is_default(element, attribute, needed):
                     yield attribute.line, element.tag, attribute.name, attribute.value, "is not felt; leave it out"
                     continue
@@ -200,6 +200,17 @@ class _Examination:
                         why = f"is not felt by any acceleration; its least value here is {dead[number]}"
                         yield number.line, element.tag, attribute.name or "text", self._text[number.start : number.end], why
         yield from self._stages()
+
+    def _said(self, element: Element) -> Sequence[Attribute]:
+        """The attributes by which an element may move something.
+
+        The pose of a body with a free joint is where it stands at first, from which some versions of readers measure the joint.
+        """
+        inside = (other for other in self._elements if other.path[:-1] == element.path and element.start < other.start < element.end)
+        floats = element.tag == "body" and any(
+            other.tag == "freejoint" or (other.tag == "joint" and other.get("type") == "free") for other in inside
+        )
+        return () if floats else element.attributes
 
     def _unmoved(self, text: str, audited: bool = False) -> bool:
         """True if the reader accepts ``text`` and answers as before."""
@@ -212,7 +223,7 @@ class _Examination:
         dead: dict[Number, str] = {}
         for element in self._elements:
             bound: list[Number] = []
-            for number in (number for attribute in element.attributes for number in attribute.numbers):
+            for number in (number for attribute in self._said(element) for number in attribute.numbers):
                 if number.value == 0 or _DIRECTIONS & {element.tag, number.attribute}:
                     continue
                 movement = self._watch.movement(scaled(self._text, [number], 1 - CHANGE))

@@ -48,15 +48,25 @@ def _frames_of_free_joints(tree: Tree) -> dict[str, Frame]:
 
 
 def _placed(pose: Pose) -> Frame:
-    """A pose of a URDF as a frame in the world."""
+    """A pose as a frame in the world."""
     turn, shift = (np.array(part) for part in _OF_THE_WORLD)
     for placement in pose:
         shift = shift + rotations(turn[None])[0] @ _floats(placement.position)
         for part in placement.rotation:
-            assert isinstance(part, Turn), "a URDF has roll, pitch and yaw alone"
-            half = float(part.angle) / 2
-            turn = multiplied(turn, np.array([math.cos(half), *(math.sin(half) * float(value) for value in part.axis)]))
+            turn = multiplied(turn, _quaternion(part))
     return tuple(turn.tolist()), tuple(shift.tolist())
+
+
+def _quaternion(part: Turn | Quaternion | Axes | Direction) -> Array:
+    """The quaternion (w, x, y, z) of one rotation."""
+    if isinstance(part, Turn):
+        half = (math.radians(part.angle) if part.in_degrees else float(part.angle)) / 2
+        return np.array([math.cos(half), *(math.sin(half) * _unit(_floats(part.axis)))])
+    if isinstance(part, Quaternion):
+        return _unit(_floats(part.components))
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(_rotation(part)).as_quat()[[3, 0, 1, 2]])
 
 
 def model_request(file: ModelFile, joints: Sequence[str], gravity: float) -> Request:

@@ -242,6 +242,7 @@ class Body(_Placed):
 
     Attributes:
         gravity_compensation: share of its weight that a force in its centre of mass carries.
+        start: of a body with a free joint, where an MJCF has it stand at first; no position is measured from there.
     """
 
     name: str
@@ -252,6 +253,7 @@ class Body(_Placed):
     place: Place | None = None
     solids: tuple[Solid, ...] = ()
     gravity_compensation: Fraction = Fraction(0)
+    start: Pose = ()
 
     @property
     def is_unnamed(self) -> bool:

@@ -12,6 +12,9 @@ from support import BUILT_IN
 from harness.comparison.judgement import ILL_CONDITIONED
 from harness.comparison.robot_library import engines_of_files
 from harness.explain.changes.readings import find_readings
+from harness.programs.states import States
+from harness.trees.mechanism import accelerations_of
+from harness.trees.recursion import recursion_program
 from harness.truth.quantities.accelerations import FarLinks
 from harness.verdict import AGREEMENT, Verdict
 
@@ -287,10 +290,33 @@ def test_what_pinocchio_passed_over_before_4_is_of_its_readings_then(tmp_path: P
     path.write_text(f"<mujoco><worldbody><body>{joints}{inertial}</body></worldbody></mujoco>")
     robot = meant_by(path).robot
     old, new = ({one.name for one in find_readings(engine, "mjcf")} for engine in ("pinocchio@3.9.0", "pinocchio@4.0.0"))
-    assert old - new == {"references of joints"} and not new - old
+    assert old - new == {"references of joints", "pose of a body that floats"} and not new - old
     [reading] = [one for one in find_readings("pinocchio@3.9.0", "mjcf") if one.name == "references of joints"]
     assert (reading.places(robot)[0], [place.line for place in reading.places(robot)[1]]) == (1, [2])
     assert [float(joint.reference) for joint in reading.read(robot).tree.joints] == [0.0, 0.0]
+
+
+def test_pinocchio_before_4_measured_a_free_joint_from_the_pose_of_its_body() -> None:
+    """What its tree accelerates by gravity is turned by that pose; the same file without the pose is read as it stands."""
+    robot, plain = (meant_by(BUILT_IN.model_path(name, "mjcf")) for name in ("free_body.turned", "free_body"))
+    [reading] = [one for one in find_readings("pinocchio@3.9.0", "mjcf") if one.name == "pose of a body that floats"]
+    assert reading.places(plain.robot) == (0, [])
+    read = reading.read(robot.robot)
+    assert [place.line for place in reading.places(robot.robot)[1]] == [14]
+    states = States(np.array([[0.0, 0, 0, 1, 0, 0, 0]]), np.zeros((1, 6)), np.zeros((1, 6)), np.zeros(1))
+    fall = [accelerations_of(recursion_program(of.tree, of.joints), states)[0, :3] for of in (robot.robot, read)]
+    assert np.allclose(fall[0], [0, 0, -9.81]) and np.allclose(fall[1], [9.81 * 0.96, 0, -9.81 * 0.28])
+
+
+EULER: dict[str, list[int]] = {"acrobot.euler": [15, 18], "acrobot.euler_sequence": [], "acrobot.euler_fixed_axes": []}
+
+
+def test_pinocchio_before_3_4_took_euler_without_a_sequence_for_no_rotation() -> None:
+    named = [{one.name for one in find_readings(f"pinocchio@{version}", "mjcf")} for version in ("3.3.1", "3.4.0")]
+    assert named[0] - named[1] == {"Euler angles without a sequence"} and not named[1] - named[0]
+    [reading] = [one for one in find_readings("pinocchio@3.3.1", "mjcf") if one.name == "Euler angles without a sequence"]
+    lines = {name: [place.line for place in reading.places(meant_by(BUILT_IN.model_path(name, "mjcf")).robot)[1]] for name in EULER}
+    assert lines == EULER
 
 
 FUSED = """<robot name="fused">

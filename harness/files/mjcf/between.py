@@ -67,9 +67,7 @@ class ElementsBetween:
         self._sites, self._joints, self._bodies = map(_by_name, (sites, joints, holders))
         self._tendons = _by_name(source.root.iterfind("tendon/*"))
         self._singles = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
-        floating = [any(joint.kind is JointKind.FREE for joint in body.joints) for body in bodies]
-        placed = zip(bodies, holders, floating, strict=True)
-        self._floating = tuple((body.name, attributes.pose(holder)) for body, holder, floats in placed if floats)
+        self._floating = tuple((body.name, body.start) for body in bodies if any(joint.kind is JointKind.FREE for joint in body.joints))
 
     def _at(self, site: etree._Element) -> tuple[str, Pose]:
         """The body of a site, and its place there."""

@@ -107,13 +107,15 @@ class _MjcfReader:
         joints = tuple(map(self._joint, inside(element, *JOINTS)))
         if any(joint.kind is JointKind.FREE for joint in joints) and (len(joints) > 1 or parent.tag != "worldbody"):
             self._source.refuse(element, f"{describe(element)} has a free joint; expected it alone, in a body right inside the worldbody")
-        # A free joint's position is that of the body in the world.
-        pose = () if joints and joints[0].kind is JointKind.FREE else self.attributes.pose(element)
+        pose, start = self.attributes.pose(element), ()
+        if joints and joints[0].kind is JointKind.FREE:
+            # Its position is that of the body in the world.
+            pose, start = (), pose
         # Without springs and dampers MuJoCo has no passive force at all.
         acts = self.attributes.acts("spring") or self.attributes.acts("damper")
         compensation = self.attributes.number(element, "gravcomp", 0.0) if acts else Fraction(0)
         place = self._source.place(element)
-        body = Body(self.name(element), self.name(parent), pose, joints, None, place, gravity_compensation=compensation)
+        body = Body(self.name(element), self.name(parent), pose, joints, None, place, gravity_compensation=compensation, start=start)
         return self.inertias.of_body(element, body)
 
     def name(self, element: etree._Element) -> str:
