@@ -52,8 +52,11 @@ def watch(
     model: ModelFile,
     states: States,
     answers: Callable[[Model, States], Array] = answers_with_gaps,
+    declared: Callable[[ModelFile], Array] | None = None,
 ) -> Watch:
     """The ``answers`` of an engine at ``states``, accelerations with gaps by default; what the model holds is not audited.
+
+    From those of a changed model is taken by how much the law that it has ``declared`` moves their truth, (n, nv).
 
     Raises:
         ValueError: the engine refuses the model as it is; harness.engines.Unsupported: it cannot express it.
@@ -66,9 +69,15 @@ def watch(
             if changed is model:
                 raise
             raise ValueError(str(reason)) from reason
-        return answers(loaded, states)
+        found = answers(loaded, states)
+        return found if declared is None else beside_law(found, declared(changed))
 
     return Watch(model, answer, mechanism.nv)
+
+
+def beside_law(answers: Array, moved: Array) -> Array:
+    """Answers, (n, nv + rows of constraints), without what a law moves of the accelerations, (n, nv)."""
+    return np.hstack([answers[:, : moved.shape[1]] - moved, answers[:, moved.shape[1] :]])
 
 
 def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> States:

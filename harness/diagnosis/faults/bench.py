@@ -1,5 +1,8 @@
 """One model under test with all subjects that read it: the verdicts once its text is changed.
 
+Where an engine declares that its constraints give, the law that a changed file declares is the truth of that file, as in a check: MuJoCo
+takes the weights of its rows from the masses and inertias of the file, and a number that is felt in these alone makes no other mechanism.
+
 Source: Reiter, A theory of diagnosis from first principles, Artificial Intelligence 32 (1987), on whom to blame.
 """
 
@@ -9,8 +12,12 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
+import numpy as np
+
+from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
@@ -31,7 +38,7 @@ from harness.engines.interface import audit
 from harness.errors import InvalidInput, InvalidModel, not_installed
 from harness.explain.as_read import misread_by
 from harness.explain.changes import Change
-from harness.explain.columns import DIFFERENCE, derivative, diagnostic_states, watch
+from harness.explain.columns import DIFFERENCE, beside_law, derivative, diagnostic_states, watch
 from harness.explain.pattern import NOTHING, UNDECIDED, infer
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
@@ -101,14 +108,16 @@ class FaultBench:
 
     def _reference(self, subject: Subject, engine: Engine, model: ModelFile | None, diagnostic: bool = False) -> Reference:
         """The truth of a subject on an unmodified model, certified once."""
-        kernel = reference_kernel_of(Assignment(self._library, subject, self.mechanism, model))
-        states = self._diagnostic_states if diagnostic else self._states
-        if (kernel, diagnostic) not in self._references:
-            self._references[kernel, diagnostic] = kernel.evaluate(states)
-        reference = self._references[kernel, diagnostic]
+        reference = self._certified(reference_kernel_of(Assignment(self._library, subject, self.mechanism, model)), diagnostic)
         if model is not self.model:
             return reference
+        states = self._diagnostic_states if diagnostic else self._states
         return beside_gaps(reference, self.mechanism, states, gaps_of(self._load(engine, self.model), states))
+
+    def _certified(self, kernel: ReferenceKernel, diagnostic: bool = False) -> Reference:
+        if (kernel, diagnostic) not in self._references:
+            self._references[kernel, diagnostic] = kernel.evaluate(self._diagnostic_states if diagnostic else self._states)
+        return self._references[kernel, diagnostic]
 
     def _join(self, subject: Subject) -> str:
         """Evaluate a subject on the unmodified models; why it is unsupported, "" where it is not."""
@@ -127,7 +136,8 @@ class FaultBench:
             return f"{subject}: its reader makes another mechanism of {model.path.name}"
         path = self._library.system_path(self._name) if model is None else model.path
         try:
-            watched = watch(engine, self.mechanism, self.model, self._states) if model is self.model else None
+            law = partial(self._moved_by_law, subject)
+            watched = watch(engine, self.mechanism, self.model, self._states, declared=law) if model is self.model else None
             answers = watched.healthy if watched else accelerations(self._load(engine, model or self.mechanism), self._states)
         except Unsupported as reason:
             return f"{subject}: {reason}"
@@ -144,6 +154,18 @@ class FaultBench:
 
     def _load(self, engine: Engine, source: ModelFile | Mechanism) -> Model:
         return engine.load(source, self.mechanism.joints, self.mechanism.gravity)
+
+    def _moved_by_law(self, subject: Subject, changed: ModelFile) -> Array:
+        """By how much the law that a changed file declares moves the truth, (n, nv).
+
+        Raises:
+            InvalidModel: it declares none.
+        """
+        own, kernel = (reference_kernel_of(Assignment(self._library, subject, self.mechanism, one)) for one in (self.model, changed))
+        if kernel is own:
+            return np.zeros((len(self._states), self.mechanism.nv))
+        before, after = self._certified(own), kernel.evaluate(self._states)
+        return np.where(after.certified[:, None], (after.high - before.high) + (after.low - before.low), 0.0)
 
     def diagnostic(self, reader: Reader) -> tuple[States, Reference]:
         """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
@@ -166,7 +188,7 @@ class FaultBench:
         for one in self.readers:
             try:
                 loaded = self._load(through(one.engine) if through else one.engine, model)
-                answers = answers_with_gaps(loaded, self._states)
+                answers = beside_law(answers_with_gaps(loaded, self._states), self._moved_by_law(one.subject, model))
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
                 continue
