@@ -1,28 +1,38 @@
-"""The systems that tests run over, and how many states they take; it imports nothing that takes long."""
+"""The systems that tests run over, and which of them and of the robots stand for the others; it imports nothing that takes long."""
 
 from __future__ import annotations
 
-import os
+import ast
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TypeVar
 
-from harness.library import MODEL_SUFFIXES, Library, member_of
+from lxml import etree
+
+from harness.files.document.xml import read_text
+from harness.library import MODEL_SUFFIXES, Library, member_of, robots_folder
+
+Name = TypeVar("Name", str, Path)
 
 BUILT_IN = Library.built_in()
-# CI takes minutes longer than a run at the desk, which takes fewer states and a seeded sample of what is alike.
-IN_CI = bool(os.environ.get("CI"))
-STATES = 1000 if IN_CI else 100
+STATES = 100
+
+
+def text_of(name: str, library: Library = BUILT_IN) -> str:
+    """The text of a system's file, or of its family's."""
+    path = library.system_path(name)
+    member = member_of(path)
+    return (path if member is None else member[0]).read_text(encoding="utf-8")
 
 
 def turns_freely(name: str) -> bool:
     """Whether a built-in system has a ball or free joint, whose positions and velocities are not those of its text."""
-    path = BUILT_IN.system_path(name)
-    return path.is_file() and "Attitude(" in path.read_text()
+    return "Attitude(" in text_of(name)
 
 
 def is_tied(name: str, library: Library = BUILT_IN) -> bool:
     """Whether a system has constraints beside its joints; without deriving it, since every process asks while it collects the tests."""
-    path = library.system_path(name)
-    member = member_of(path)
-    return "constraints=" in (path if member is None else member[0]).read_text(encoding="utf-8")
+    return "constraints=" in text_of(name, library)
 
 
 # Systems whose joints carry their coordinates themselves.
@@ -38,3 +48,72 @@ MODELS = [
 MODELLED = [name for name in BUILT_IN.system_names() if all(BUILT_IN.has_model(name, form) for form in MODEL_SUFFIXES)]
 # Those whose tree is all that moves.
 TREES = [name for name in MODELLED if not is_tied(name)]
+_TESTS = Path(__file__).parent
+# Robots' files: those that come with the harness, and those that the tests add; what another file includes is none.
+ROBOTS = sorted(
+    path
+    for folder in (robots_folder(BUILT_IN), _TESTS / "comparison" / "files", _TESTS / "trees" / "files")
+    for path in folder.iterdir()
+    if path.suffix in MODEL_SUFFIXES.values() and "<mujocoinclude" not in path.read_text()
+)
+
+
+def features_of_file(text: str) -> Iterator[str]:
+    """What a reader of a model file meets: each element, each type of it, and each attribute; prefixes need no declaration."""
+    root = etree.fromstring(text.encode(), etree.XMLParser(remove_comments=True, remove_pis=True, recover=True))
+    for element in root.iter():
+        yield f"{root.tag} {element.tag}"
+        yield from (f"{root.tag} {element.tag} {name}={value if name == 'type' else ''}" for name, value in element.attrib.items())
+
+
+def features_of_system(name: str) -> Iterator[str]:
+    """What a system is: what it declares, what of the harness it declares it with, and what stands in the models of it."""
+    for node in ast.walk(ast.parse(text_of(name))):
+        if isinstance(node, ast.ImportFrom) and node.module == "harness":
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            yield from (f"{node.func.id} {keyword.arg}" for keyword in node.keywords if node.func.id[0].isupper())
+    if member_of(BUILT_IN.system_path(name)):
+        yield "family"
+    for model_format in MODEL_SUFFIXES:
+        if (name, model_format) not in MODELS:
+            yield f"no {model_format}"
+    for model, model_format in MODELS:
+        if BUILT_IN.system_of(model) == name:
+            yield from features_of_file(read_text(BUILT_IN.model_path(model, model_format)))
+
+
+def cover(features: Mapping[Name, set[str]], sizes: Mapping[Name, int], covered: set[str] = frozenset()) -> list[Name]:  # type: ignore[assignment]
+    """Names that have every feature but those ``covered`` already: always the next with most further ones for its size.
+
+    The greedy cover of Chvatal (A greedy heuristic for the set-covering problem, 1979), without those that later ones make superfluous;
+    the first by name of several that are as good.
+    """
+    left = set().union(*features.values()) - covered
+    chosen: list[Name] = []
+    while left:
+        chosen.append(max(sorted(features), key=lambda name: (len(features[name] & left) / sizes[name], -sizes[name])))
+        left -= features[chosen[-1]]
+    for name in sorted(chosen, key=lambda name: (-sizes[name], name)):
+        others = covered.union(*(features[other] for other in chosen if other != name))
+        if features[name] <= others:
+            chosen.remove(name)
+    return sorted(chosen)
+
+
+def _joints(text: str) -> int:
+    return text.count("<joint") + text.count("<freejoint")
+
+
+SYSTEM_FEATURES = {name: set(features_of_system(name)) for name in BUILT_IN.system_names()}
+# Elements and types; attributes of shapes, sensors and actuators are many, and no acceleration feels them.
+ROBOT_FEATURES = {path: {one for one in features_of_file(path.read_text()) if not one.endswith("=")} for path in ROBOTS}
+# Those without a model are as large as the largest robot.
+_SYSTEM_SIZES = {
+    name: sum(_joints(read_text(BUILT_IN.model_path(name, form))) for form in MODEL_SUFFIXES if (name, form) in MODELS) or 20
+    for name in BUILT_IN.system_names()
+}
+_ROBOT_SIZES = {path: _joints(path.read_text()) for path in ROBOTS}
+# What a run at the desk takes of the catalogue, and the robots that have what no system has.
+REPRESENTATIVE = cover(SYSTEM_FEATURES, _SYSTEM_SIZES)
+REPRESENTATIVE_ROBOTS = cover(ROBOT_FEATURES, _ROBOT_SIZES, set().union(*SYSTEM_FEATURES.values()))

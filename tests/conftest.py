@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import gc
-import math
 import os
 import shutil
-import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import costs
 import pytest
-from catalogue import BUILT_IN, IN_CI, MODELLED, PLAIN
+from catalogue import BUILT_IN, MODELLED, PLAIN, REPRESENTATIVE, REPRESENTATIVE_ROBOTS, ROBOTS, VARIANTS
 from hypothesis import HealthCheck, settings
 from rooms import PACKAGE, REPOSITORY
 
@@ -37,17 +36,16 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 UNHURRIED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("ci", derandomize=True, **UNHURRIED)
 settings.register_profile("local", **UNHURRIED)
-settings.load_profile("ci" if IN_CI else "local")
+settings.load_profile("local")
 
-# One in so many cases of a test that has several, each file on other systems, and one in so many tests that have none. The desk leaves
-# most of the tests marked ``costly`` and of those over the catalogue to CI, and with them costly tests without cases and all that is
-# marked ``ci``. CI leaves to the night what it marks ``nightly``: ``CI=1 pytest`` and ``CI=1 pytest -m nightly`` are every case
-# together.
-AT_THE_DESK_ONE_IN = 24, None
-IN_CI_ONE_IN = 12, 12
-IN_CI_OF_THE_CATALOGUE_ONE_IN = 4, 1
-# Fixtures that run a test over the catalogue.
-CATALOGUE = {"built_in_name", "modelled_name", "plain_name"}
+# What ``pytest`` runs by itself, and what it runs of the tests that ``-k`` picks; a test that the command line names is run always.
+AT_THE_DESK = "not ci and not nightly"
+IN_CI = "not nightly"
+# The systems and robots for which others stand at the desk.
+REPRESENTED = {
+    *(name for name in [*BUILT_IN.system_names(), *VARIANTS] if BUILT_IN.system_of(name) not in REPRESENTATIVE),
+    *(path for path in ROBOTS if path not in REPRESENTATIVE_ROBOTS),
+}
 # The systems come first of all, each in one process: what is derived and compiled of them is there for every later file, and no
 # two processes make it at once. Then come rooms whose files take long, most because they start processes and wait for them, and the
 # files beside the rooms, so that no processor is left with one of their files in the end.
@@ -55,6 +53,22 @@ SLOW_ROOMS = (
     "workers", "commands", "crosscheck", "diagnosis", "environments", "hostile", "night", "tests", "upgrade",
     "systems", "lagrange", "motion",
 )  # fmt: skip
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--costs", choices=("file", "test"), help="print the processor seconds of each file of tests, or of each test")
+    parser.addoption("--night", type=int, default=0, metavar="N", help="number of the night; long campaigns take cases in turn")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.option.costs:
+        config.pluginmanager.register(costs)
+    if not config.option.markexpr and not any("::" in argument for argument in config.args):
+        config.option.markexpr = IN_CI if config.option.keyword else AT_THE_DESK
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    return f"set: -m {config.option.markexpr!r}, night {config.option.night} (again with --night {config.option.night})"
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -190,24 +204,13 @@ def plain_mechanism(plain_name: str) -> Mechanism:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Before pytest looks at the marks, of which this gives some."""
     items.sort(key=_turn)
-    if _asked_for_by_name(config):
-        return
-    marked = [item for item in items if _is_marked(item)]
-    over_the_catalogue = [item for item in items if _is_over_the_catalogue(item) and not _is_marked(item)]
-    at_the_desk = _left_out([*marked, *over_the_catalogue], *AT_THE_DESK_ONE_IN)
-    at_night = _left_out(marked, *IN_CI_ONE_IN) | _left_out(over_the_catalogue, *IN_CI_OF_THE_CATALOGUE_ONE_IN)
-    for item in at_night:
-        item.add_marker("nightly")
-    to_ci = {item for item in items if item.get_closest_marker("ci") and not item.get_closest_marker("nightly")}
-    left_out = set() if IN_CI else (at_the_desk | to_ci) - at_night
-    if left_out:
-        config.hook.pytest_deselected(items=list(left_out))
-        items[:] = [item for item in items if item not in left_out]
-
-
-def _asked_for_by_name(config: pytest.Config) -> bool:
-    """Whether the command line names tests or cases, as one does for a mechanism that is new or a test that has failed."""
-    return bool(config.option.keyword) or any("::" in argument for argument in config.args)
+    for item in items:
+        if not REPRESENTED.isdisjoint(_subjects(item)):
+            item.add_marker("ci")
+    waiting = _waiting(items, config.option.night)
+    if waiting and not any("::" in argument for argument in config.args):
+        config.hook.pytest_deselected(items=list(waiting))
+        items[:] = [item for item in items if item not in waiting]
 
 
 def _turn(item: pytest.Item) -> int:
@@ -216,32 +219,24 @@ def _turn(item: pytest.Item) -> int:
     return 1 if item.path.parent.name in SLOW_ROOMS else 2
 
 
-def _left_out(items: list[pytest.Item], one_case_in: int, one_test_in: int | None) -> set[pytest.Item]:
-    """Of each test all but one case in so many, and of tests without cases all but one in so many, or all; long ones are left alone."""
+def _subjects(item: pytest.Item) -> Iterator[object]:
+    """The names of systems and variants and the files of robots that a test is about."""
+    parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
+    return (value for value in (getattr(item, "system", None), *parameters) if isinstance(value, str | Path))
+
+
+def _waiting(items: list[pytest.Item], night: int) -> set[pytest.Item]:
+    """Cases of tests marked ``nightly(nights=N)``, which run them all in N nights, that have their turn in another night."""
     cases: dict[str, list[pytest.Item]] = {}
     for item in items:
-        if not item.get_closest_marker("nightly"):
+        mark = item.get_closest_marker("nightly")
+        if mark and "nights" in mark.kwargs:
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
-    left_out: set[pytest.Item] = set()
-    for name, several in cases.items():
-        if len(several) > 1:
-            left_out.update(sorted(several, key=_lot)[math.ceil(len(several) / one_case_in) :])
-        elif one_test_in is None or zlib.crc32(name.encode()) % one_test_in:
-            left_out.update(several)
-    return left_out
-
-
-def _is_marked(item: pytest.Item) -> bool:
-    return item.get_closest_marker("costly") is not None
-
-
-def _is_over_the_catalogue(item: pytest.Item) -> bool:
-    return not CATALOGUE.isdisjoint(getattr(item, "fixturenames", ()))
-
-
-def _lot(item: pytest.Item) -> int:
-    """A number by chance, the same for a system in all tests of a file, which share what is made of it."""
-    return zlib.crc32(f"{item.path.name}[{item.name.partition('[')[2]}".encode())
+    waiting: set[pytest.Item] = set()
+    for several in cases.values():
+        nights = several[0].get_closest_marker("nightly").kwargs["nights"]
+        waiting.update(item for number, item in enumerate(several) if (number - night) % nights)
+    return waiting
 
 
 def pytest_collection_finish() -> None:

@@ -81,7 +81,7 @@ def test_what_is_no_library_is_told(site: Path, name: str, fragments: list[str])
         assert fragment in str(caught.value)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_commands_and_pytest_take_the_name(site: Path, tmp_path: Path) -> None:
     checked = harness("check", "--library", "my-arms", "--states", "40", cwd=tmp_path)
     assert checked.returncode == 0, checked.stdout + checked.stderr

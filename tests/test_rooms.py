@@ -61,7 +61,6 @@ def test_every_contract_is_kept() -> None:
     assert broken == set(), printed
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("contract", "module", "imported", "named"),
     [
@@ -262,7 +261,7 @@ def change_one_constant(room: Path) -> None:
     raise AssertionError(f"{room} holds no constant that is a whole number")
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_what_is_kept_depends_on_whole_rooms(copied: Path) -> None:
     library, cache = make_library(copied / "library", ["bar_pendulum"]), copied / "cache"
 

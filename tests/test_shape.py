@@ -223,6 +223,7 @@ def loop_lines(found: list[Module]) -> int:
     return (loop.end_lineno or 0) - loop.lineno + 1
 
 
+@pytest.mark.ci
 def test_the_loop_of_the_cross_check_is_one_function_of_at_most_150_lines(package: list[Module], copied: Path) -> None:
     lines = loop_lines(package)
     assert lines <= MOST_LINES_OF_THE_LOOP
@@ -283,6 +284,7 @@ def modules_of_a_check(folder: Path) -> list[str]:
 MOST_MODULES = 150
 
 
+@pytest.mark.ci
 def test_a_check_of_one_mechanism_imports_at_most_150_modules() -> None:
     # The first one fills the cache.
     modules_of_a_check(REPOSITORY)
@@ -290,7 +292,7 @@ def test_a_check_of_one_mechanism_imports_at_most_150_modules() -> None:
     assert len(found) <= MOST_MODULES, sorted(found)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_further_module_is_counted(copied: Path) -> None:
     (copied / "harness" / "further.py").touch()
     file = copied / "harness" / "commands" / "check.py"
@@ -361,7 +363,7 @@ def test_the_first_state_of_a_process_goes_through_at_most_28_files() -> None:
     assert len(found) <= MOST_FILES_OF_A_STATE, found
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_further_file_is_counted(copied: Path) -> None:
     before = files_of_a_state(copied)
     (copied / "harness" / "further.py").write_text("def further():\n    pass\n")

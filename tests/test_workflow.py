@@ -85,10 +85,9 @@ def test_the_night_runs_the_tests_that_ci_leaves_out() -> None:
     tests, settings = WORKFLOW["jobs"]["tests"], (FILE.parents[2] / ".ci" / "run").read_text(encoding="utf-8")
     [command] = [shlex.split(step["run"]) for step in tests["steps"] if "pytest" in step.get("run", "")]
     assert command[:5] == ["python", "-m", "pytest", "-m", "nightly"]
-    # What is drawn for CI depends on CI, and both take as many states.
-    assert tests["env"] == {"CI": "true"} and command[5:-2] == re.findall(r"--harness-states=\d+", settings)
-    # File by file, one of them would keep a processor busy for hours after the others are done.
-    assert command[-2:] == ["--dist", "worksteal"]
+    assert command[5:7] == re.findall(r"--(?:harness-states|hypothesis-profile)=\w+", settings)
+    # Which cases have their turn follows from the number of the run, and what each file costs is told.
+    assert command[7:] == ["--night", "$NIGHT", "--costs", "file"]
     assert tests["if"] == "${{ !inputs.resume }}"
 
 

@@ -69,6 +69,7 @@ def test_greek_letters_stand_under_their_accents() -> None:
     assert r"\ddot{q}_{1}" in harness.load("double_pendulum").latex
 
 
+@pytest.mark.ci
 def test_what_is_too_long_to_typeset_is_a_text() -> None:
     arm = harness.load("stanford_arm")
     assert len(arm.latex) > 20_000 and arm.latex._repr_latex_() is None
@@ -166,6 +167,7 @@ def test_a_check_of_a_system_without_files_says_which_to_write(function: object)
         function(harness.load("collar"))  # type: ignore[operator]
 
 
+@pytest.mark.ci
 def test_pictures_and_plots_stand_alone_and_need_no_bokeh(tmp_path: Path) -> None:
     code = """
 import sys

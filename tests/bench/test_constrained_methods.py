@@ -56,7 +56,6 @@ def all_measured() -> tuple[dict[str, AccelerationCost], dict[str, EngineFinding
     return {cost.method: cost for cost in costs}, {one.method: one for one in found}
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", [method.name for method in find_methods(CONSTRAINED)])
 def test_accelerations_agree_with_their_own_truth_or_are_a_finding(name: str) -> None:
     costs, found = all_measured()
@@ -68,7 +67,6 @@ def test_accelerations_agree_with_their_own_truth_or_are_a_finding(name: str) ->
     assert (cost.from_rigid is not None) == ("mujoco" in name or "declared" in name)
 
 
-@pytest.mark.costly
 def test_the_nearer_the_impedance_to_one_the_nearer_to_rigid() -> None:
     costs, _ = all_measured()
     distance = {name: cost.from_rigid for name, cost in costs.items() if cost.from_rigid is not None}
@@ -102,7 +100,6 @@ def test_a_finding_is_reproduced_with_the_engine_alone(name: str) -> None:
     assert not np.allclose(answer, truth, rtol=1e-12, atol=0.0)
 
 
-@pytest.mark.costly
 def test_a_residual_that_tells_nothing_is_said_to() -> None:
     _, found = all_measured()
     assert "where the answers are right" in found["pinocchio constraintDynamics, mu 1e-6, one iteration"].statement

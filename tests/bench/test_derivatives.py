@@ -47,7 +47,6 @@ def test_every_difference_has_an_order() -> None:
     assert {name for name, method in METHODS.items() if method.steps} == set(ORDERS)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("method", METHODS)
 def test_errors_are_those_of_rounding_or_of_the_step(method: str, name: str) -> None:

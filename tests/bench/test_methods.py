@@ -53,7 +53,6 @@ def costs(name: str, *methods: Method, count: int = COUNT, seconds: float = 0.0)
     return acceleration_costs(scene(name), methods, Effort((count,), count, 3, seconds), silent)[0]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_accelerations_are_right(method: Method, name: str) -> None:

@@ -40,7 +40,6 @@ def true_path(of: Mechanism, intervals: int = 2000, horizon: float = HORIZON) ->
     return times, Taylor(of).solve(start.q, start.v, times).q
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_the_action_of_a_true_path_is_stationary(name: str) -> None:
     kernel = LagrangianKernel(mechanism_named(name))
@@ -201,7 +200,7 @@ def of_order(measured: dict[tuple[str, float], Stationarity], order: int) -> lis
     return [found.name for found in integrators() if found.order == order and found.name in paths and found.format != "mjcf"]
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_paths_of_high_order_are_stationary(measured: dict[tuple[str, float], Stationarity]) -> None:
     assert len(of_order(measured, 4)) >= 2
     for path in of_order(measured, 4):
@@ -210,7 +209,6 @@ def test_paths_of_high_order_are_stationary(measured: dict[tuple[str, float], St
         assert row.first_variation < 1e-9
 
 
-@pytest.mark.costly
 def test_the_first_variation_of_first_order_paths_falls_with_the_step(measured: dict[tuple[str, float], Stationarity]) -> None:
     assert len(of_order(measured, 1)) >= 2
     for path in of_order(measured, 1):

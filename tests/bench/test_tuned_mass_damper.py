@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from catalogue import IN_CI
 from studies import silent
 
 from harness.bench import tuned_mass_damper
@@ -56,8 +55,8 @@ def printed_program(c: float) -> Ride:
     return Ride(np.arange(STEPS + 1) * STEP, x_, energy, np.concatenate([[0.0], np.cumsum(c * w_[1:] ** 2 * STEP)]))
 
 
-# The engines' 200,000 steps for each damper take most of the time: MuJoCo's run in CI, and Pinocchio's at night.
-BY_DAY = ("equations", "mujoco") if IN_CI else ("equations",)
+# The engines' 200,000 steps for each damper take most of the time: they are taken at night.
+BY_DAY = ("equations",)
 WAYS = pytest.mark.parametrize(
     "ways",
     [pytest.param(BY_DAY, id="by day"), pytest.param(("equations", "mujoco", "pinocchio"), id="all", marks=pytest.mark.nightly)],
@@ -75,7 +74,7 @@ def of_equations() -> list[Figure]:
     return [figure for figure in computed_figures(BY_DAY) if "equations" in figure.what]
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_the_equations_repeat_the_program_of_the_text() -> None:
     for figure, printed in zip(of_equations(), PRINTED, strict=True):
         assert figure.computed == pytest.approx(printed.measure(printed_program(printed.damping)), rel=1e-5)

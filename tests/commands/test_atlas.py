@@ -72,7 +72,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
     return stage
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_every_case_is_asked_of_every_subject_and_motion_only_when_asked_for(stage: Stage, invoke: Callable[..., Result]) -> None:
     # Without a single "unstable" the entries that expect it hold nowhere, which is not as expected.
     assert invoke().exit_code == 1
@@ -162,7 +162,6 @@ def test_parts_of_an_atlas_come_back_as_they_were(tmp_path: Path) -> None:
             history.append(7, atlas)
 
 
-@pytest.mark.costly
 def test_one_family_for_real(invoke: Callable[..., Result], tmp_path: Path) -> None:
     result = invoke("stiff_mode", "--subject", "lagrange", "--workers", "1")
     assert result.exit_code == 0, result.output

@@ -217,7 +217,7 @@ def test_parts_have_names_of_their_own() -> None:
     assert len({part.name for part in PARTS}) == len(PARTS)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
     make_library(tmp_path / "mine", ["spring_damper"])
     methods = ("--methods", "pinocchio aba", "--methods", "heyoka float64")

@@ -52,7 +52,7 @@ SOME_VARIANTS = [name for name in BUILT_IN.variant_names() if BUILT_IN.system_of
 
 
 # The tests of harness/systems ask the same at more states; here the command's contract counts, and some do.
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.parametrize("names", [[*SOME, *SOME_VARIANTS], pytest.param([], marks=pytest.mark.nightly)], ids=["some", "all"])
 def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, names: list[str]) -> None:
     done = harness_in_a_process("check", *names, "--states", str(FEW), "--json", "out.json", cwd=tmp_path)
@@ -196,7 +196,6 @@ BROKEN_MODELS = {
 }
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("case", BROKEN_MODELS)
 def test_a_broken_model_is_exit_status_2_and_costs_its_subject_only(library: Path, case: str) -> None:
     old, new, fragment = BROKEN_MODELS[case]
@@ -238,6 +237,7 @@ def test_a_model_without_a_system_is_named(library: Path) -> None:
     assert "orphan.xml" in done.stderr and "systems/orphan.py" in done.stderr
 
 
+@pytest.mark.ci
 def test_list_and_show(tmp_path: Path) -> None:
     listed = harness("list", "--json", "list.json", cwd=tmp_path)
     assert listed.returncode == 0

@@ -118,7 +118,7 @@ def test_a_file_without_meaning_is_invalid_input(tmp_path: Path) -> None:
     assert harness("compare", str(ARM), "--map", "shoulder", cwd=tmp_path).returncode == 2
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_from_an_empty_folder_with_an_empty_home(tmp_path: Path) -> None:
     home, work = folder_of(tmp_path / "home"), folder_of(tmp_path / "work", "massless_foot.urdf")
     done = compared_at(home, "massless_foot.urdf", cwd=work)
@@ -168,7 +168,6 @@ def test_a_survey_says_what_changed_since_the_last_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.ci
-@pytest.mark.costly
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_an_engine_that_dies_costs_its_own_record(engine: str, tmp_path: Path) -> None:
     """The worker is killed where the engine is asked."""

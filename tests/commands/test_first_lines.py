@@ -25,11 +25,13 @@ def hold(user: User) -> None:
     assert found == held(user), "read what is new, then write it by python tests/first_lines.py"
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", USERS)
 def test_a_user_reads_the_first_lines_that_a_person_has_read(name: str) -> None:
     hold(USERS[name])
 
 
+@pytest.mark.nightly
 @pytest.mark.robots
 def test_first_lines_on_files_of_others() -> None:
     hold(of_others())

@@ -89,7 +89,7 @@ def test_a_night_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.Monkey
     assert "goes on: it has" in done.stderr
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_scheduler_that_is_killed_costs_nothing_that_was_answered(tmp_path: Path) -> None:
     """One in a process of its own, with a worker, which is killed once the JSON has a record."""
     make_library(tmp_path / "library", ["bar_pendulum", "spring_damper", "simple_pendulum", "double_pendulum"])

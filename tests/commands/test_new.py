@@ -25,7 +25,7 @@ def written(directory: Path, sizes: range | tuple[int, ...]) -> Path:
     return directory
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.parametrize("sizes", [SIZES, pytest.param(range(1, 13), marks=pytest.mark.nightly)], ids=["few", "all"])
 def test_a_new_mechanism_agrees_and_holds_nothing_superfluous(tmp_path: Path, sizes: range | tuple[int, ...]) -> None:
     directory = written(tmp_path, sizes)

@@ -59,7 +59,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.usefixtures("without_charts")
 def test_a_median_that_rises_is_reported_that_night_and_changes_no_verdict(folder: Path) -> None:
     for seed in ("1", "2", "3"):

@@ -56,7 +56,7 @@ def same(one: float | None, other: float | None) -> bool:
     return error_text(one) == error_text(other)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_every_worst_case_gives_its_number_again(reported: Path) -> None:
     document = json.loads((reported / "report.json").read_text())
     page, markdown = written_site(reported), (reported / "report.md").read_text()

@@ -114,6 +114,7 @@ def test_a_plain_engine_that_its_readings_do_not_explain_is_red(folder: Path, mo
     assert "the file is the truth, and pinocchio/urdf differs from it" in done.stdout
 
 
+@pytest.mark.ci
 def test_an_engine_that_is_wrong_is_red_with_the_number_it_is_wrong_by(folder: Path, undamped: None) -> None:
     done = harness("check", "arm.urdf", "--aided", "--states", "12", cwd=folder)
     assert done.returncode == 1
@@ -318,6 +319,7 @@ def test_a_file_that_cannot_be_read_is_named_with_its_fault_and_what_to_do(expor
     assert done.stderr.startswith(f"harness: {file}:") and f"harness check NAME --urdf {file}" in done.stderr
 
 
+@pytest.mark.ci
 def test_robots_of_a_library_stand_in_its_report(tmp_path: Path) -> None:
     """With a row and a page each, in the JSON, and in the exit status: a robot that an engine cannot answer on is not as expected."""
     root = make_library(tmp_path / "mine", ["bar_pendulum"])

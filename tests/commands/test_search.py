@@ -100,7 +100,7 @@ def library(tmp_path: Path) -> Path:
     return make_library(tmp_path / "library", ["simple_pendulum"])
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_search_for_real(library: Path, invoke: Callable[..., Result]) -> None:
     result = invoke("simple_pendulum", "--subject", "lagrange", "--budget", "60", "--library", str(library), "--workers", "1")
     assert result.exit_code == 0, result.output
@@ -109,7 +109,7 @@ def test_a_search_for_real(library: Path, invoke: Callable[..., Result]) -> None
     assert "not stored: every state agrees" in result.output and not path_of(Library.at(library), "simple_pendulum").exists()
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_worst_cases_are_ranked_in_the_report_with_programs_that_run(library: Path, tmp_path: Path) -> None:
     """A stored state of another version is compared anew, so its old error is not shown."""
     stale = FoundState(**{**vars(FOUND), "backward_error": 1e9, "versions": {"mujoco": "0.0"}})

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support import harness
 
-pytestmark = pytest.mark.robots
+pytestmark = [pytest.mark.nightly, pytest.mark.robots]
 
 # Files that every engine takes alike, that engines take otherwise or refuse, of which nothing moves, and that nobody can read.
 FILES = {

@@ -57,7 +57,6 @@ def test_a_wrong_number_of_a_copy_is_named_with_its_line(kind: str, size: float,
     assert difference.alone is not None and difference.alone == pytest.approx(found.relative_error, rel=0.5)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("kind", PLANTED)
 def test_a_wrong_number_is_named_beside_another_format(kind: str, size: float, tmp_path: Path) -> None:

@@ -44,7 +44,6 @@ def measured(system: str, subject: str) -> tuple[Watch, States, Reference, list[
     return watched, states, reference, written_columns(watched, reference)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("system", "subject"),
     [pytest.param(*pair, marks=[pytest.mark.nightly] if number % 3 < 2 else []) for number, pair in enumerate(LOSING)],
@@ -81,7 +80,7 @@ def test_lost_digits_have_no_direction(system: str, subject: str) -> None:
     [
         ("chain_6", "1.5000000000015"),
         pytest.param("chain_12", "1.50000000015", marks=pytest.mark.nightly),
-        pytest.param("chain_12", "1.500000000015", marks=pytest.mark.costly),
+        ("chain_12", "1.500000000015"),
     ],
 )
 def test_a_wrong_mass_of_an_ill_conditioned_chain_is_red_and_named(tmp_path: Path, system: str, mass: str) -> None:

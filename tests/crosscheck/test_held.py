@@ -172,7 +172,6 @@ def audited(texts: Mapping[str, str], above: float = SOUND) -> list[Difference]:
     return differences(held, models, above)
 
 
-@pytest.mark.costly
 def test_the_readers_of_the_catalogue_hold_the_same(modelled_name: str) -> None:
     """At most 69 ulps, in inertias of arm_7r that MuJoCo reads from URDF; everything else is equal to the last bit or nearly."""
     models = {name: read_model(BUILT_IN.model_path(modelled_name, name), name) for name in TEXTS}
@@ -340,7 +339,6 @@ def random_chain(seed: int, links: int) -> dict[str, str]:
     }
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("seed", range(4))
 def test_roundings_of_a_deep_chain_are_sound_and_a_mistake_of_1e_10_is_not(seed: int) -> None:
     """More than 256 ulps, but no more than (30 / 8)^2 times that, where a planted mistake makes hundreds of thousands."""

@@ -53,7 +53,7 @@ def test_the_truth_of_a_batch_is_certified_once_for_all_subjects(monkeypatch: py
     assert 300 <= sum(certified) <= 300 + 1 + 2 * 9 + 5
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_death_costs_the_subject_that_was_asked_and_names_its_state(tmp_path: Path) -> None:
     """The engine dies far from the sampled middle, so that the state must be looked for."""
     planted = library(tmp_path, dying="os.abort() if (q > 2.5).any() else None")
@@ -68,7 +68,7 @@ def test_a_death_costs_the_subject_that_was_asked_and_names_its_state(tmp_path: 
     assert study.crashes == {("bar_pendulum", "dying/mjcf")} and study.crashed
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_two_subjects_that_die_are_both_set_aside(tmp_path: Path) -> None:
     planted = library(tmp_path, first="os.abort()", second="os._exit(5)")
     with Workers(1, time_limit=60) as workers:
@@ -163,7 +163,7 @@ def test_tasks_of_a_system_share_a_worker() -> None:
     assert len({(id(task.key[0]), task.affinity) for task in given}) == 2
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_numbers_do_not_depend_on_the_workers(tmp_path: Path) -> None:
     settings = Settings(library=BUILT_IN, names=["collar", "chain_3"], states=120, examples=None)
     here, _ = cross_checked(settings)

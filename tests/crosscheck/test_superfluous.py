@@ -36,7 +36,6 @@ PAIRS = [
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "subject"), PAIRS, ids=[f"{name}-{subject}" for name, subject in PAIRS])
 def test_shipped_models_hold_nothing_superfluous(name: str, subject: Subject) -> None:
     assert superfluous(Assignment.of(LIBRARY, name, subject)) == []
@@ -245,6 +244,7 @@ def test_a_surplus_of_the_built_in_library_fails(library: Path, monkeypatch: pyt
     assert harness("diagnose", "bar_pendulum", *OPTIONS, cwd=library).returncode == 1
 
 
+@pytest.mark.ci
 def test_a_surplus_warns_in_pytest_and_fails_the_built_in_regression_of_its_subject(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     options = ("-v", "--harness-states", "40", "--harness-library")
     done = pytest_in_this_process(*options, str(library), cwd=library)

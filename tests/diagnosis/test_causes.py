@@ -78,7 +78,6 @@ def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_pat
     assert "nothing to explain" in cause.first_line
 
 
-@pytest.mark.costly
 def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Path) -> None:
     old, new = 'mass="1.5"', 'mass="1.50001"'
     stand_ins = {"mjcf": pendulum(tmp_path, "mjcf", old, new)}
@@ -89,7 +88,6 @@ def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Pat
         assert "behaves as if m = 1.50001 kg instead of 1.5" in cause.first_line
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("workers", [InThisProcess(), InThisProcess(time_limit=4.0)])
 def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: InThisProcess

@@ -113,7 +113,6 @@ NUMBERS = [
 ]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "model_format", "sound", "planted", "attribute", "value"), NUMBERS)
 def test_a_wrong_number_is_named_first_with_the_right_value(
     name: str, model_format: str, sound: str, planted: str, attribute: str, value: float
@@ -137,7 +136,6 @@ def test_a_wrong_number_is_named_first_with_the_right_value(
         assert not runner_up["explains"] and f"line {runner_up['line']}, " in told[0] and f"{runner_up['residual']:.2g}" in told[0]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("size", [1e-9, 1e-4, 0.3])
 @pytest.mark.parametrize(("name", "model_format"), [("simple_pendulum", "mjcf"), ("simple_pendulum", "urdf"), ("cart_pendulum", "urdf")])
 def test_a_number_that_should_be_zero_is_found(name: str, model_format: str, size: float) -> None:
@@ -162,7 +160,7 @@ def test_a_model_that_answers_with_nan_is_explained_from_another_start() -> None
     assert any(one.place.attribute == "xyz" and one.value == -2.0 for one in diagnosis.explaining)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_two_faults_at_once_are_not_explained_by_one() -> None:
     diagnosis = case("cart_pendulum", "mjcf").diagnosis(('mass="10"', 'mass="10.5"'), ('damping="0.2"', 'damping="0.3"'))
     assert (diagnosis.finding, diagnosis.explaining) == (Finding.UNEXPLAINED, ())
@@ -189,7 +187,7 @@ def flipped(own: Case) -> Callable[[ModelFile], Array]:
     return lambda model: sound(model) + twice
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
     own = case("arm_2r", "mjcf")
     diagnosis = diagnose(Watch(own.model, flipped(own)), own.reference)
@@ -198,7 +196,7 @@ def test_a_fault_of_the_engine_is_blamed_on_no_file() -> None:
     assert (textbook.finding, textbook.explaining) == (Finding.UNEXPLAINED, ())
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_change_that_fits_only_the_states_it_was_fitted_to_does_not_explain() -> None:
     """At the states that fits see, the mass alone is wrong; at the others, so is something else."""
     own = case("cart_pendulum", "mjcf")
@@ -208,7 +206,7 @@ def test_a_change_that_fits_only_the_states_it_was_fitted_to_does_not_explain() 
     assert diagnose(watched, own.reference).finding == Finding.UNEXPLAINED
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     own = case("puma_560", "mjcf")
     sound, noise = own.watch().answer, np.random.default_rng(1).uniform(-1, 1, own.reference.high.shape)
@@ -220,7 +218,6 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     assert "the digits are the engine's" in diagnosis.first_line
 
 
-@pytest.mark.costly
 def test_a_number_is_named_whose_effect_bends_within_the_step_of_a_derivative() -> None:
     """A proximal iteration feels a length that holds redundant rows apart by its square, and from 1e-7 on in full."""
     own, right = case("arm_2r", "urdf"), 0.5
@@ -245,7 +242,6 @@ def test_an_answer_that_is_not_finite_is_told() -> None:
     assert json.loads(json.dumps(diagnosis.as_json(), allow_nan=False))["before"] is None
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("factor", [1 + 1e-9, 1.01, 2.0])
 @pytest.mark.parametrize(
     ("name", "parameter", "unit"), [("cart_pendulum", "L", "m"), ("arm_2r", "I2", "kg m^2"), ("heavy_top", "I3", "kg m^2")]
@@ -277,7 +273,6 @@ def test_what_the_textbook_cannot_tell_apart_is_named_together() -> None:
     assert {("g", 0.0), ("m", 0.0), ("r_G", 0.0)} <= {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
 
-@pytest.mark.costly
 def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_one() -> None:
     """A wheel at rest without gravity stays at rest; a spring of one side moves it."""
     own = case("satellite_wheel", "mjcf")
@@ -318,7 +313,6 @@ def test_a_diagnosis_ends_after_its_evaluations_with_the_best_so_far(evaluations
     assert not any("accelerations feel" in line for line in diagnosis.lines)
 
 
-@pytest.mark.costly
 def test_the_textbook_side_ends_after_its_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
     own = case("arm_2r", "mjcf")
     evaluated: list[Any] = []

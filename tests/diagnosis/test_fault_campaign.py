@@ -65,7 +65,7 @@ def small(name: str, model_format: str) -> list[Fault]:
     [
         # What another test asks of them is there already.
         ("bar_pendulum", "mjcf"),
-        pytest.param("spring_damper", "urdf", marks=pytest.mark.costly),
+        ("spring_damper", "urdf"),
         pytest.param("bar_pendulum", "urdf", marks=pytest.mark.nightly),
         pytest.param("spring_damper", "mjcf", marks=pytest.mark.nightly),
     ],
@@ -172,7 +172,7 @@ def test_a_blunt_check_is_told_by_what_is_not_caught(monkeypatch: pytest.MonkeyP
     assert any("times what theory promises" in sentence for sentence in broken_bars(faults))
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_diagnosis_that_always_names_the_first_attribute_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def first_attribute(*arguments: Any, **options: Any) -> Diagnosis:
         found = diagnose(*arguments, **options)
@@ -200,7 +200,7 @@ def test_subjects_of_the_other_format_stay_green() -> None:
     assert bench.ask(bench.model.text).caught_by == ""
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_reader_that_loses_digits_as_expected_is_asked_only_where_it_does_not() -> None:
     bench = FaultBench(BUILT_IN, "chain_6", "mjcf", 1000, 0)
     sound = {str(one.subject): int(one.sound.sum()) for one in bench.readers}
@@ -222,7 +222,6 @@ def test_a_reader_that_loses_digits_as_expected_is_asked_only_where_it_does_not(
     assert asked_at_all == {"mujoco/mjcf": False, "pinocchio/mjcf": True}
 
 
-@pytest.mark.costly
 def test_theory_begins_where_no_reader_rounds_a_number_away() -> None:
     """The last rod of Bricard's mechanism turns about the ground's hinge alone, so that no rigid loop feels its products of inertia.
 
@@ -302,7 +301,7 @@ def test_families_come_by_their_smallest_member_and_models_that_nobody_can_write
     assert {model_format for name, model_format in left_out if name == "rolling_disc"} == {"mjcf", "urdf"}
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_the_command_prints_a_row_per_kind_and_writes_json(tmp_path: Path) -> None:
     path = tmp_path / "faults.json"
     options = ["--kind", "damping", "--kind", "number", "--size", "1e-6", "--states", "64", "--diagnoses", "1", "--workers", "1"]
@@ -356,7 +355,6 @@ TIED = [(name, model_format) for name, model_format in select_models(BUILT_IN, (
 
 
 @pytest.mark.ci
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "model_format", "element"),
     [

@@ -65,7 +65,7 @@ EVERY_NUMBER = [pytest.param(FEW, id="few"), pytest.param(None, id="all", marks=
 # One subject of every second mechanism by day, of every fourth the other one; each of all by night.
 BY_DAY = [pairs[number % len(pairs)] for number, pairs in enumerate(_by_mechanism(PAIRS)[::2])]
 WALKS = [
-    *(pytest.param(name, subject, FEW, id=f"{name}-{subject}-few", marks=pytest.mark.costly) for name, subject in BY_DAY),
+    *(pytest.param(name, subject, FEW, id=f"{name}-{subject}-few") for name, subject in BY_DAY),
     *(pytest.param(name, subject, None, id=f"{name}-{subject}-all", marks=pytest.mark.nightly) for name, subject in PAIRS),
 ]
 
@@ -165,7 +165,7 @@ def test_what_is_granted_to_motion_and_weight_hides_no_further_link(monkeypatch:
     assert {name for name, subject in PAIRS if hides(name, subject)} == LIGHT
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.parametrize("most", EVERY_NUMBER)
 def test_nearly_every_number_is_seen_to_the_tenth_digit(most: int | None) -> None:
     pairs = PAIRS if most is None else BY_DAY
@@ -199,7 +199,7 @@ def test_the_search_finds_the_smallest_size_that_is_caught(threshold: float) -> 
     assert threshold <= smallest_caught(1e-12, lambda size: size >= threshold) <= RESOLUTION * threshold
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_what_lost_digits_before_shows_nothing() -> None:
     """Straight chains are beyond a factorisation of M: those states are known, and no number is caught at them."""
     numbers = smallest_changes(LIBRARY, "chain_6", Subject("mujoco", "mjcf"), SAMPLED, 0, lambda text: None)
@@ -245,7 +245,6 @@ def test_a_system_without_a_model_says_why_in_one_line(options: list[str]) -> No
     assert "a disc that rolls freely ties rates" in line
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("options", [[], ["--smallest"]])
 def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_path: Path) -> None:
     """A mass that both models have wrong: no fault beside it could be told from it."""

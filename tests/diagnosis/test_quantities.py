@@ -83,7 +83,6 @@ def test_a_number_of_a_file_is_named_with_its_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.ci
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "old", "new", "joint"),
     [

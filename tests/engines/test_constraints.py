@@ -81,7 +81,6 @@ def truth(engine: str, file: ModelFile, loop: Loop) -> Answer:
     return loop.softened(Softened(laws, weights_of(file, laws))) if laws else loop.rigid
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize(("engine", "model_format"), SUBJECTS)
 def test_a_loop_moves_as_the_engine_documents(name: str, engine: str, model_format: str) -> None:
@@ -104,7 +103,6 @@ SOFT = {
 EXACT_SOLVE = ("<option ", '<option iterations="3" tolerance="0" ')
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("change", SOFT.values(), ids=SOFT)
 def test_mujoco_solves_the_optimum_that_the_file_declares(change: tuple[str, str]) -> None:
     plain, states = model_of("four_bar", "mjcf"), near_the_constraint("four_bar")
@@ -204,7 +202,6 @@ def off_the_constraint(count: int) -> list[tuple[list[float], list[float], list[
 CURVED = ("weld", "joint by a polynomial", "tendon between two points")
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("kind", OTHERS)
 def test_every_kind_of_constraint_has_mujocos_law(kind: str) -> None:
     """Couplings leave J' v out, which connect and weld have."""
@@ -348,7 +345,6 @@ PLANTED = {
 }
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
 @pytest.mark.parametrize(("where", "change"), PLANTED.items(), ids=["-".join(where) for where in PLANTED])
 def test_a_planted_fault_is_felt(engine: str, where: tuple[str, str], change: tuple[str, str]) -> None:

@@ -399,7 +399,6 @@ def probe(case: Case, subject: Subject) -> Probe:
     return PROBES[subject](load_audited(Assignment(library, subject, mechanism, file)))
 
 
-@pytest.mark.costly
 def test_inverse_dynamics_undo_forward_dynamics(case: Case, probe: Probe) -> None:
     """The forces that an engine says its own accelerations need are those it was given.
 
@@ -420,7 +419,6 @@ def test_inverse_dynamics_undo_forward_dynamics(case: Case, probe: Probe) -> Non
         assert (error <= BAR * UNIT_ROUNDOFF * size).all(), (error / (UNIT_ROUNDOFF * size), states.as_json(index))
 
 
-@pytest.mark.costly
 def test_energies_are_those_of_the_textbook(case: Case, probe: Probe) -> None:
     """T, and differences of V between states, with springs and tendons.
 
@@ -439,7 +437,6 @@ def test_energies_are_those_of_the_textbook(case: Case, probe: Probe) -> None:
         assert abs(float(rise - exact)) <= BAR * UNIT_ROUNDOFF * sensitivity, states.as_json(index)
 
 
-@pytest.mark.costly
 def test_derivatives_and_frequencies_are_those_of_the_equations(case: Case, probe: Probe) -> None:
     """M0, D0 and K0 of the equations, as dqdd/dq = -M0^-1 K0 and dqdd/dv = -M0^-1 D0, against the engine's own.
 

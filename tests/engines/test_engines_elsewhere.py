@@ -146,6 +146,7 @@ def test_a_missing_function_is_unsupported_and_the_engines_own_exceptions_are_to
     assert sentence(raised.value) == "ToyError: no fuel"
 
 
+@pytest.mark.ci
 def test_outside_a_worker_a_death_is_an_exception_and_the_next_load_starts_anew(library: Library, bar: ModelFile) -> None:
     state = np.zeros((1, 1))
     for _ in range(2):
@@ -153,7 +154,7 @@ def test_outside_a_worker_a_death_is_an_exception_and_the_next_load_starts_anew(
             load_engine(library, "toy@2.0").load(bar, ["pin"], 9.81).forward_dynamics(state, state, state)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_check_names_each_death_and_judges_the_others(library: Library, tmp_path: Path) -> None:
     subjects = ["toy/urdf", *(f"toy@{version}/urdf" for version in VERSIONS), "mujoco/urdf"]
     options = [word for one in subjects for word in ("--subject", one)]
@@ -171,7 +172,7 @@ def test_a_check_names_each_death_and_judges_the_others(library: Library, tmp_pa
     assert records["toy@2.3/urdf"]["expected"] == "unsupported"
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_no_engines_presence_changes_anothers_answers(library: Library, tmp_path: Path) -> None:
     """Bit by bit: the record of MuJoCo alone and beside right and wrong engines of environments, but for the times.
 

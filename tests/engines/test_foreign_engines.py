@@ -70,7 +70,7 @@ def checked(library: Path) -> tuple[int, dict[str, Any], str]:
     return done.returncode, {record["subject"]: record for record in json.loads(done.stdout)["records"]}, done.stderr
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_what_engine_files_do_at_import_costs_their_own_records(checked: tuple[int, dict[str, Any], str]) -> None:
     status, records, errors = checked
     # Two of them end their process.
@@ -145,7 +145,7 @@ def test_what_an_engine_file_starts_ends_with_its_process(checked: tuple[int, di
     assert all(map(gone, servers))
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_what_a_system_file_starts_and_prints_stays_in_its_process(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     root = make_library(tmp_path / "library", ["bar_pendulum"])
     file = root / "systems" / "bar_pendulum.py"
@@ -208,7 +208,7 @@ def reported(nonsense: Path) -> Done:
         return harness("report", "--library", ".", "--out", "out", "--json", "out.json", cwd=nonsense)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_report_is_written_whatever_engines_answer(nonsense: Path, reported: Done) -> None:
     assert reported.returncode == 1, reported.stderr
     assert (nonsense / "out" / "index.html").is_file()
@@ -238,7 +238,6 @@ def test_atlas_says_what_was_answered(nonsense: Path) -> None:
     assert all("InvalidAnswer: forward_dynamics returned a list; expected" in point["reason"] for point in row["points"])
 
 
-@pytest.mark.costly
 def test_the_python_interface_gives_records_of_engine_files_that_fail(small: Path) -> None:
     [record] = check("bar_pendulum", library=small, subjects="vanishes/mjcf", states=20, workers=1)
     assert (record.verdict, record.message) == ("error", "ended its process with status 0")

@@ -91,7 +91,7 @@ def test_an_optional_engine_has_an_extra_and_declares_what_is_needed(name: str) 
     assert engine.unit_roundoff == (2.0**-24 if name.endswith("float32") else UNIT_ROUNDOFF)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.parametrize(("gravity", "declaration", "verdict"), [
     ("9.81", "unit_roundoff = 2.0**-24", "agrees"),
     ("9.81 * (1 + 2e-5)", "unit_roundoff = 2.0**-24", "disagrees"),
@@ -152,7 +152,7 @@ def check_in_its_environment(
     return records
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_idyntree_agrees_in_an_environment_of_its_own(environment: Callable[[str], Path], tmp_path: Path) -> None:
     """The smallest of them, on a tree from the world, a free joint, a ball joint, springs between points, a rotor, and a coupling."""
     systems = ["acrobot", "satellite_wheel", "heavy_top", "collar", "furuta_pendulum.armature", "simple_pendulum.mimic"]

@@ -111,7 +111,7 @@ def index(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_versions_come_from_the_indexes_of_the_user_and_are_sorted(index: Path) -> None:
     assert available_versions("toy-engine") == ["1.0", "1.2", "1.10", "2.0"]
     assert versions_between("toy-engine", "1.2", "2.0") == versions_between("toy-engine", "1.2.0", "2") == ["1.2", "1.10", "2.0"]
@@ -130,7 +130,6 @@ def test_what_cannot_be_installed_leaves_nothing_and_says_why(index: Path) -> No
     assert find_environments() == []
 
 
-@pytest.mark.costly
 def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environments, "REQUIREMENTS", ())
     with pytest.raises(InvalidRequest, match="ModuleNotFoundError: No module named 'numpy'"):
@@ -138,7 +137,7 @@ def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pyt
     assert find_environments() == []
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environments, "REQUIREMENTS", ())
     first = install("toy", "toy-engine", "json", "1.2")

@@ -45,7 +45,6 @@ def random() -> np.random.Generator:
     return np.random.default_rng(5)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("largest", [1.0, 1e4, 1e9])
 def test_rounding_has_no_direction(random: np.random.Generator, largest: float) -> None:
     """Of 5,000 numbers none explains errors that are as large as their states' conditioning lets them be, at some states or at all."""
@@ -106,7 +105,6 @@ def test_states_that_do_not_count_are_left_out(random: np.random.Generator) -> N
     assert found.change == pytest.approx(300)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", BUILT_IN.system_names())
 def test_derivatives_by_parameters_are_those_of_the_certified_accelerations(name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, name)

@@ -166,7 +166,7 @@ def test_a_family_that_writes_a_model_has_it(tmp_path: Path) -> None:
     assert Expectations().why_no_model(BUILT_IN, "rolling_disc", Subject("lagrange", "equations")) == ""
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_check_and_report_are_green_and_tell_the_reason(root: Path) -> None:
     excuse(root, entries(*REASONS))
     done = harness("report", "--library", ".", "--out", "out", "--json", "out.json", "--workers", "1", cwd=root)
@@ -210,6 +210,7 @@ def test_show_tells_the_reason_in_place_of_what_an_engine_holds(root: Path) -> N
     assert "[[expected]]" in done.stderr and "theta''" in done.stdout and "Traceback" not in done.stderr
 
 
+@pytest.mark.ci
 def test_the_regression_passes_for_what_is_excused_only(root: Path) -> None:
     excuse(root, entries(*OF_MJCF, "mujoco/urdf"))
     done = pytest_in_this_process("-v", "--harness-library", ".", "--harness-states", "40", "-k", "bar_pendulum", cwd=root)

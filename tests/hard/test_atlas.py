@@ -138,12 +138,10 @@ def _row(library: Library, case: str, engine: str) -> HardRow:
     return measure(case, Subject(engine, EQUATIONS), ACCELERATIONS, library, silent)
 
 
-@pytest.mark.costly
 def test_an_explicit_inverse_agrees_on_easy_systems(planted: Library, easy: Sampled) -> None:
     assert set(easy.judge(planted, "inverting").verdicts) == {"agrees"}
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("case", ["massless_knee", "zero_length_link", "gimbal_lock"])
 def test_an_explicit_inverse_is_unstable_where_the_mass_matrix_is_ill_conditioned(planted: Library, case: str) -> None:
     row = _row(planted, case, "inverting")
@@ -352,7 +350,6 @@ def test_the_harnesss_own_expectations_can_be_read() -> None:
     assert expected and all(entry.backward_error is None or entry.backward_error > 64 for entry in expected.values())
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("case", ["near_equilibrium", "collapsed_spring", "spherical_pole", "massless_knee"])
 @pytest.mark.parametrize("subject", select_subjects(Library.built_in(), (), native_only=True), ids=str)
 def test_a_family_is_as_expected(case: str, subject: Subject) -> None:

@@ -80,7 +80,6 @@ def test_a_law_that_does_not_follow_the_distance_is_condemned(monkeypatch: pytes
     assert far > 1e6 > near
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "attribute"), [("loop_impedance", "equality/connect"), ("unequal_impedance", "equality/connect[2]")])
 def test_an_attribute_that_is_forgotten_is_seen(name: str, attribute: str) -> None:
     case = hard_cases()[name]
@@ -104,7 +103,6 @@ def test_the_model_follows_the_knob(name: str) -> None:
     assert (answers_at(replace(case, changes={}), place).verdicts == "disagrees").any()
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "growth"), [("proximal_once", 1.0), ("lcaba_mu", -1.0), ("proximal_limit", None)])
 def test_the_error_grows_with_mu_as_theory_has_it(name: str, growth: float | None) -> None:
     row = measure(name, PINOCCHIO, ACCELERATIONS, BUILT_IN, silent)

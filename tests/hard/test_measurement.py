@@ -35,10 +35,7 @@ LOSING = sorted((case, subject) for case, subject, verdict in EXPECTED if verdic
 LONG = ("long_chain_straight", "long_chain_random", "mass_ratio_10", "vanishing_wrist")
 # By day one subject of each of the others.
 BY_DAY = dict(reversed([(case, subject) for case, subject in LOSING if case not in LONG]))
-MARKED = [
-    pytest.param(case, subject, marks=pytest.mark.costly if BY_DAY.get(case) == subject else pytest.mark.nightly)
-    for case, subject in LOSING
-]
+MARKED = [pytest.param(case, subject, marks=() if BY_DAY.get(case) == subject else pytest.mark.nightly) for case, subject in LOSING]
 
 
 @cache
@@ -91,7 +88,6 @@ def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digi
         assert judged_row(case_name, subject, truths, planted).problems, f"{name} off by {off:.2g} of itself"
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("case", "subject", "quantity", "verdict"),
     [
@@ -112,7 +108,7 @@ def test_verdicts_are_as_the_entries_of_the_quantity_say(case: str, subject: str
         assert any("which no entry expects" in problem for problem in judged(row, others).problems)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_fault_is_seen_in_its_quantity_alone_and_has_a_family_of_its_own(tmp_path: Path) -> None:
     library = Library.at(make_library(tmp_path / "library", ["bar_pendulum"], {"heavy": HEAVY_ENGINE}))
     study = AtlasStudy(library, ["stiff_damper"], ["heavy/mjcf"], quantities=["mass_matrix", "gravity", ACCELERATIONS])

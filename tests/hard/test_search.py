@@ -46,13 +46,11 @@ def best_of_random(assignment: Assignment, count: int, seed: int) -> float:
 # The bars.
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tenth_of_the_budget_finds_where_mujoco_loses_digits_on_ten_links(seed: int) -> None:
     assert worst_of_hunts(assignment_of("chain_10"), DEFAULT_BUDGET // 10, seed) >= 100
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["double_pendulum", "arm_2r"])
 def test_a_quarter_of_the_budget_beats_the_best_of_ten_thousand_random_states(name: str) -> None:
     assignment = assignment_of(name)
@@ -354,6 +352,7 @@ def searched(library: Library, workers: Workers, subject: str, budget: int = 160
     return completed(StateSearch(chosen), workers)
 
 
+@pytest.mark.ci
 def test_a_search_finds_explains_and_stores(library: Library, workers: Workers) -> None:
     settings = SearchSettings(library=library, name="bar_pendulum", subjects=["wrong/mjcf"], budget=1600, replay_options=["--library", "x"])
     study = StateSearch(settings)
@@ -389,7 +388,7 @@ def test_an_answer_that_is_not_finite_is_worst(library: Library, workers: Worker
     assert not path_of(library, "bar_pendulum").exists()
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_crash_names_its_state(library: Library, workers: Workers) -> None:
     result = searched(library, workers, "abort/mjcf", budget=12, keep=False)
     assert result.status == 3
@@ -399,7 +398,7 @@ def test_a_crash_names_its_state(library: Library, workers: Workers) -> None:
     assert "SIGABRT" in result.cases[0].found.statement
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_library_that_cannot_be_written_is_told_and_searched(library: Library, workers: Workers) -> None:
     path_of(library, "bar_pendulum").parent.write_text("a file where the folder should be")
     result = searched(library, workers, "wrong/mjcf")
@@ -408,7 +407,6 @@ def test_a_library_that_cannot_be_written_is_told_and_searched(library: Library,
     assert str(result.place) in as_lines(result)[-1]
 
 
-@pytest.mark.costly
 def test_what_is_expected_does_not_fail(library: Library, workers: Workers) -> None:
     entry = 'system = "bar_pendulum"\nsubject = "wrong/mjcf"\nverdict = "disagrees"\nreason = "planted"\nlink = "here"\n'
     for most, status in ((1e12, 0), (100.0, 1)):
@@ -423,7 +421,6 @@ def test_an_unknown_name_is_refused(library: Library, workers: Workers) -> None:
         searched(library, workers, "nothing/mjcf")
 
 
-@pytest.mark.costly
 def test_a_found_state_repeats(library: Library) -> None:
     """Its backward error is that of the state as stored, not of the one it was shrunk from."""
     assignment = assignment_of("arm_2r")

@@ -53,7 +53,6 @@ def in_engines_order(assignment: Assignment, values: Any) -> list[float]:
     return [float(value) for value in ordered]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "subject"), PAIRS)
 def test_a_reproducer_prints_both_values_with_the_engine_alone(name: str, subject: str, tmp_path: Path) -> None:
     assignment = assignment_of(name, subject)

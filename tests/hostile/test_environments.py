@@ -48,7 +48,6 @@ def test_a_reader_that_is_gone_changes_nothing(command: str, tmp_path: Path) -> 
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("closed", [">&-", pytest.param("<&- >&- 2>&-", marks=pytest.mark.nightly)])
 def test_closed_streams_change_nothing(closed: str, tmp_path: Path) -> None:
     done = shell(f"harness {CHECK} --json out.json {closed}", tmp_path)

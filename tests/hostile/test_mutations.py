@@ -225,7 +225,6 @@ def run(names: list[str], count: int, folder: Path) -> Counter[str]:
 
 
 @pytest.mark.ci
-@pytest.mark.costly
 def test_two_hundred_mutants_are_refused_or_judged(tmp_path: Path) -> None:
     found = run(["bar_pendulum", "collar"], 200, tmp_path)
     assert found.total() == 200

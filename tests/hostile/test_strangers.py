@@ -103,6 +103,7 @@ def without_times(record: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in record.items() if "seconds" not in name and name not in ("replay", "faster")}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("subject", OTHERS)
 def test_strangers_change_no_other_record(checked: tuple[dict[str, Any], dict[str, Any], str], subject: str) -> None:
     alone, beside, said = checked

@@ -62,7 +62,6 @@ def programs_by_either_way(name: str) -> list[tuple[StraightLineProgram, Straigh
 
 
 @pytest.mark.ci
-@pytest.mark.costly
 def test_programs_by_either_way_certify_the_same_terms(built_in_name: str) -> None:
     mechanism = load_mechanism(LIBRARY, built_in_name)
     for by_calculus, by_sympy in programs_by_either_way(built_in_name):
@@ -76,7 +75,6 @@ def test_programs_by_either_way_certify_the_same_terms(built_in_name: str) -> No
                 assert float((one - other).abs_upper()) <= 2.0**-120 * largest
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["puma_560", *(pytest.param(name, marks=pytest.mark.nightly) for name in ("arm_7r", "stanford_arm"))])
 def test_calculus_needs_at_most_two_thirds_of_the_instructions_of_sympy(name: str) -> None:
     by_calculus, by_sympy = programs_by_either_way(name)[0]

@@ -95,7 +95,6 @@ def test_a_warm_load_imports_no_heavy_library(cache: Path) -> None:
     assert modules() == "[]"
 
 
-@pytest.mark.costly
 def test_mechanisms_survive_json(built_in_mechanism: Mechanism) -> None:
     again = Mechanism.from_json(built_in_mechanism.to_json())
     assert again == built_in_mechanism
@@ -172,7 +171,6 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_entry_is_derived_again_and_replaced(cache: Path, derivations: list[str], damage: str) -> None:
     sound = load_mechanism(Library.built_in(), NAME)
@@ -388,7 +386,6 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     assert caught.value.path == library.system_path("own")
 
 
-@pytest.mark.costly
 def test_a_derivation_is_the_same_in_another_process(tmp_path: Path) -> None:
     """Hash randomisation must not reach the program, or cached and fresh results would round differently."""
     name = "cylindrical_arm"
@@ -413,7 +410,7 @@ def test_listing_derives_nothing(cache: Path, derivations: list[str]) -> None:
     assert listed[NAME] == (mechanism.nv, mechanism.description.splitlines()[0]) == degrees_of_freedom(library, NAME)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_listing_costs_at_most_an_import_of_sympy_for_six_mechanisms(tmp_path: Path) -> None:
     """CPU seconds of processes on one machine, the library from an empty cache."""
 

@@ -58,7 +58,6 @@ def test_angles_come_back_from_the_rotation_matrix(sequence: str) -> None:
         assert abs(sp.N(cosine - sp.cos(angle), 50)) < 1e-45
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("sequence", SEQUENCES)
 def test_body_rates_are_those_of_the_rotation_matrix(sequence: str) -> None:
     turned = rotation(sequence, ANGLES)
@@ -79,7 +78,6 @@ def test_charts_agree_where_both_are_regular(mechanism: Mechanism) -> None:
     np.testing.assert_allclose(first.sensitivity, second.sensitivity, rtol=1e-6)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     "rotation_quaternion", [(1, 0, 0, 0), (0, 0, 0, 1), (0, 1, 0, 0), (0.5, 0.5, 0.5, 0.5), (1, 1, 0, 0), (1, 0, 1, 0)]
 )
@@ -98,7 +96,6 @@ def test_one_chart_covers_where_the_other_is_singular(mechanism: Mechanism, rota
         assert not all(certified) or mechanism.name == "free_body"
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("quaternion", [(1, 0, 0, 0), (0.5, 0.5, 0.5, 0.5), (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)])
 def test_float64_accelerations_are_those_of_the_most_regular_chart(mechanism: Mechanism, quaternion: tuple[float, ...]) -> None:
     states = generic_sample(mechanism, 33, seed=5)

@@ -191,12 +191,10 @@ def check_equations(system: System, exact: Any) -> None:
     same_at_every_state()
 
 
-@pytest.mark.costly
 def test_built_in_equations_are_those_of_two_other_ways(built_in_system: System, built_in_exact: Any) -> None:
     check_equations(built_in_system, built_in_exact)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", UNUSUAL)
 def test_unusual_equations_are_those_of_two_other_ways(name: str, exact_of: Callable[[System], Any]) -> None:
     check_equations(UNUSUAL[name][0], exact_of(UNUSUAL[name][0]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import flint
 import pytest
 import sympy as sp
-from catalogue import IN_CI
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -44,8 +43,8 @@ def differ(first: sp.Expr, second: sp.Expr) -> bool:
         return not (values[0] - values[1]).contains(0)
 
 
-@pytest.mark.costly
-@settings(max_examples=50 if IN_CI else 12)
+@pytest.mark.ci
+@settings(max_examples=15)
 @given(st.lists(SUMS, min_size=1, max_size=3))
 def test_a_short_form_is_the_same_function_and_never_longer(expressions: list[sp.Expr]) -> None:
     short = shortest(expressions)
@@ -83,7 +82,6 @@ def test_a_long_product_is_left_as_it_is() -> None:
     assert shortest([written]) == [written]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["furuta_pendulum", "tora"])
 def test_equations_are_as_short_as_sympy_makes_them(name: str) -> None:
     (system, *_), _ = load_atlas(Library.built_in().system_path(name))

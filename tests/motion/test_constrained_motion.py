@@ -73,7 +73,7 @@ def test_a_drift_is_what_the_constraint_leaves(four_bar: Scene) -> None:
     assert drift(four_bar.mechanism, replace(path, q=off)) is None
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_rigid_integrators_converge_to_the_truth_and_stay_near_the_manifold(measured: Measured) -> None:
     truth, costs, orders = measured
     assert truth.error < 1e-12 and truth.trusted == truth.horizon
@@ -89,7 +89,6 @@ def test_rigid_integrators_converge_to_the_truth_and_stay_near_the_manifold(meas
     assert finest.state_error is not None and finest.state_error < 1e-12 and finest.gap is not None and finest.gap < 1e-12
 
 
-@pytest.mark.costly
 def test_mujoco_converges_to_the_motion_of_what_the_file_declares(measured: Measured) -> None:
     _, costs, orders = measured
     errors = [cost.state_error or 0.0 for cost in costs["mujoco RK4"]]
@@ -115,7 +114,6 @@ def test_what_has_no_variations_is_left_out(four_bar: Scene) -> None:
     assert _motion(settings, four_bar, silent).motion == []
 
 
-@pytest.mark.costly
 def test_energy_and_constraint_drift_over_a_long_run(four_bar: Scene) -> None:
     rigid, soft = drifts(four_bar, [PINOCCHIO_RUNGE_KUTTA, EULER], 4096, silent, seconds=0.5)
     by_name = {one.integrator: one for one in (rigid, soft)}
@@ -124,7 +122,6 @@ def test_energy_and_constraint_drift_over_a_long_run(four_bar: Scene) -> None:
     assert of_mujoco.gap is not None and of_mujoco.gap > 1e-5 and of_mujoco.largest > 1e-5
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["four_bar_chain_2", "bricard"])
 def test_energy_is_constant_along_the_motions_of_the_benchmark_library(name: str) -> None:
     """Problems A02 and A04 of the IFToMM library are judged by their energy, which no force but gravity changes."""

@@ -73,7 +73,6 @@ def test_an_unknown_integrator_is_refused_with_the_nearest_name() -> None:
         select_integrators(["mujoco RK5"])
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["cart_pendulum", "arm_2r", "collar", "spring_damper"])
 def test_one_method_is_one_motion_in_every_program(scenes: dict[str, Scene], name: str) -> None:
     """RK4 of the equations, of MuJoCo and of Pinocchio; Euler-Cromer of the equations and of Pinocchio."""
@@ -120,7 +119,6 @@ def test_mujocos_discrete_is_the_linearly_implicit_euler_method(scenes: dict[str
         assert found.q[row, 0] == pytest.approx(q, abs=1e-13) and found.v[row, 0] == pytest.approx(v, abs=1e-12)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["heavy_top", "free_body"])
 def test_quaternions_leave_no_order_behind(scenes: dict[str, Scene], name: str) -> None:
     """RK4 of all three: half the step, a sixteenth of the error."""
@@ -131,7 +129,6 @@ def test_quaternions_leave_no_order_behind(scenes: dict[str, Scene], name: str) 
         assert 2**0.9 < convergence.ratio(integrator, 2e-3) < 2**1.1, integrator.name
 
 
-@pytest.mark.costly
 def test_runge_kutta_without_the_manifolds_derivative_is_caught(scenes: dict[str, Scene], monkeypatch: pytest.MonkeyPatch) -> None:
     import pinocchio as engine
 
@@ -146,7 +143,7 @@ def test_a_free_bodys_linear_velocity_is_that_of_the_joint_frame(scenes: dict[st
     np.testing.assert_allclose(one.q, other.q, atol=1e-10)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_kept_states_do_not_change_the_motion(scenes: dict[str, Scene]) -> None:
     """Steps compiled together give what they give one by one; the last state is kept even where it is not due."""
     for integrator in integrators():
@@ -162,7 +159,6 @@ def test_kept_states_do_not_change_the_motion(scenes: dict[str, Scene]) -> None:
         assert every.evaluations >= 103
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["cart_pendulum", "heavy_top"])
 def test_separate_stages_are_the_compiled_step(scenes: dict[str, Scene], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes[name]
@@ -181,7 +177,6 @@ def test_a_motion_that_breaks_down_ends_in_no_numbers(scenes: dict[str, Scene]) 
 
 
 @pytest.mark.ci
-@pytest.mark.costly
 @pytest.mark.parametrize("integrator", [equations.DORMAND_PRINCE, equations.TAYLOR], ids=lambda integrator: integrator.name)
 def test_adaptive_integrators_keep_their_tolerance(scenes: dict[str, Scene], integrator: Integrator) -> None:
     for name in ("cart_pendulum", "heavy_top"):
@@ -209,7 +204,6 @@ def test_midpoint_keeps_the_energy_of_an_oscillator_and_returns(scenes: dict[str
     np.testing.assert_allclose(back.q[-1], start.q, atol=1e-13)
 
 
-@pytest.mark.costly
 def test_midpoint_is_the_midpoint_rule_of_hamiltons_equations(scenes: dict[str, Scene]) -> None:
     """One step from the Lagrangian solves q1 - q0 = h v, p1 - p0 = h (dL/dq + Q) at the midpoint, p = M v."""
     scene = scenes["cart_pendulum"]

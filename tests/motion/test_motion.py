@@ -45,7 +45,7 @@ def measured(cart: Scene) -> Measured:
     return motion_costs(cart, integrators(), [1e-1, 1e-2, 1e-3], 2.0, 2.0, silent)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_orders_on_the_cart_are_those_of_theory(measured: Measured) -> None:
     _, _, orders = measured
     assert [order.integrator for order in orders] == [found.name for found in integrators() if found.order is not None]
@@ -57,7 +57,6 @@ def test_orders_on_the_cart_are_those_of_theory(measured: Measured) -> None:
     assert "eulerdamp" in euler.explanation
 
 
-@pytest.mark.costly
 def test_costs_of_the_cart_fall_with_the_step(measured: Measured) -> None:
     truth, costs, _ = measured
     assert truth.trusted == 20.0 and truth.error <= 1e-13 and truth.start == {"q": [0.03, 0.0], "v": [0.0, 0.0]}
@@ -167,7 +166,6 @@ def test_growth_of_energy_errors_has_a_name(errors: object, verdict: str) -> Non
     assert verdict_of(growth_of(times, found), found) == verdict
 
 
-@pytest.mark.costly
 def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene) -> None:
     names = ["equations variational midpoint", "equations RK4", "mujoco RK4", "mujoco discrete"]
     found = {drift.integrator: drift for drift in drifts(cart, select_integrators(names), 40000, silent, step=5e-3)}

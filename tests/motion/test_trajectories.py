@@ -83,7 +83,6 @@ def moved(values: list[flint.arb], rates: list[flint.arb], by: flint.arb) -> lis
     return [value + by * rate for value, rate in zip(values, rates, strict=True)]
 
 
-@pytest.mark.costly
 def test_energy_changes_by_the_power_of_forces_in_every_chart(built_in_mechanism: Mechanism) -> None:
     states = generic_sample(built_in_mechanism, 2, seed=7)
     states = States(states.q, states.v, states.tau, np.array([0.0, 0.75]))
@@ -110,7 +109,6 @@ def test_a_wrong_energy_program_is_caught(name: str, wrong: str) -> None:
         )
 
 
-@pytest.mark.costly
 def test_energies_of_charts_agree_and_forces_do_the_power(built_in_mechanism: Mechanism) -> None:
     mechanism = built_in_mechanism
     states = generic_sample(mechanism, 4, seed=3)
@@ -130,7 +128,6 @@ def test_energies_of_charts_agree_and_forces_do_the_power(built_in_mechanism: Me
                 assert abs(work - at["power"]) <= ALLOWED * (1 + abs(at["power"]))
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", NOT_CHAOTIC)
 def test_truth_is_known_to_the_bar_over_twenty_seconds(name: str) -> None:
     mechanism = mechanism_named(name)
@@ -166,7 +163,6 @@ def test_spring_and_damper_moves_as_the_closed_form_does() -> None:
     assert path.work[-1] == pytest.approx((m * path.v[-1, 0] ** 2 + k * path.q[-1, 0] ** 2 - m - k * 0.09) / 2, rel=1e-13)
 
 
-@pytest.mark.costly
 def test_chaos_ends_the_horizon() -> None:
     mechanism = mechanism_named("arm_2r")
     reference = reference_motion(mechanism, Start(np.array([3.0, 2.5]), np.array([4.0, -3.0]), 40.0), 160)
@@ -175,7 +171,6 @@ def test_chaos_ends_the_horizon() -> None:
     assert reference.error <= TRUSTED_ERROR < reference.errors[beyond].max()
 
 
-@pytest.mark.costly
 def test_free_body_keeps_its_angular_momentum_across_charts() -> None:
     """Thrown with a spin about its middle axis it tumbles through the singularities of both charts."""
     mechanism = mechanism_named("free_body")

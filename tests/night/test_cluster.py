@@ -20,7 +20,7 @@ def verdicts(folder: Path) -> list[tuple[str, str, str, str, int, float | None]]
     return sorted((one.quantity, one.system, one.subject, one.verdict, one.states, one.backward_error) for one in records)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.usefixtures("without_charts")
 def test_a_night_spreads_over_a_cluster(tmp_path: Path) -> None:
     from distributed import LocalCluster

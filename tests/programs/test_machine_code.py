@@ -59,7 +59,7 @@ def change_file(file: Path) -> None:
     file.write_bytes(random.Random(0).randbytes(50_000))
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.parametrize("damage", [change_machine_code, pytest.param(change_file, marks=pytest.mark.nightly)])
 def test_a_damaged_cache_is_replaced_and_named_once(cache: Path, tmp_path: Path, damage: Callable[[Path], None]) -> None:
     with contextlib.closing(sqlite3.connect(cache)) as database:

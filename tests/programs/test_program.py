@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 import pytest
 import sympy as sp
-from catalogue import IN_CI
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from support import program_from
@@ -90,7 +89,7 @@ def with_mpmath(expression: sp.Expr, values: list[float]) -> Fraction:
         return fraction(mpmath.mpf(value))
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @settings(max_examples=60)
 @given(st.tuples(*[expressions] * 4), st.tuples(*[numbers] * 3).map(list))
 def test_balls_hold_the_value_mpmath_finds(outputs: tuple[sp.Expr, ...], values: list[float]) -> None:
@@ -103,8 +102,8 @@ def test_balls_hold_the_value_mpmath_finds(outputs: tuple[sp.Expr, ...], values:
         assert fraction(ball.rad()) <= (1 + abs(expected)) / 2**20, expression
 
 
-@pytest.mark.costly
-@settings(max_examples=40 if IN_CI else 10)
+@pytest.mark.ci
+@settings(max_examples=20)
 @given(st.tuples(*[expressions] * 4), st.lists(st.tuples(*[numbers] * 3).map(list), min_size=1, max_size=5))
 def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...], batch: list[list[float]]) -> None:
     """A ball evaluation at 53 bits bounds what rounding every operation once does; the machine may round a few times."""
@@ -121,8 +120,7 @@ def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...]
             assert abs(Fraction(found) - with_mpmath(expression, values)) <= 16 * fraction(ball.rad()) + Fraction(2) ** -1000, expression
 
 
-@pytest.mark.costly
-@settings(max_examples=50 if IN_CI else 20)
+@settings(max_examples=30)
 @given(st.tuples(*[expressions] * 4))
 def test_json_gives_the_same_program_back_in_which_no_instruction_is_computed_twice(outputs: tuple[sp.Expr, ...]) -> None:
     program = as_program(*outputs)
@@ -243,12 +241,12 @@ def replaced(data: Any, path: tuple[Any, ...], value: Any) -> Any:
     return changed
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @given(st.sampled_from(places(VALID)), junk)
 @example(("instructions", 2, 1), "007")
 @example(("instructions", 2, 1), "\u0663")
 @example(("inputs",), "xy")
-@settings(max_examples=400 if IN_CI else 100)
+@settings(max_examples=200)
 def test_a_damaged_program_is_refused_or_sound(place: tuple[Any, ...], value: Any) -> None:
     try:
         program = program_from(replaced(VALID, place, value))
@@ -260,7 +258,6 @@ def test_a_damaged_program_is_refused_or_sound(place: tuple[Any, ...], value: An
         assert len(balls(program, [0.5] * len(program.inputs), 64, parameters=0)) == sum(map(len, program.outputs.values()))
 
 
-@pytest.mark.costly
 @given(st.data())
 @settings(max_examples=150)
 def test_a_damaged_mechanism_is_refused_or_sound(data: st.DataObject) -> None:
@@ -285,7 +282,6 @@ def test_inputs_that_only_turn_are_told_from_those_that_do_not() -> None:
     assert assemble([a, b], {"slope": [sp.tan(a - b)]}).turning == [0, 1]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", Library.built_in().system_names())
 def test_a_full_turn_of_a_turning_input_changes_no_output(name: str) -> None:
     mechanism = load_mechanism(Library.built_in(), name)

@@ -22,7 +22,6 @@ def columns_of(mechanism: Mechanism) -> np.ndarray:
     return mechanism.inputs(generic_sample(mechanism, 5, 1))
 
 
-@pytest.mark.costly
 def test_derivatives_by_velocities_are_those_of_the_forward_sweep(built_in_name: str) -> None:
     mechanism = load_mechanism(Library.built_in(), built_in_name)
     program, inputs = mechanism.program, columns_of(mechanism)

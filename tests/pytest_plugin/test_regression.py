@@ -69,7 +69,7 @@ ENGINE = Engine()
 """
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_processes_share_the_systems_and_none_runs_those_of_another(library: Path) -> None:
     log = library / "log"
     (library / "engines").mkdir()
@@ -87,6 +87,7 @@ def test_processes_share_the_systems_and_none_runs_those_of_another(library: Pat
     assert {process for _, process in loaded} == {"gw0", "gw1"} and len(loaded) == 2
 
 
+@pytest.mark.ci
 def test_options_select_subjects_systems_and_states(library: Path) -> None:
     common = ("--harness-library", str(library), "--harness-states", "40")
     done = pytest_in_this_process(*common, "--harness-subject", "pinocchio/urdf", cwd=library)
@@ -97,6 +98,7 @@ def test_options_select_subjects_systems_and_states(library: Path) -> None:
     assert "1 passed, 9 deselected" in done.stdout
 
 
+@pytest.mark.ci
 def test_a_project_names_its_library_in_its_settings(library: Path) -> None:
     project = settle(library, testpaths="mechanisms own")
     (project / "own").mkdir()
@@ -105,6 +107,7 @@ def test_a_project_names_its_library_in_its_settings(library: Path) -> None:
     assert "2 failed, 9 passed" in done.stdout
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("states", "options", "said"),
     [
@@ -119,6 +122,7 @@ def test_a_project_names_its_number_of_states_in_its_settings(library: Path, sta
     assert said in done.stdout + done.stderr and ("1 passed" in done.stdout) == (states != "none")
 
 
+@pytest.mark.ci
 def test_each_quantity_is_a_test_that_carries_its_name(tmp_path: Path) -> None:
     make_library(tmp_path / "mechanisms", ["spring_damper"], {"heavy": HEAVY_ENGINE})
     common = ("--harness-library", "mechanisms", "--harness-states", "20", "--harness-subject", "heavy/mjcf", "-v")
@@ -131,6 +135,7 @@ def test_each_quantity_is_a_test_that_carries_its_name(tmp_path: Path) -> None:
     assert "replay: harness check spring_damper --subject heavy/mjcf --library mechanisms --quantity mass_matrix --state" in done.stdout
 
 
+@pytest.mark.ci
 def test_a_project_names_its_quantities_in_its_settings(library: Path) -> None:
     project, chosen = settle(library, harness_quantity="accelerations energy"), ("-k", "spring_damper and mujoco", "--harness-states", "20")
     done = pytest_in_this_process(*chosen, "-v", cwd=project)
@@ -140,6 +145,7 @@ def test_a_project_names_its_quantities_in_its_settings(library: Path) -> None:
     assert names == ["mujoco/mjcf", *(f"mujoco/mjcf[{one.name}]" for one in further_quantities())]
 
 
+@pytest.mark.ci
 def test_nothing_is_collected_unless_asked_for(library: Path) -> None:
     done = pytest_in_this_process(cwd=library)
     assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED
@@ -162,6 +168,7 @@ def test_bad_usage_is_a_usage_error(library: Path, arguments: list[str], message
     assert "INTERNALERROR" not in done.stdout + done.stderr
 
 
+@pytest.mark.ci
 def test_a_broken_system_fails_its_own_tests_only(library: Path) -> None:
     (library / "systems" / "bad.py").write_text("x = 1 / 0\n")
     done = pytest_in_this_process("--harness-library", str(library), "--harness-states", "40", cwd=library)
@@ -188,6 +195,7 @@ def test_a_variant_has_a_test_for_each_of_its_readers(library: Path) -> None:
     assert "2 failed, 1 passed" in done.stdout and "bar_pendulum.twin mujoco/mjcf: disagrees" in done.stdout
 
 
+@pytest.mark.ci
 def test_each_robot_and_engine_is_a_test(tmp_path: Path) -> None:
     files = Path(__file__).parents[1] / "comparison" / "files"
     robots = tmp_path / "robots"

@@ -8,7 +8,6 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import pytest
-from catalogue import IN_CI
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report import test_benchmark_report, test_hard_report
@@ -67,12 +66,12 @@ records, cards = st.lists(any_of(Record, *SENSIBLE), max_size=4), st.lists(any_o
 found = st.builds(CrossCheckResult, records=records, systems=cards)
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.parametrize("part", ["found", "benchmarks", "atlas"])
 def test_a_report_of_anything_can_be_built(part: str) -> None:
     kinds: dict[str, st.SearchStrategy[Any]] = {"found": found, "benchmarks": any_of(Benchmark, "cheapest"), "atlas": any_of(Atlas)}
 
-    @settings(max_examples=20 if IN_CI else 6, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+    @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
     @given(drawn=kinds[part], earlier=found)
     def check(drawn: Any, earlier: CrossCheckResult) -> None:
         given: dict[str, Any] = {"found": {"run": run_on(1), "found": drawn, "history": [(run_on(0), earlier.records)]}}

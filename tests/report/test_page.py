@@ -109,7 +109,6 @@ def full() -> Any:
     return every_page(whole())
 
 
-@pytest.mark.costly
 def test_a_page_has_one_main_part_and_a_contents_that_leads_to_every_heading(page: Any) -> None:
     [_] = page.xpath("//main")
     [contents] = page.xpath("//nav")

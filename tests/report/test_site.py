@@ -92,7 +92,6 @@ def test_the_script_computes_every_number_of_every_table_of_every_page_again(wri
     assert shown > 400 and f"{shown} cells with numbers" in done.stderr
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "said", "instead"),
     [

@@ -79,7 +79,6 @@ def changes_of(chart: Chart, values: Sequence[NightValue]) -> list[ChangePoint]:
     return chart.changes({"": list(enumerate(values))})[""]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("states", [1500, 5000])
 def test_quiet_nights_of_other_seeds_show_no_change(recorded: list[np.ndarray], states: int) -> None:
     nights = [readings(night) for night in resampled(recorded, states, NIGHTS, CELLS // 3)]
@@ -92,7 +91,6 @@ def test_quiet_nights_of_one_seed_show_no_change(recorded: list[np.ndarray]) -> 
     assert changes([readings(night)] * NIGHTS) == []
 
 
-@pytest.mark.costly
 def test_nights_that_were_really_sampled_show_no_change() -> None:
     names = ("double_pendulum", "collar")
     pairs = [(name, subject) for name in names for subject in ("mujoco/mjcf", "pinocchio/urdf")]
@@ -100,7 +98,6 @@ def test_nights_that_were_really_sampled_show_no_change() -> None:
     assert changes(nights) == []
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("before", [1, 2, 3, 5, 19])
 @pytest.mark.parametrize("factor", [2.0, 2.5, 0.5])
 def test_a_median_that_doubles_is_found_that_night_and_only_that_night(recorded: list[np.ndarray], before: int, factor: float) -> None:
@@ -133,7 +130,6 @@ def test_a_slow_drift_is_found_by_the_sums() -> None:
     assert 10 < first.place < 25
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("nights", [3, 15, 40])
 def test_false_alarms_are_as_many_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 4000, 40.0
@@ -231,7 +227,6 @@ def test_nights_of_a_run_that_ends_too_soon_are_noise() -> None:
     assert changes_of(Chart(CELLS), [cost(value) for value in values]) == []
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("nights", [9, 15])
 def test_largest_values_give_as_many_false_alarms_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 30_000, 12.0

@@ -132,6 +132,7 @@ def test_a_library_that_cannot_be_written_says_so(library: Library) -> None:
         keep(library, "bar_pendulum", [FOUND])
 
 
+@pytest.mark.ci
 def test_a_stored_state_is_compared_in_every_later_run(library: Library, workers: Workers) -> None:
     """The planted engine is wrong at that state alone, so only the replay can see it."""
     record, _ = compared(library, workers)
@@ -195,6 +196,5 @@ def test_the_ranking_puts_the_gravest_and_worst_first_once_per_system() -> None:
     assert worst_cases(reversed(records)) == ranking
 
 
-@pytest.mark.costly
 def test_plain_data_is_what_the_file_holds() -> None:
     assert json.loads(as_text([FOUND])) == [asdict(FOUND)]

@@ -194,7 +194,6 @@ def test_a_crash_costs_one_line_and_a_missing_engine_is_told(library: Path) -> N
     assert re.search(r"^ +mujoco/mjcf .* as the system says$", done.stdout, re.MULTILINE)
 
 
-@pytest.mark.costly
 def test_both_engines_place_the_joints_alike(modelled_name: str) -> None:
     """At zero and away from it: a wrong axis, origin or sign in a model is seen in the picture of one of them."""
     for mjcf, urdf in zip(placements(modelled_name, "mjcf"), placements(modelled_name, "urdf"), strict=True):
@@ -210,7 +209,6 @@ def test_both_engines_place_the_joints_alike(modelled_name: str) -> None:
         assert len(mjcf.springs) == len(urdf.springs)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("model_format", MODEL_SUFFIXES)
 def test_every_mechanism_can_be_drawn_on_its_sheet(modelled_name: str, model_format: str) -> None:
     resting, moved = placements(modelled_name, model_format)

@@ -137,7 +137,6 @@ def closed_motion(
     return [first(way) * rate for way in ways], [first(way) * acceleration + second(way) * rate**2 for way in ways]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("count", [200, pytest.param(10_000, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("name", CLOSED)
 def test_loops_of_one_degree_of_freedom_move_as_their_closed_form(name: str, count: int) -> None:
@@ -166,7 +165,6 @@ def with_fault(mechanism: Mechanism, parameter: str) -> Mechanism:
     return replace(mechanism, parameters=tuple(entries))
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_fault_of_any_parameter_is_felt(name: str) -> None:
     """One of 1e-10 relative moves accelerations by more than agrees, or the states in which the constraints are closed.
@@ -185,7 +183,6 @@ def test_a_fault_of_any_parameter_is_felt(name: str) -> None:
     assert not_felt == []
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "count"),
     [

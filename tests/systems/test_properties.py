@@ -324,7 +324,6 @@ def plain_case(plain_name: str, plain_mechanism: Mechanism) -> Case:
     return Case(plain_mechanism, load_system(Library.built_in().system_path(plain_name))[0])
 
 
-@pytest.mark.costly
 def test_mass_matrix_is_positive_definite(case: Case) -> None:
     """Certainly so in balls, by the pivots of L D L'; and within rounding in the compiled kernel."""
     nv = case.mechanism.nv
@@ -344,7 +343,6 @@ def test_mass_matrix_is_positive_definite(case: Case) -> None:
         assert (compiled[index] == compiled[index].T).all()
 
 
-@pytest.mark.costly
 def test_mass_matrix_is_that_of_the_kinetic_energy(case: Case) -> None:
     """T2 = v' M v / 2, T from the system file."""
     for index in range(COUNT):
@@ -354,7 +352,6 @@ def test_mass_matrix_is_that_of_the_kinetic_energy(case: Case) -> None:
         assert abs(ahead + back - 2 * rest - twice) <= AT_ZERO * (abs(ahead) + abs(back) + abs(rest))
 
 
-@pytest.mark.costly
 def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
     """dh/dt = sum (Q + tau - J' lambda) v - dL/dt along the motion with v' = the certified qdd.
 
@@ -373,7 +370,6 @@ def test_power_balance_of_the_certified_acceleration(case: Case) -> None:
         assert abs(growth - power + lagrangian) <= allowed + AT_ZERO * (abs(growth) + abs(power)), case.states.as_json(index)
 
 
-@pytest.mark.costly
 def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: Case) -> None:
     """M' - 2C is skew, and C v is the part of the velocity terms that is quadratic in v.
 
@@ -399,7 +395,6 @@ def test_christoffel_matrix_is_passive_and_gives_the_velocity_terms(plain_case: 
             assert abs(given - (parts[0] + parts[1]) / 2 + parts[2]) <= AT_ZERO * (size(parts) + largest * size(v))
 
 
-@pytest.mark.costly
 def test_time_reversal(case: Case) -> None:
     """M (qdd(q, v) - qdd(q, -v)) = F(q, v) - F(q, -v), F = Q - J' lambda, which is zero for a conservative system: it runs back
     as it came.
@@ -441,7 +436,6 @@ def check_time_reversal(case: Case) -> None:
             assert abs(found - expected) <= mass[i][i].sqrt() * allowed + AT_ZERO * abs(expected), case.states.as_json(index)
 
 
-@pytest.mark.costly
 def test_accelerations_are_linear_in_the_applied_forces(case: Case) -> None:
     """qdd(tau1 + tau2) - qdd(tau1) - qdd(tau2) + qdd(0) = 0 and M (qdd(tau) - qdd(0)) = tau, and what it changes in -J' lambda."""
     for index in range(COUNT):
@@ -459,7 +453,6 @@ def test_accelerations_are_linear_in_the_applied_forces(case: Case) -> None:
                 assert abs(felt[i] - force) <= mass[i][i].sqrt() * (unknown[name] + unknown["free"]) + AT_ZERO * abs(force)
 
 
-@pytest.mark.costly
 def test_accelerations_keep_the_constraints(case: Case) -> None:
     """The second derivative of holonomic rows, and the first of rolling ones, is zero along the motion with v' = the certified qdd.
 

@@ -173,7 +173,6 @@ def configurations(n: int, count: int = 20) -> np.ndarray:
     return np.random.default_rng(560).uniform(-pi, pi, (count, n))
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", TABLES)
 def test_mass_and_gravity_follow_from_jacobians_along_the_published_table(name: str) -> None:
     table = TABLES[name]
@@ -182,7 +181,6 @@ def test_mass_and_gravity_follow_from_jacobians_along_the_published_table(name: 
             np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
 
 
-@pytest.mark.costly
 def test_scara_is_the_printed_manipulator_equation() -> None:
     """Murray, Li, Sastry, section 4.3: M, C and N of the SCARA manipulator."""
     _, equations, s = arm("scara")
@@ -261,7 +259,6 @@ def printed_terms(q: Sequence[float]) -> dict[tuple[int, int] | int, dict[str, f
     }
 
 
-@pytest.mark.costly
 def test_puma_560_has_the_printed_constants() -> None:
     """Armstrong, Khatib, Burdick, appendix, at random configurations."""
     for q in configurations(6):

@@ -305,7 +305,7 @@ def periods(name: str, lowest: float, starts: Sequence[float], longest: float, w
     return [float(times[1] - times[0]) for times in solution.t_events]
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_cycloid_bead_takes_the_same_time_from_every_height() -> None:
     """4 pi sqrt(R/g); a pendulum's period, 4 sqrt(L/g) K(sin(start/2)), grows with the height, and the same measurement shows it."""
     from scipy.special import ellipk

@@ -107,7 +107,6 @@ def test_arm_3r_manipulator_equation_is_passive() -> None:
 # stance foot is cyclic in T, its momentum sigma is the angular momentum about the foot, and sigma' = g m_tot x_cm.
 
 
-@pytest.mark.costly
 def test_biped_momentum_about_the_stance_foot() -> None:
     d, s = derived("biped_five_link")
     total = s.q1, s.q1 + s.q2, s.q1 + s.q2 + s.q3, s.q1 + s.q2 + s.q3 + s.q4, s.q1 + s.q2 + s.q3 + s.q4 + s.q5

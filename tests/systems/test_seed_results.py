@@ -148,7 +148,6 @@ def test_christoffel_matrix_of_the_arm_is_passive_and_gives_the_velocity_terms()
     assert_zero(list(matrix * rates - equations.velocity_terms))
 
 
-@pytest.mark.costly
 @mpmath.workdps(80)
 def test_energy_function_is_that_of_the_parts_of_the_kinetic_energy(built_in_name: str, built_in_exact: Any) -> None:
     """h = T2 - T0 + V, T2 and T0 the parts of T of second and of no degree in the rates: T + V where T is a quadratic form."""
@@ -165,7 +164,6 @@ def test_energy_function_is_that_of_the_parts_of_the_kinetic_energy(built_in_nam
             assert abs(h - kinetic - potential) <= AT_ZERO * (abs(kinetic) + abs(potential))
 
 
-@pytest.mark.costly
 @mpmath.workdps(80)
 def test_energy_changes_by_the_power_of_the_forces_alone(built_in_name: str, built_in_exact: Any) -> None:
     """dh/dt = sum Q v - dL/dt, the chapter's energy balance, with qdd from the equations of motion."""

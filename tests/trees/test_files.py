@@ -158,7 +158,6 @@ def certified(robot: Robot, like: ReferenceKernel | None = None) -> tuple[Refere
     return reference, reference.evaluate(states)
 
 
-@pytest.mark.costly
 def test_twins_in_both_formats_have_the_same_accelerations() -> None:
     """Their angles are rounded apart, in degrees here and radians there."""
     by_urdf = read_robot(FILES / "humanoid.urdf", floating_base=True)
@@ -174,7 +173,6 @@ def test_twins_in_both_formats_have_the_same_accelerations() -> None:
     assert compare(truth, other.high).backward_error.max() < 4
 
 
-@pytest.mark.costly
 def test_a_free_joint_may_have_its_velocity_in_its_own_frame() -> None:
     robot = read_robot(FILES / "humanoid.urdf", floating_base=True)
     in_parent, in_body = ReferenceKernel(mechanism_of(robot)), ReferenceKernel(mechanism_of(robot), linear_velocity_in_body=True)

@@ -94,7 +94,6 @@ def assert_enclose_each_other(tree: Tree, joints: Sequence[str], states: States,
                 assert all(a.overlaps(b) for a, b in pairs), (kind, name)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "model_format"), TREES)
 def test_bodies_kept_free_enclose_the_recursion_and_reactions_the_sums_over_bodies(name: str, model_format: str) -> None:
     mechanism = load_mechanism(BUILT_IN, name)
@@ -105,7 +104,6 @@ def test_bodies_kept_free_enclose_the_recursion_and_reactions_the_sums_over_bodi
         assert_enclose_each_other(tree, mechanism.joints, states, in_body=True)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "model_format"), TREES)
 def test_bodies_kept_free_and_energies_agree_to_the_rounding_of_the_decimals(name: str, model_format: str) -> None:
     mechanism = load_mechanism(BUILT_IN, name)

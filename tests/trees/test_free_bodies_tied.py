@@ -77,7 +77,6 @@ def test_a_loop_and_a_coupling_move_as_their_energies_say(name: str, model_forma
     assert_accelerations_are_the_certified_ones(name, model_format)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "model_format"), TIED)
 def test_every_mechanism_with_constraints_moves_as_its_energies_say(name: str, model_format: str) -> None:
     assert_accelerations_are_the_certified_ones(name, model_format)

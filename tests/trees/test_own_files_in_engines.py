@@ -25,7 +25,6 @@ def without_meshes(text: str) -> str:
     return re.sub(r'<mesh name="shell"[^>]*/>|<geom[^>]*mesh="shell"[^>]*/>', "", text)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     "changes",
     [

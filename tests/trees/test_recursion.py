@@ -42,7 +42,6 @@ def largest_error(name: str, text: Callable[[str], str], model_format: str) -> f
     return float(compare(ReferenceKernel(mechanism).evaluate(states), found).backward_error.max())
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("name", "model_format"), [(name, form) for name, form in MODELS if not is_tied(BUILT_IN.system_of(name))])
 def test_recursion_and_energies_agree_to_the_rounding_of_the_decimals(name: str, model_format: str) -> None:
     """An inertia such as m L^2 / 12 is rounded once where it is written, and half an ulp of every number is one data roundoff."""

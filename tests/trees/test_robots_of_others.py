@@ -18,7 +18,7 @@ from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
 
-pytestmark = pytest.mark.robots
+pytestmark = [pytest.mark.nightly, pytest.mark.robots]
 
 STATES = 8
 SEED = 3

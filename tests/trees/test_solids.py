@@ -68,7 +68,6 @@ def solid(kind: str, *size: Fraction, shell: bool = False) -> Solid:
     return Solid(kind, size, (), None, Fraction(1), shell)
 
 
-@pytest.mark.costly
 @given(SIZES, SIZES, SIZES)
 def test_solids_weigh_what_their_slices_weigh(first: Fraction, second: Fraction, third: Fraction) -> None:
     a, b, c = map(float, (first, second, third))
@@ -91,7 +90,6 @@ def test_solids_weigh_what_their_slices_weigh(first: Fraction, second: Fraction,
         np.testing.assert_allclose(weighed(body), inertia(expected), rtol=1e-13, err_msg=kind)
 
 
-@pytest.mark.costly
 @given(SIZES, SIZES, SIZES)
 def test_shells_weigh_what_their_rings_and_faces_weigh(first: Fraction, second: Fraction, third: Fraction) -> None:
     a, b, c = map(float, (first, second, third))

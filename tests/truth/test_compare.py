@@ -174,7 +174,6 @@ def scaled_condition(mass: Any) -> Any:
     return np.linalg.cond(mass / scale[:, :, None] / scale[:, None, :])
 
 
-@pytest.mark.costly
 def test_the_correctly_rounded_answer_is_within_half_a_roundoff_or_so(built_in_mechanism: Mechanism) -> None:
     """Rounding moves qdd_i by u |qdd_i| at most, hence |qdd|_M by sqrt(kappa_s) u |qdd|_M, and the terms of qdd are
     proportional to inputs (tau, g, stiffness, damping, rates), hence |qdd|_M is at most the sensitivity."""
@@ -188,7 +187,6 @@ def test_the_correctly_rounded_answer_is_within_half_a_roundoff_or_so(built_in_m
     assert set(comparison.verdicts.tolist()) == {"agrees"}
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("multiple", [30.0, 1000.0])
 def test_a_known_multiple_of_the_data_roundoff_is_found_again(built_in_mechanism: Mechanism, multiple: float) -> None:
     states = generic_sample(built_in_mechanism, 32, 7)

@@ -55,7 +55,6 @@ def one_state(mechanism: Mechanism, seed: int) -> tuple[ReferenceKernel, States,
     return kernel, state, kernel.evaluate(state)
 
 
-@pytest.mark.costly
 def test_the_answer_at_moved_inputs_needs_no_larger_move(built_in_mechanism: Mechanism) -> None:
     """Every velocity, force and parameter goes to a neighbouring float64, at most two half ulps away; the answer is rounded besides."""
     mechanism = built_in_mechanism
@@ -70,7 +69,6 @@ def test_the_answer_at_moved_inputs_needs_no_larger_move(built_in_mechanism: Mec
     assert componentwise_error(kernel, state, reference, reference.high[0]) <= 1.0 * SLACK
 
 
-@pytest.mark.costly
 def test_the_norm_is_a_lower_bound(built_in_mechanism: Mechanism) -> None:
     """|a - a*|_M <= t u (sum_k |D_k|_M + sum_i |a_i| |e_i|_M), whatever the answer; the last sum is that of its own rounding."""
     kernel, state, reference = one_state(built_in_mechanism, 5)

@@ -46,7 +46,6 @@ def in_roundoffs(certified: Certified, answers: Array) -> Array:
         return np.where(errors == 0, 0.0, errors / (UNIT_ROUNDOFF * (certified.sensitivity + certified.share)))
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("modelled_name", MODELLED)
 def test_engines_and_formats_agree_on_every_quantity(modelled_name: str) -> None:
     states = sample(load_mechanism(BUILT_IN, modelled_name), STATES, SEED)
@@ -66,7 +65,6 @@ def test_engines_and_formats_agree_on_every_quantity(modelled_name: str) -> None
             assert set(comparison.verdicts.tolist()) == {"agrees"}, (quantity, engine, comparison.backward_error.max())
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_energies_are_those_that_the_system_declares(modelled_name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, modelled_name)
@@ -84,7 +82,6 @@ def test_energies_are_those_that_the_system_declares(modelled_name: str) -> None
     assert (in_roundoffs(own.evaluate(states), answers) <= AGREEMENT).all()
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_inverse_dynamics_of_certified_accelerations_are_the_applied_forces(modelled_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     mechanism = load_mechanism(BUILT_IN, modelled_name)

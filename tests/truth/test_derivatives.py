@@ -88,7 +88,6 @@ def result(mechanism: Mechanism, evaluate: Callable[..., tuple[Any, ...]], dynam
     return [one - rest for one, rest in zip(inertial, right_hand_side(outputs), strict=True)]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize(
     ("name", "in_body"),
@@ -152,7 +151,6 @@ def at_inputs(mechanism: Mechanism, row: Array) -> Array:
 SUBJECTS = [Subject("lagrange", EQUATIONS), *(Subject("pinocchio", model_format) for model_format in ("urdf", "mjcf"))]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_engines_agree_or_are_expected_not_to(modelled_name: str, dynamics: Dynamics) -> None:
@@ -252,7 +250,6 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize(("name", "mistake", "said"), MISTAKES, ids=[mistake for _, mistake, _ in MISTAKES])
 def test_a_mistake_is_seen_and_named(name: str, mistake: str, said: str, dynamics: Dynamics) -> None:

@@ -81,7 +81,6 @@ def scales_of(inputs: Array) -> Array:
     return np.maximum(np.abs(inputs), SMALLEST_SCALE)
 
 
-@pytest.mark.costly
 def test_exact_accelerations_are_within_their_bounds(built_in_mechanism: Mechanism) -> None:
     for program, inputs in by_chart(built_in_mechanism, sample(built_in_mechanism, 12, 5)):
         found = evaluate(encoded(program), inputs, scales_of(inputs))
@@ -89,7 +88,6 @@ def test_exact_accelerations_are_within_their_bounds(built_in_mechanism: Mechani
         assert all(enclosed(program, inputs, found))
 
 
-@pytest.mark.costly
 def test_sensitivities_are_within_their_doubt_of_those_in_balls(built_in_mechanism: Mechanism) -> None:
     for program, inputs in by_chart(built_in_mechanism, sample(built_in_mechanism, 2, 5)):
         found = evaluate(encoded(program), inputs, scales_of(inputs))
@@ -99,7 +97,6 @@ def test_sensitivities_are_within_their_doubt_of_those_in_balls(built_in_mechani
         assert (found.doubt <= 1e-6 * found.sensitivity).all()
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", hard_cases())
 def test_hard_points_are_within_their_bounds(name: str) -> None:
     # The first point, which is the hardest of most cases, at which bounds matter most; the night takes all of them.
@@ -139,7 +136,6 @@ def test_a_number_that_is_wrong_by_twice_its_bound_is_seen() -> None:
     assert all(enclosed(program, inputs, evaluate(replace(sound, constants=wrong), inputs, scales_of(inputs))))
 
 
-@pytest.mark.costly
 def test_the_loop_and_balls_give_one_reference(built_in_mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every number that a verdict or a backward error is made of, to more digits than are printed."""
     states = sample(built_in_mechanism, 6, 7)
@@ -224,7 +220,6 @@ print("harness.programs.loops.loops" in sys.modules)
 """
 
 
-@pytest.mark.costly
 def test_machine_code_is_made_once_and_is_not_read_where_it_is_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HEYOKA_CACHE_DIR", str(tmp_path))
     is_made = [subprocess.run([sys.executable, "-c", _LOAD], capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)]

@@ -147,7 +147,6 @@ def test_data_roundoff_is_that_of_both_steps_and_of_the_second_alone(name: str) 
 
 
 # Under constraints engines go by laws of their own: tests/truth/test_reactions_tied.py.
-@pytest.mark.costly
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_engines_and_formats_agree_on_what_joints_transmit(modelled_name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, modelled_name)

@@ -78,7 +78,6 @@ def test_engines_agree_on_a_loop(subject: Subject) -> None:
     assert verdicts_of("four_bar", subject) == {"agrees"}
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("subject", SUBJECTS, ids=str)
 @pytest.mark.parametrize("name", TIED)
 def test_engines_agree_on_every_mechanism_with_constraints_that_they_answer(name: str, subject: Subject) -> None:
@@ -94,7 +93,6 @@ def test_redundant_rows_leave_rigid_reactions_open_and_a_law_settles_them() -> N
     assert verdicts_of("parallelogram", Subject("mujoco", "mjcf")) == {"agrees"}
 
 
-@pytest.mark.costly
 def test_mujocos_solver_balances_a_loop_of_light_bodies() -> None:
     """By its default tolerance it does not: 3500 data roundoffs."""
     truth, model = asked("andrews_squeezer", Subject("mujoco", "mjcf"))

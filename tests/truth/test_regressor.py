@@ -30,7 +30,6 @@ def pinocchio_model(name: str, model_format: str) -> Model:
     return load_model(BUILT_IN, Subject("pinocchio", model_format), load_mechanism(BUILT_IN, name), file)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_pinocchio_agrees_with_both_files(modelled_name: str) -> None:
     states = sample(load_mechanism(BUILT_IN, modelled_name), 16, SEED)
@@ -72,7 +71,6 @@ MISTAKES = {
 }
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_is_seen(mistake: str) -> None:
     truth, loaded = truth_of("arm_7r", "urdf"), pinocchio_model("arm_7r", "urdf")

@@ -68,7 +68,6 @@ def test_a_larger_sample_begins_with_the_smaller_one(cart: Mechanism, count: int
         assert getattr(larger, name).tobytes() == getattr(smaller, name).tobytes()
 
 
-@pytest.mark.costly
 def test_every_kind_of_state_is_in_every_sample(built_in_mechanism: Mechanism) -> None:
     """A quarter at rest, a quarter without applied force, half of either both, and a quarter under forces of a real size."""
     mechanism, count = built_in_mechanism, 64
@@ -153,7 +152,6 @@ def determined(mechanism: Mechanism) -> set[int]:
     return set() if constraints is None else {*constraints.positions, *(mechanism.nv + place for place in constraints.rates)}
 
 
-@pytest.mark.costly
 def test_samples_of_every_system_fill_their_ranges(built_in_mechanism: Mechanism) -> None:
     """256 points of a Sobol sequence put one into each of 256 equal slices of every single axis (Owen 1998)."""
     states = generic_sample(built_in_mechanism, 256, 11)
@@ -169,7 +167,6 @@ def test_samples_of_every_system_fill_their_ranges(built_in_mechanism: Mechanism
         assert slices.max() <= 17
 
 
-@pytest.mark.costly
 @given(st.data())
 @settings(max_examples=25)
 def test_draws_stay_in_their_ranges(built_in_mechanism: Mechanism, data: st.DataObject) -> None:
@@ -203,7 +200,6 @@ SPECIAL = {
 }
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", SPECIAL)
 def test_special_values_are_drawn(arm: Mechanism, name: str) -> None:
     find(strategy(arm), SPECIAL[name], settings=SEARCH)
@@ -215,7 +211,6 @@ def test_both_ends_of_a_range_are_drawn(cart: Mechanism, end: int) -> None:
     assert find(strategy(cart), lambda s: s.q[0, 0] == bound, settings=SEARCH).q[0, 0] == bound
 
 
-@pytest.mark.costly
 def test_no_huge_value_is_drawn_for_a_bounded_coordinate(cart: Mechanism) -> None:
     def is_huge(state: States) -> bool:
         return bool(abs(state.q[0, 0]) > 0.1 or np.abs(state.v).max() > 10)
@@ -241,7 +236,6 @@ def test_what_does_not_matter_shrinks_away(arm: Mechanism) -> None:
     assert found.v[0, 1] in (3.0, 10.0)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("bounds", [(0.5, 1.5), (-3.0, -2.0), (0.0, 1.0), (-1e-9, 1e-9)])
 def test_ranges_that_hold_no_special_value_waste_no_draws(bounds: tuple[float, float]) -> None:
     """Hypothesis stops a test that discards most draws; many lengths that never come near zero must not bring it there."""
@@ -302,7 +296,7 @@ def test_points_that_are_kept_are_all_that_a_sample_takes(count: int, tmp_path: 
     assert len(sampling.sample(mechanism, count, 3)) == count
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_kept_sample_needs_no_scipy(tmp_path: Path) -> None:
     code = (
         "import sys; from harness.truth.sampling import sample; from harness.lagrange.derivation import load_mechanism\n"

@@ -170,7 +170,6 @@ def test_where_the_equations_have_no_derivative_nothing_is_certified(mechanism_o
     assert math.isnan(reference.sensitivity[0])
 
 
-@pytest.mark.costly
 def test_balls_give_the_columns_of_the_loop(plain_mechanism: Mechanism) -> None:
     """Where the loop is trusted, both ways to the derivatives and to the sensitivity give the same."""
     states, program = sample(plain_mechanism, 2, 3), plain_mechanism.program

@@ -80,7 +80,6 @@ class Setting:
         return set(found.verdicts.tolist()), float(found.backward_error.max()), self.truth.blocks[farthest_block(certified, answers)]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("damping", [None, DAMPING], ids=["undamped", "damped"])
 @pytest.mark.parametrize("name", TEN)
 def test_integrators_follow_their_rules_with_and_without_damping(name: str, damping: str | None) -> None:
@@ -90,7 +89,6 @@ def test_integrators_follow_their_rules_with_and_without_damping(name: str, damp
     assert verdicts == {"agrees"}, (worst, block)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_integrators_follow_their_rules_on_every_tree(modelled_name: str) -> None:
     mechanism, file = load_mechanism(BUILT_IN, modelled_name), model_of(modelled_name)
@@ -240,7 +238,6 @@ PARTS = {
 }
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("part", PARTS)
 def test_every_part_of_a_rule_is_felt(part: ImplicitPart) -> None:
     """A rule without it is another map, of which MuJoCo is far off."""

@@ -225,7 +225,6 @@ def test_states_that_are_no_numbers_are_marked() -> None:
 # The engines.
 
 
-@pytest.mark.costly
 def test_terms_of_sound_engines_agree_and_sum_to_nothing(modelled_name: str) -> None:
     """M qdd + velocity + gravity - passive - applied is 0 for the engine's own qdd, to what solving for it leaves.
 

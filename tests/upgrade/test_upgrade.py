@@ -137,7 +137,7 @@ def test_bad_usage_says_what_to_do(library: Path, arguments: tuple[str, ...], fr
     assert fragment in done.stderr
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_planted_wheel_is_bisected_among_five(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From an index to the name of the version and its term, every environment made on the way."""
     monkeypatch.setenv("HARNESS_CACHE", str(cache_with_mechanisms(tmp_path / "cache")))

@@ -57,7 +57,6 @@ def start(cluster: Any) -> Iterator[Starter]:
 
 
 @pytest.mark.ci
-@pytest.mark.costly
 def test_workers_killed_and_joined_lose_nothing(cluster: Any, start: Starter) -> None:
     doomed, _ = start(1), start(2)
     tasks = [Task(number, work.worker_of_the_cluster, (0.1,), affinity=(None, "a", "b")[number % 3]) for number in range(30)]
@@ -77,7 +76,6 @@ def test_workers_killed_and_joined_lose_nothing(cluster: Any, start: Starter) ->
         assert order == sorted(order)
 
 
-@pytest.mark.costly
 def test_a_task_is_asked_again_on_another_worker(cluster: Any, start: Starter, tmp_path: Path) -> None:
     first, second = start(1), start(2)
     tasks = [Task(0, work.lose_worker, (str(tmp_path), 1), "a"), *(Task(number, work.echo, (number,), "a") for number in range(1, 6))]
@@ -87,7 +85,7 @@ def test_a_task_is_asked_again_on_another_worker(cluster: Any, start: Starter, t
     assert sorted([first.poll() is None, second.poll() is None]) == [False, True]
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 def test_a_task_that_kills_its_workers_costs_itself(tmp_path: Path) -> None:
     """Those beside it, on workers of two threads which are started again, are asked again until they answer."""
     from distributed import LocalCluster

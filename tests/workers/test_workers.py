@@ -55,6 +55,7 @@ def crashing(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, dict[str, d
     return check(library, "--time-limit", "4")
 
 
+@pytest.mark.ci
 def test_a_crash_is_exit_status_3(crashing: tuple[int, dict[str, dict[str, object]], str]) -> None:
     status, _, errors = crashing
     assert status == 3
@@ -113,6 +114,7 @@ def cluster() -> Iterator[Any]:
         yield cluster
 
 
+@pytest.mark.ci
 def test_an_existing_cluster_is_used_and_survives(tmp_path: Path, cluster: Any) -> None:
     library = failing_library(tmp_path / "library", {"aborting": "os.abort() if (q > 2.5).any() else None; return np.zeros_like(q)"})
     before = cluster.scheduler_info["workers"].keys()
@@ -211,6 +213,7 @@ def contained() -> dict[Any, Outcome]:
     return {outcome.task.key: outcome for outcome in outcomes if outcome.task.key is not None}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("function", CONTAINED, ids=lambda function: function.__name__)
 def test_a_task_that_fails_costs_its_own_outcome(contained: dict[Any, Outcome], function: Any) -> None:
     outcome = contained[function]
@@ -257,7 +260,7 @@ def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
         assert next(coming).crash is None
 
 
-@pytest.mark.costly
+@pytest.mark.ci
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="only the kernel knows how long a process waited")
 @pytest.mark.parametrize("compute", [work.compute, work.let_compute])
 def test_time_spent_waiting_for_a_processor_is_not_the_tasks(compute: Callable[..., None]) -> None:
