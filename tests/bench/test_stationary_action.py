@@ -50,7 +50,7 @@ def test_the_action_of_a_true_path_is_stationary(name: str) -> None:
 
 
 # A path under constraints is stationary among those that keep them alone.
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("name", [name for name in PLAIN if not is_tied(name)])
 def test_the_action_of_every_true_path_is_stationary(name: str) -> None:
     right = mechanism_named(name)

@@ -74,10 +74,10 @@ def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, nam
         assert re.search(row, done.stdout, re.MULTILINE)
 
 
-@pytest.mark.nightly
-def test_a_hundred_thousand_states_agree_everywhere(tmp_path: Path) -> None:
-    # Eight minutes of two processors by themselves; other tests run beside it.
-    done = harness_in_a_process("check", "--states", "100000", "--json", "out.json", cwd=tmp_path, timeout=7200)
+@pytest.mark.nightly(nights=12)
+@pytest.mark.parametrize("name", [*BUILT_IN.system_names(), *BUILT_IN.variant_names()])
+def test_a_hundred_thousand_states_agree_everywhere(name: str, tmp_path: Path) -> None:
+    done = harness_in_a_process("check", name, "--states", "100000", "--json", "out.json", cwd=tmp_path, timeout=7200)
     assert done.returncode == 0, done.stdout + done.stderr
     for record in records_of(tmp_path / "out.json"):
         if record["expected"] == "agrees":

@@ -379,7 +379,7 @@ def test_the_odd_one_out_stands_last() -> None:
 
 
 # What constraints hold is no part of the audit.
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("name", [name for name in TREES if name not in LONG])
 def test_a_mistake_that_the_audit_does_not_see_moves_nothing(name: str) -> None:
     """Every mistake that a hypothesis can plant is in what engines hold, or no acceleration feels it."""

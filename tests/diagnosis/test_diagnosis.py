@@ -503,7 +503,7 @@ def test_the_command_refuses_what_it_cannot_read(tmp_path: Path, old: str, new: 
     assert "no diagnosis" not in done.stdout + done.stderr
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=6)
 @pytest.mark.parametrize("name", TREES)
 def test_nearly_every_number_of_the_catalogue_is_named(name: str) -> None:
     """Of each model a few live numbers, in sizes from the ninth digit to another sign; of loops, the fault campaign tells."""

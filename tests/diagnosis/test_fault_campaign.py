@@ -330,7 +330,7 @@ def test_an_unknown_kind_is_told_with_the_nearest_and_the_command_that_lists_the
     assert "harness list faults" in done.stderr
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=12)
 @pytest.mark.parametrize(("name", "model_format"), select_models(BUILT_IN, ())[0])
 def test_the_whole_catalogue(name: str, model_format: str) -> None:
     faults = campaign(name, model_format, CampaignSettings(diagnosed=2))

@@ -181,7 +181,7 @@ def _is_number(planted: Change) -> bool:
     return planted.statement == "left out" and len(planted.places) == 1 and "0" in planted.places[0].found.split()
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("model_format", FORMATS)
 @pytest.mark.parametrize("name", MISTAKES)
 def test_mistakes_are_undone_in_every_tree(name: str, model_format: str) -> None:

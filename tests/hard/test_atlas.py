@@ -192,7 +192,7 @@ def test_the_easy_systems_have_all_kinds(planted: Library) -> None:
     assert "disagrees" in _sampled("arm_2r").judge(planted, "flipped").verdicts
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("name", [name for name in PLAIN if name in TREES and not name.startswith("chain")])
 def test_planted_engines_over_the_catalogue(planted: Library, name: str) -> None:
     """The planted engines know one chart, so systems that need several are none of theirs; a constraint may hide what is planted."""
@@ -356,7 +356,7 @@ def test_a_family_is_as_expected(case: str, subject: Subject) -> None:
     _check_family(case, subject)
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("case", hard_cases())
 def test_every_family_is_as_expected(case: str) -> None:
     for subject in select_subjects(Library.built_in(), hard_cases()[case].subjects, native_only=True):

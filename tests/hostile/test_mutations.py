@@ -238,7 +238,7 @@ def test_two_thousand_mutants_are_refused_or_judged(tmp_path: Path) -> None:
     assert found["refused"] > 800 and found["red"] > 100
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(2, 40))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.nightly(nights=4)) for seed in range(2, 40))])
 def test_a_mutant_ends_the_command_with_one_of_its_statuses(seed: int, tmp_path: Path) -> None:
     path = tmp_path / "mutant.xml"
     path.write_bytes(mutant(seed, BUILT_IN.model_path("bar_pendulum", "mjcf").read_text(), "mjcf"))

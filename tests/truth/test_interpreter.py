@@ -105,7 +105,7 @@ def test_hard_points_are_within_their_bounds(name: str) -> None:
         assert all(enclosed(program, inputs, evaluate(encoded(program), inputs, scales_of(inputs))))
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("name", hard_cases())
 def test_every_hard_point_is_within_its_bounds(name: str) -> None:
     for place in range(POINTS):

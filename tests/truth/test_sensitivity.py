@@ -122,7 +122,7 @@ def test_sensitivity_is_exact_along_hard_cases(name: str) -> None:
     assert_case_is_exact(name, every=4)
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("name", [name for name, case in hard_cases().items() if case.opened is None])
 def test_sensitivity_is_exact_along_every_hard_case(name: str) -> None:
     assert_case_is_exact(name)

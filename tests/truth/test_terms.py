@@ -262,7 +262,7 @@ def size_of_sum(mechanism: Mechanism, states: States, terms: Terms, acceleration
     return size + sum(np.abs(getattr(terms, term)) for term in TERMS[1:])
 
 
-@pytest.mark.nightly
+@pytest.mark.nightly(nights=4)
 @pytest.mark.parametrize("name", MODELLED)
 def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, name)
