@@ -70,8 +70,10 @@ def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, nam
         if record["verdict"] == "agrees":
             assert record["states"] == FEW + len(load_found(BUILT_IN, BUILT_IN.system_of(record["system"])))
             assert 0 < record["backward_error"] <= 64
-        row = rf"^{re.escape(record['system'])} +{re.escape(record['subject'])} +{record['states']:,} +{record['verdict']}"
-        assert re.search(row, done.stdout, re.MULTILINE)
+        # Constraints that give as documented are told from rigid ones, of which the verdict in the record does not speak.
+        told = "(agrees|soft, as documented)" if record["verdict"] == "agrees" else record["verdict"]
+        row = rf"^{re.escape(record['system'])} +{re.escape(record['subject'])} +{record['states']:,} +{told}"
+        assert re.search(row, done.stdout, re.MULTILINE), row
 
 
 @pytest.mark.nightly(nights=12)
