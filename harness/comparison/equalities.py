@@ -8,13 +8,12 @@ Source: MuJoCo documentation, Computation, sections Constraint model and Solver 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.comparison.robot_library import ask_engine, engine_of, engines_of_files
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, Held
@@ -22,26 +21,19 @@ from harness.explain.as_read import read_by
 from harness.explain.changes.readings import element_at
 from harness.explain.meant import Meant, largest_change, question_of, read_as, reference_of, worst
 from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
-from harness.files.rules import ConstraintLaw
 from harness.files.tree import WORLD
 from harness.library import Stance
-from harness.programs.kernels import BallKernel
-from harness.programs.mechanisms.constraint_forces import Softness
-from harness.programs.mechanisms.mechanism import RESIDUAL
-from harness.programs.program import without_unused
-from harness.programs.states import States
 from harness.results.comparison import EqualitiesRecord, EqualityPart
 from harness.trees.inverse_weights import inverse_weights_of
-from harness.trees.mechanism import TiedTree, tied_tree
+from harness.trees.mechanism import tied_tree
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, compare
-from harness.truth.quantities.accelerations import softened
+from harness.truth.declared import declared
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
 
 # Equalities whose effect is said; each takes the file's being loaded once more.
 MOST_EFFECTS = 32
-_BITS = 128
 _HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
 _UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
 
@@ -146,46 +138,6 @@ def _declared_truth(read: Meant, caller: Engine, numbers: Sequence[int]) -> Refe
         caller.fuses(root, robot.format),
         (tendon for one in chosen.values() if isinstance(one.rows, TendonLinkage) for tendon in one.rows.tendons),
     )
-    rows = tied.constraints.rows
-    places = [rows[:row].count(name) for row, name in enumerate(rows)]
-    softness = [
-        Softness(
-            law.impedance.at(0.0),
-            law.stiffness,
-            law.damping,
-            None if law.weights is None else max(_least(law), sum(weights[part] for part in law.weights[place])),
-            law.has_curvature,
-        )
-        for law, place in ((laws[name], place) for name, place in zip(rows, places, strict=True))
-    ]
     own = tuple((str(number), float(value), "") for number, value in enumerate(tied.parameters))
     mechanism = replace(reference_of(robot).mechanism, parameters=own, constraints=tied.constraints, other_charts=(), charts_in_body=())
-    mechanism = replace(softened(mechanism, softness), constraints=None)
-    values = np.tile(mechanism.parameter_values, (len(states), 1))
-    columns = {name: column for column, (name, _, _) in enumerate(mechanism.parameters)}
-    for row, impedances in enumerate(_impedances(tied, states, laws).T):
-        values[:, columns[f"{rows[row]}[{row}] impedance"]] = impedances
-    return ReferenceKernel(mechanism).evaluate(states, values)
-
-
-def _least(law: ConstraintLaw) -> float:
-    """The least inverse mass of a row whose regularisation is no less than the engine's least number."""
-    return law.least_regularisation * law.impedance.most / (1 - law.impedance.most)
-
-
-def _impedances(tied: TiedTree, states: States, laws: Mapping[str, ConstraintLaw]) -> Array:
-    """(n, rows) at the distance of each state from closing a constraint, the norm over its rows."""
-    import flint
-
-    rows, program = tied.constraints.rows, tied.constraints.program
-    program = without_unused(replace(program, outputs={RESIDUAL: program.outputs[RESIDUAL]}))
-    with flint.ctx.workprec(_BITS):
-        evaluate = BallKernel(program, len(tied.parameters)).bind([float(value) for value in tied.parameters])
-        inputs = np.hstack([states.q, states.v, states.tau, states.time[:, None]])
-        residual = np.array([[float(value) for value in evaluate(*row)] for row in inputs.tolist()])
-    found = np.empty_like(residual)
-    for name, law in laws.items():
-        own = [row for row, one in enumerate(rows) if one == name]
-        distances = np.linalg.norm(residual[:, own], axis=1)
-        found[:, own] = np.array([law.impedance.at(float(distance)) for distance in distances])[:, None]
-    return found
+    return ReferenceKernel(declared(mechanism, laws, weights)).evaluate(states)

@@ -22,7 +22,7 @@ from harness.results.records import ACCELERATIONS
 from harness.storage import Kept
 from harness.truth.compare import Certified, Comparison, Flags, compare
 from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
-from harness.truth.quantities.accelerations import AccelerationTruth, softened, softness_of
+from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.reference import ReferenceKernel
 from harness.verdict import Verdict
 
@@ -179,11 +179,27 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
 
 
 def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:
-    """The mechanism that an engine makes of one whose constraints are held rigid, by its laws of the file that it reads."""
+    """The mechanism that an engine makes of one whose constraints are held rigid, by its laws of the file that it reads.
+
+    Raises:
+        InvalidModel: from the function, where constraints have no weight, or not as many rows as the mechanism.
+    """
 
     def softening(mechanism: Mechanism) -> Mechanism:
-        assert mechanism.constraints is not None
-        return softened(mechanism, softness_of(mechanism.constraints, laws, read))
+        # A mechanism without constraints imports nothing of it.
+        from harness.trees.inverse_weights import inverse_weights
+        from harness.truth.declared import declared
+
+        try:
+            weights = inverse_weights(read, (part for law in laws.values() for row in law.weights or () for part in row))
+        except ValueError as error:
+            problem = f"its constraints have no weight: {error}; correct the masses, inertias or places"
+            raise InvalidModel(read.path, read.root_line, problem) from error
+        try:
+            return declared(mechanism, laws, weights)
+        except ValueError as error:
+            line = next((one.line for one in read.constraints if repr(one.name) in str(error)), read.root_line)
+            raise InvalidModel(read.path, line, str(error)) from error
 
     return softening
 

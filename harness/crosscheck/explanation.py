@@ -88,7 +88,7 @@ def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
 
 def _with_worst(assignment: Assignment, seed: int, worst: States) -> States:
     """The states of a diagnosis, and those that the errors to be explained were found at: the others may feel less of it."""
-    return States.concatenate([diagnostic_states(assignment.mechanism, seed), worst])
+    return States.concatenate([assignment.truth.asked_at(diagnostic_states(assignment.mechanism, seed)), worst])
 
 
 def explain_lost_digits(assignment: Assignment, seed: int, worst: States) -> Explanation | None:

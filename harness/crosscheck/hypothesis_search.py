@@ -124,15 +124,17 @@ class _Panel:
         """The judgement of each subject's answers at ``states``; each truth is certified once."""
         subjects = self.subjects if len(states) else []
         distinct = {self._truths[subject].key: self._truths[subject] for subject in subjects}
-        certified = {key: truth.evaluate(states) for key, truth in distinct.items()}
+        asked = {key: truth.asked_at(states) for key, truth in distinct.items()}
+        certified = {key: truth.evaluate(asked[key]) for key, truth in distinct.items()}
         comparisons: dict[str, Comparison] = {}
         for subject in subjects:
+            key = self._truths[subject].key
             try:
-                comparison = comparisons[subject] = self._ask(subject, states, certified[self._truths[subject].key])
+                comparison = comparisons[subject] = self._ask(subject, asked[key], certified[key])
             except Exception as error:
                 self.failures[subject] = error
                 continue
-            self._seen[subject].append((states, comparison))
+            self._seen[subject].append((asked[key], comparison))
             score = objective(comparison)
             index = int(score.argmax())
             if subject not in self._worst or score[index] > self._worst[subject][0]:
@@ -157,13 +159,16 @@ class _Panel:
         rows = rows_of(found.states)
         index = min(np.flatnonzero(severity == severity.max()).tolist(), key=lambda index: count_digits(rows[index]))
 
+        truth = self._truths[subject]
+
         def judge(states: States) -> Comparison:
-            return self._ask(subject, states, self._truths[subject].evaluate(states))
+            asked = truth.asked_at(states)
+            return self._ask(subject, asked, truth.evaluate(asked))
 
         try:
             # The verdict is kept, however small the error becomes.
             state, _ = shrink(judge, self.mechanism, found.states[index : index + 1], kept=0.0)
-            self._seen[subject].append((state, judge(state)))
+            self._seen[subject].append((truth.asked_at(state), judge(state)))
             self.simplest[subject] = state
         except Exception as error:
             self.failures[subject] = error

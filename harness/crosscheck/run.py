@@ -249,7 +249,9 @@ class CrossCheck(Study):
             pair.remarks.append(f"{answers.remark}.")
         if answers.comparison is not None and states is not None:
             # What is stored stands before the sample, in the first batch.
-            pair.add(states, answers.comparison, slice(0 if pair.counts else pair.stored, None))
+            pair.add(
+                states if answers.states is None else answers.states, answers.comparison, slice(0 if pair.counts else pair.stored, None)
+            )
             pair.seconds += answers.seconds
             pair.from_rigid += [answers.from_rigid] if len(answers.from_rigid) else []
 

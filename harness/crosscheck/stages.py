@@ -52,7 +52,9 @@ class Answers:
         remark: what the answers have in common, as a sentence; "" for nothing.
         unsupported: whether the failure is that the engine cannot express the mechanism.
         misread: whether it is that the engine's reader is known to make another mechanism of the file.
-        from_rigid: how far answers that are held against a declared truth are from the rigid one, relative; none for the others.
+        states: at which they were given, where these are others than those that the batch holds: see ``Truth.asked_at``.
+        from_rigid: how far answers that are held against a declared truth are from the rigid one where states close the constraints,
+            relative; none for the others.
     """
 
     comparison: Comparison | None = None
@@ -63,6 +65,7 @@ class Answers:
     misread: bool = False
     remark: str = ""
     from_rigid: Array = field(default_factory=lambda: np.empty(0))
+    states: States | None = None
 
     @classmethod
     def missing(cls, error: Exception) -> Answers:
@@ -91,10 +94,11 @@ class Truths:
             # So that making or loading the loops, which all systems share, is not charged to this one.
             loop("evaluate")
             started = compiled = time.perf_counter()
+            states = truth.asked_at(self._states)
             if not truth.is_compiled:
-                truth.evaluate(self._states[:1])
+                truth.evaluate(states[:1])
                 compiled = time.perf_counter()
-            self._known[truth.key] = truth.evaluate(self._states)
+            self._known[truth.key] = truth.evaluate(states)
             self.seconds = max(self.seconds, (time.perf_counter() - compiled) / len(self._states))
             self.compilation_seconds = max(self.compilation_seconds, compiled - started)
         return self._known[truth.key]
@@ -128,8 +132,8 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
     quantity = assignment.asked
     try:
         model = load_audited(assignment)
-        truth = assignment.truth
-        certified = truths.of(truth)
+        truth, closed = assignment.truth, states
+        certified, states = truths.of(truth), truth.asked_at(states)
         answers, seconds = timed_answers(truth, model, states, again=quantity.is_asked_again)
         if quantity.is_asked_again:
             require_repeatable(truth, model, states, answers, certified)
@@ -148,8 +152,9 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
             remark = remark or (precision_of(truth, model, states, answers[0]) if quantity.is_asked_again else "")
         if truth.rigid is None:
             return Answers(comparison, seconds, remark=remark)
-        rigid = compare(truths.of(truth.rigid), answers[0])
-        return Answers(comparison, seconds, remark=remark, from_rigid=rigid.known("relative_error"))
+        unmoved = np.flatnonzero((states.q == closed.q).all(axis=1) & (states.v == closed.v).all(axis=1))
+        rigid = compare(truths.of(truth.rigid)[unmoved], answers[0][unmoved])
+        return Answers(comparison, seconds, remark=remark, states=states, from_rigid=rigid.known("relative_error"))
     except Misread as error:
         read = answers_what_is_read(assignment, states)
         if not quantity.is_default:
@@ -197,6 +202,7 @@ def timed_answers(truth: Truth, model: Model, states: States, again: bool = True
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
     """Ask for one state after the other, noting each, so that a crash names its state."""
     load_audited(assignment)
+    states = assignment.truth.asked_at(states)
     for index in range(len(states)):
         note(json.dumps(states.as_json(index)))
         assignment.answers(states[index : index + 1])

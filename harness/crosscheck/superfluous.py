@@ -67,7 +67,7 @@ def find_superfluous(assignment: Assignment) -> list[SuperfluousPart]:
     """``superfluous`` parts of the subject's model; none where its answers are wrong as it is."""
 
     def is_sound() -> bool:
-        verdicts = assignment.judge(random_sample(assignment.mechanism, STATES, SEED)).verdicts
+        verdicts = assignment.judge(_states_of(assignment)).verdicts
         return not {Verdict.DISAGREES.value, Verdict.ERROR.value} & set(verdicts)
 
     return superfluous(assignment, is_sound)
@@ -91,10 +91,16 @@ def superfluous(assignment: Assignment, is_sound: Callable[[], bool] = lambda: T
     if parts is None:
         if not is_sound():
             return []
-        examination = _Examination(load_engine(library, subject.engine), model, mechanism, _other_readers(subject))
+        engine, states = load_engine(library, subject.engine), _states_of(assignment)
+        examination = _Examination(engine, model, mechanism, states, _other_readers(subject))
         parts = sorted(examination.parts())
         write_entry(entry, msgspec.json.encode(parts).decode())
     return [SuperfluousPart(mechanism.name, str(subject), str(model.path), *part) for part in parts]
+
+
+def _states_of(assignment: Assignment) -> States:
+    """The states at which parts are looked for; those of a declared truth are off the manifold, on which its numbers are not felt."""
+    return assignment.truth.asked_at(random_sample(assignment.mechanism, STATES, SEED), share=1.0)
 
 
 def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mechanism) -> Path:
@@ -134,10 +140,10 @@ class _Spent(Exception):
 class _Examination:
     """One model in one engine, and what happens to its accelerations when parts of it change or go."""
 
-    def __init__(self, engine: Engine, model: ModelFile, mechanism: Mechanism, others: Sequence[Engine] = ()) -> None:
+    def __init__(self, engine: Engine, model: ModelFile, mechanism: Mechanism, states: States, others: Sequence[Engine] = ()) -> None:
         self._engine, self._mechanism, self._others = engine, mechanism, others
         self._model, self._format, self._text = model, model.format, model.text
-        self._states = random_sample(mechanism, STATES, SEED)
+        self._states = states
         self._left = MOST_EVALUATIONS
         self._healthy: Array | None = None
         # A changed number may contradict the system, for that is how it shows; a part that goes must not.

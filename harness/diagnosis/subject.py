@@ -121,7 +121,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     of_answers = acceleration_truth_of(assignment)
     kernel = of_answers.kernel
     worst = [States.at(**state) for state in scope.worst_states]
-    states = States.concatenate([diagnostic_states(mechanism, scope.seed), *worst])
+    states = States.concatenate([of_answers.asked_at(diagnostic_states(mechanism, scope.seed)), *worst])
     try:
         loaded = engine.load(mechanism if model is None else model, mechanism.joints, mechanism.gravity)
         watched = None if model is None else watch(engine, mechanism, model, states)

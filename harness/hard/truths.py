@@ -1,27 +1,25 @@
 """The truth along a family of hard points, for one subject: states of each point, certified, and the equations they are held against.
 
 States of mechanisms with constraints are on the manifold of the point's own parameters, unless the case moves them off it. There only a
-declared truth is asked for: the impedance of each constraint is then that of its distance at each state.
+declared truth is asked for.
 """
 
 from __future__ import annotations
 
 import functools
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.engines import EQUATIONS, Subject, load_engine
 from harness.hard.cases import HardCase, hard_cases
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.manifold import closed, distances
+from harness.truth.manifold import closed
 from harness.truth.quantities.accelerations import reference_kernel
 from harness.truth.reference import Reference
 
@@ -37,9 +35,6 @@ class TruePoint:
     states: States
     mechanism: Mechanism
     reference: Reference | None = None
-
-
-_IMPEDANCE = re.compile(r"(?P<constraint>.*)\[\d+\] impedance")
 
 
 def true_points(case_name: str, subject: Subject, engines: Library) -> list[TruePoint]:
@@ -58,7 +53,7 @@ def true_points(case_name: str, subject: Subject, engines: Library) -> list[True
 @functools.lru_cache(maxsize=4)
 def truth_along(case_name: str, in_body: bool) -> list[TruePoint]:
     """The rigid truth at each point; a system along the knob is compiled once."""
-    return _certified([(point, None) for point in plain_points(hard_cases()[case_name])], in_body)
+    return _certified(list(plain_points(hard_cases()[case_name])), in_body)
 
 
 def plain_points(case: HardCase) -> Iterator[TruePoint]:
@@ -74,36 +69,22 @@ def plain_point(case: HardCase, place: int) -> TruePoint:
     return TruePoint(states if case.opened is None else case.opened(states, value), at)
 
 
-def _declared(case: HardCase, place: int, subject: Subject, engines: Library) -> tuple[TruePoint, Array | None]:
-    """One point with the problem that its model file declares, and parameters of each state where these differ."""
+def _declared(case: HardCase, place: int, subject: Subject, engines: Library) -> TruePoint:
+    """One point with the problem that its model file declares."""
     point, model = plain_point(case, place), case.model_at(case.values[place], subject.format)
-    truth = acceleration_truth_of(Assignment(engines, subject, point.mechanism, model)).mechanism
-    if case.opened is None:
-        return replace(point, mechanism=truth), None
-    laws = load_engine(engines, subject.engine).constraint_laws(model)
-    away = distances(point.mechanism, point.states)
-    own = np.tile(truth.parameter_values, (len(point.states), 1))
-    for column, (name, _, _) in enumerate(truth.parameters):
-        if found := _IMPEDANCE.fullmatch(name):
-            law = laws[found["constraint"]].impedance
-            own[:, column] = [law.at(distance) for distance in away[found["constraint"]]]
-    # Off the manifold the problem is still one, and has no constraints to be closed.
-    return replace(point, mechanism=replace(truth, constraints=None)), own
+    return replace(point, mechanism=acceleration_truth_of(Assignment(engines, subject, point.mechanism, model)).mechanism)
 
 
-def _certified(points: Sequence[tuple[TruePoint, Array | None]], in_body: bool) -> list[TruePoint]:
-    """The points with their references; those whose equations differ in parameters alone are certified at once.
-
-    A point without parameters for each state has those of its mechanism.
-    """
+def _certified(points: Sequence[TruePoint], in_body: bool) -> list[TruePoint]:
+    """The points with their references; those whose equations differ in parameters alone are certified at once."""
     found: list[TruePoint] = []
-    for _, group in groupby(points, key=lambda point: (point[0].mechanism.name, point[0].mechanism.program.key)):
+    for _, group in groupby(points, key=lambda point: (point.mechanism.name, point.mechanism.program.key)):
         members = list(group)
-        rows = [own if own is not None else np.tile(one.mechanism.parameter_values, (len(one.states), 1)) for one, own in members]
-        kernel = reference_kernel(members[0][0].mechanism, in_body)
-        reference = kernel.evaluate(States.concatenate([one.states for one, _ in members]), np.concatenate(rows))
+        kernel = reference_kernel(members[0].mechanism, in_body)
+        parameters = np.concatenate([one.mechanism.parameters_at(one.states) for one in members])
+        reference = kernel.evaluate(States.concatenate([one.states for one in members]), parameters)
         start = 0
-        for one, _ in members:
+        for one in members:
             found.append(replace(one, reference=reference[start : start + len(one.states)]))
             start += len(one.states)
     return found

@@ -136,7 +136,6 @@ def _solved(matrices: Array, columns: Array) -> Array:
 
 # Of data roundoffs of a row: evaluating it in float64 rounds about as often as its inputs are rounded.
 _ROUNDINGS = 16
-_BITS = 192
 
 
 def closed(mechanism: Mechanism, states: States) -> States:
@@ -184,24 +183,6 @@ def closes(mechanism: Mechanism, states: States, parameters: Array | None = None
         return np.ones(len(states), dtype=np.bool_)
     left, open_by_data = rows_left(mechanism, states, parameters)
     return np.asarray((np.abs(left) <= _ROUNDINGS * open_by_data).all(axis=1))
-
-
-def distances(mechanism: Mechanism, states: States) -> dict[str, Array]:
-    """Distance of each constraint from where it holds, (n,), by its name: the length of its holonomic rows, known to every bit of float64.
-
-    ``mechanism`` has constraints.
-    """
-    import flint
-
-    constraints, encloser = mechanism.constraints, _closures(mechanism)[2]
-    assert constraints is not None
-    owners, found = np.array(constraints.rows[: constraints.holonomic]), {name: np.zeros(len(states)) for name in constraints.names}
-    with flint.ctx.workprec(_BITS):
-        for index, q in enumerate(states.q.tolist()):
-            squares = np.array([ball.mid() ** 2 for ball in encloser.residual(q)], dtype=object)
-            for name, lengths in found.items():
-                lengths[index] = float(sum(squares[owners == name].tolist(), flint.arb(0)).sqrt().mid())
-    return found
 
 
 def rows_left(mechanism: Mechanism, states: States, parameters: Array | None = None) -> tuple[Array, Array]:

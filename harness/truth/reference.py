@@ -129,14 +129,13 @@ class ReferenceKernel:
         ``parameters``, (n, number of parameters) in the mechanism's order and units, gives each state its own; by
         default all have the mechanism's. Nothing is derived or compiled anew for them.
         """
-        count = len(self.mechanism.parameters)
+        count, states = len(self.mechanism.parameters), self.asked_at(states)
         if parameters is None:
-            parameters = np.broadcast_to(np.array(self.mechanism.parameter_values, dtype=np.float64), (len(states), count))
+            parameters = self.mechanism.parameters_at(states)
         if parameters.shape != (len(states), count):
             raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")
         starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
         batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
-        states = self.asked_at(states)
         found = Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
         return found if self.unit_roundoff == UNIT_ROUNDOFF else found.for_unit_roundoff(self.unit_roundoff)
 
@@ -170,12 +169,14 @@ class ReferenceKernel:
         # Imported late: a tree needs nothing of it.
         from harness.truth.manifold import closes, free_size, rank_condition
 
-        # Without a configuration in which the constraints hold there is no motion to be asked for.
-        certified = found.certified & closes(self.mechanism, states, parameters)
         constraints, inputs = self.mechanism.constraints, self.mechanism.inputs(states, parameters)
         assert constraints is not None
         free = free_size(constraints, inputs, states.tau, found.norm_factor)
         cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free
+        if not self.mechanism.must_close:
+            return replace(found, instability=cancelling)
+        # Without a configuration in which the constraints hold there is no motion to be asked for.
+        certified = found.certified & closes(self.mechanism, states, parameters)
         return replace(found, certified=certified, instability=cancelling * rank_condition(constraints, inputs, found.norm_factor))
 
 

@@ -108,7 +108,7 @@ def _certify(mechanism: Mechanism, chart: ChartKernel, states: States) -> TermRe
 
     n, nv = len(states), mechanism.nv
     pairs = upper_triangle(nv)
-    parameters = np.broadcast_to(np.array(mechanism.parameter_values, dtype=np.float64), (n, len(mechanism.parameters)))
+    parameters = mechanism.parameters_at(states)
     inputs = mechanism.inputs(states, parameters)
     slopes = jacobians(chart.program, inputs)
     moved = {name: slopes[name] * np.maximum(np.abs(inputs), SMALLEST_SCALE) for name in OUTPUTS}

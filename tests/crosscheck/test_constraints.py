@@ -48,7 +48,7 @@ def test_a_subject_agrees_with_its_own_truth(tmp_path: Path, subject: Subject) -
     assert (truth.rigid is None) == (subject == PINOCCHIO)
     # At the default softness four-bars are some hundredths of their acceleration from rigid.
     assert (
-        (len(found.from_rigid) == 24 and 1e-3 < np.median(found.from_rigid) < 1e-1)
+        (0 < len(found.from_rigid) < 24 and 1e-3 < np.median(found.from_rigid) < 1e-1)
         if truth.rigid is not None
         else not len(found.from_rigid)
     )

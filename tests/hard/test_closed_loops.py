@@ -21,10 +21,12 @@ from harness.hard.measurement import measure
 from harness.hard.truths import plain_point, plain_points
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.truth.compare import Comparison, compare
-from harness.truth.manifold import closed, closes, distances
+from harness.truth.declared import DeclaredMechanism
+from harness.truth.manifold import closed, closes, rows_left
 
 CASES = [case for case in hard_cases().values() if is_tied(case.system_at(case.values[0]), case.library)]
 MUJOCO, PINOCCHIO = Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")
@@ -60,7 +62,7 @@ def test_bars_nearly_in_line_close(angle: float) -> None:
 def test_a_drift_is_as_far_as_its_knob_says() -> None:
     case = replace(hard_cases()["loop_drift"], values=(1e-9, 1e-4, 1e-1))
     for value, point in zip(case.values, plain_points(case), strict=True):
-        away = distances(point.mechanism, point.states)["closure"]
+        away = np.linalg.norm(rows_left(point.mechanism, point.states)[0][:, :2], axis=1)
         assert ((0.4 * value < away) & (away < 1.1 * value)).all()
 
 
@@ -75,7 +77,7 @@ def test_a_law_that_does_not_follow_the_distance_is_condemned(monkeypatch: pytes
         return [float(compare(one.reference, accelerations(loaded, one.states)).backward_error.max()) for one in points]  # type: ignore[arg-type]
 
     assert max(worst()) < 64
-    monkeypatch.setattr(truths, "distances", lambda mechanism, states: {"closure": np.zeros(len(states))})
+    monkeypatch.setattr(DeclaredMechanism, "parameters_at", Mechanism.parameters_at)
     near, far = worst()
     assert far > 1e6 > near
 

@@ -22,11 +22,12 @@ from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.program import StraightLineProgram, right_hand_side
 from harness.programs.states import States
 from harness.truth.compare import compare
+from harness.truth.declared import softened
 from harness.truth.manifold import closed
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 
 SYSTEMS = {"four bar": four_bar(), "upright disc": upright_disc()}
-LAW = Softness(impedance=0.9, stiffness=2770.0, damping=105.0, inverse_mass=0.5)
+LAW = Softness(impedance=0.9, stiffness=2770.0, damping=105.0, inverse_masses=(0.5, 0.5))
 
 
 @pytest.fixture(params=SYSTEMS)
@@ -140,16 +141,15 @@ def test_the_angles_of_the_text_and_those_of_the_joints_say_the_same() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
-def softened(mechanism: Mechanism, law: Softness) -> Mechanism:
+def given_way(mechanism: Mechanism, law: Softness) -> Mechanism:
     assert mechanism.constraints is not None
-    program, numbers = softened_program(mechanism.constraints, [law] * len(mechanism.constraints.rows))
-    return replace(mechanism, program=program, parameters=(*mechanism.parameters, *((name, value, "") for name, value in numbers)))
+    return softened(mechanism, dict.fromkeys(mechanism.constraints.names, law))
 
 
 @pytest.mark.parametrize("inverse_mass", [0.5, None])
 def test_soft_constraints_minimise_the_documented_function(inverse_mass: float | None) -> None:
     mechanism = mechanism_of(four_bar())
-    law = replace(LAW, inverse_mass=inverse_mass)
+    law = replace(LAW, inverse_masses=(inverse_mass, inverse_mass))
     states = states_of(mechanism, 20)
     # Off the manifold too: the optimum is at any state.
     states = States(states.q + 1e-3, states.v + 1e-2, states.tau, states.time)
@@ -163,8 +163,7 @@ def test_soft_constraints_minimise_the_documented_function(inverse_mass: float |
     left = np.concatenate([root, weights[:, :, None] * jacobian], axis=1)
     right = np.concatenate([np.einsum("nij,nj->ni", root, free), weights * wanted], axis=1)
     expected = np.array([np.linalg.lstsq(one, other, rcond=None)[0] for one, other in zip(left, right, strict=True)])
-    tree_like = replace(softened(mechanism, law), constraints=None)
-    found = ReferenceKernel(tree_like).evaluate(states)
+    found = ReferenceKernel(given_way(mechanism, law)).evaluate(states)
     assert found.certified.all()
     np.testing.assert_allclose(found.high, expected, rtol=1e-8, atol=1e-8)
 
@@ -175,7 +174,7 @@ def test_stiffer_constraints_approach_rigid_ones() -> None:
     rigid = ReferenceKernel(mechanism).evaluate(states)
     errors = []
     for impedance in (0.9, 0.999, 0.999999):
-        soft = ReferenceKernel(softened(mechanism, replace(LAW, impedance=impedance))).evaluate(states)
+        soft = ReferenceKernel(given_way(mechanism, replace(LAW, impedance=impedance))).evaluate(states)
         errors.append(compare(rigid, soft.high).relative_error.max())
     # The error goes with (1 - d) / d.
     assert errors[1] < errors[0] / 50 and errors[2] < errors[1] / 500
@@ -185,11 +184,11 @@ def test_a_law_is_for_every_row() -> None:
     constraints = mechanism_of(four_bar()).constraints
     assert constraints is not None
     with pytest.raises(ValueError, match="1 laws for 2 rows"):
-        softened_program(constraints, [LAW])
+        softened_program(constraints, dict.fromkeys(constraints.names, replace(LAW, inverse_masses=(0.5,))))
     rolling = mechanism_of(upright_disc()).constraints
     assert rolling is not None
     with pytest.raises(ValueError, match="of which 0 hold positions"):
-        softened_program(rolling, [LAW] * 2)
+        softened_program(rolling, dict.fromkeys(rolling.names, LAW))
 
 
 def test_a_mechanism_with_constraints_comes_back_from_json(mechanism: Mechanism) -> None:

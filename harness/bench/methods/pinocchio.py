@@ -29,7 +29,8 @@ from harness.engines.adapters.pinocchio.solver import Solver
 from harness.library import CONSTRAINED, MECHANISMS
 from harness.programs.mechanisms.constraint_forces import Softness
 from harness.programs.states import States
-from harness.truth.quantities.accelerations import AccelerationTruth, softened
+from harness.truth.declared import softened
+from harness.truth.quantities.accelerations import AccelerationTruth
 
 if TYPE_CHECKING:
     from harness.engines.adapters.pinocchio.model import PinocchioModel
@@ -121,8 +122,11 @@ def _single_iteration(solver: Solver, scene: Scene) -> AccelerationTruth:
     constraints = scene.mechanism.constraints
     assert constraints is not None and solver.iterations == 1 and solver.mu
     # Half of the impedance on either side: the weight d / ((1 - d) A) is 1 / mu.
-    law = Softness(impedance=0.5, stiffness=0.0, damping=0.0, inverse_mass=solver.mu)
-    return AccelerationTruth(softened(scene.mechanism, [law] * len(constraints.rows)), rigid=AccelerationTruth(scene.mechanism))
+    laws = {
+        name: Softness(impedance=0.5, stiffness=0.0, damping=0.0, inverse_masses=(solver.mu,) * constraints.rows.count(name))
+        for name in constraints.names
+    }
+    return AccelerationTruth(softened(scene.mechanism, laws), rigid=AccelerationTruth(scene.mechanism))
 
 
 def _method(name: str, prepare: Callable[[Scene, States], Prepared], of: str, growth: str = "up to 3", loop: str = "Python") -> Method:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY, RED, Reader, least_that, require_sound, smallest_caught
@@ -46,7 +46,7 @@ from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import compare
-from harness.truth.quantities.accelerations import answers_with_gaps, beside_gaps, gaps_of
+from harness.truth.quantities.accelerations import AccelerationTruth, answers_with_gaps, beside_gaps, gaps_of
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.truth.sampling import sample
 from harness.verdict import Verdict, gravest
@@ -94,8 +94,8 @@ class FaultBench:
         self._library, self._name = library, name
         self.mechanism: Mechanism = load_mechanism(library, name)
         self.model = read_model(library.model_path(name, model_format), model_format)
-        self._states = sample(self.mechanism, states, seed)
-        self._diagnostic_states = diagnostic_states(self.mechanism, seed)
+        self._sample = {False: sample(self.mechanism, states, seed), True: diagnostic_states(self.mechanism, seed)}
+        self._asked: dict[tuple[Subject, bool], States] = {}
         self._expected = load_expectations(library)
         self._references: dict[tuple[ReferenceKernel, bool], Reference] = {}
         self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
@@ -106,17 +106,26 @@ class FaultBench:
         if not self.readers:
             raise InvalidInput(self.model.path, None, f"no engine can express it: {'; '.join(unsupported)}")
 
+    def _truth(self, subject: Subject, model: ModelFile | None) -> AccelerationTruth:
+        return acceleration_truth_of(Assignment(self._library, subject, self.mechanism, model))
+
+    def _states(self, subject: Subject, model: ModelFile | None, diagnostic: bool = False) -> States:
+        """The states at which a subject is asked: those of a check, or of a diagnosis."""
+        if (subject, diagnostic) not in self._asked:
+            self._asked[subject, diagnostic] = self._truth(subject, model).asked_at(self._sample[diagnostic])
+        return self._asked[subject, diagnostic]
+
     def _reference(self, subject: Subject, engine: Engine, model: ModelFile | None, diagnostic: bool = False) -> Reference:
         """The truth of a subject on an unmodified model, certified once."""
-        reference = self._certified(reference_kernel_of(Assignment(self._library, subject, self.mechanism, model)), diagnostic)
+        states = self._states(subject, model, diagnostic)
+        reference = self._certified(self._truth(subject, model).kernel, states, diagnostic)
         if model is not self.model:
             return reference
-        states = self._diagnostic_states if diagnostic else self._states
         return beside_gaps(reference, self.mechanism, states, gaps_of(self._load(engine, self.model), states))
 
-    def _certified(self, kernel: ReferenceKernel, diagnostic: bool = False) -> Reference:
+    def _certified(self, kernel: ReferenceKernel, states: States, diagnostic: bool = False) -> Reference:
         if (kernel, diagnostic) not in self._references:
-            self._references[kernel, diagnostic] = kernel.evaluate(self._diagnostic_states if diagnostic else self._states)
+            self._references[kernel, diagnostic] = kernel.evaluate(states)
         return self._references[kernel, diagnostic]
 
     def _join(self, subject: Subject) -> str:
@@ -136,9 +145,9 @@ class FaultBench:
             return f"{subject}: its reader makes another mechanism of {model.path.name}"
         path = self._library.system_path(self._name) if model is None else model.path
         try:
-            law = partial(self._moved_by_law, subject)
-            watched = watch(engine, self.mechanism, self.model, self._states, declared=law) if model is self.model else None
-            answers = watched.healthy if watched else accelerations(self._load(engine, model or self.mechanism), self._states)
+            law, states = partial(self._moved_by_law, subject), self._states(subject, model)
+            watched = watch(engine, self.mechanism, self.model, states, declared=law) if model is self.model else None
+            answers = watched.healthy if watched else accelerations(self._load(engine, model or self.mechanism), states)
         except Unsupported as reason:
             return f"{subject}: {reason}"
         except ValueError as error:
@@ -161,19 +170,21 @@ class FaultBench:
         Raises:
             InvalidModel: it declares none.
         """
-        own, kernel = (reference_kernel_of(Assignment(self._library, subject, self.mechanism, one)) for one in (self.model, changed))
+        own, kernel = (self._truth(subject, one).kernel for one in (self.model, changed))
+        states = self._states(subject, self.model)
         if kernel is own:
-            return np.zeros((len(self._states), self.mechanism.nv))
-        before, after = self._certified(own), kernel.evaluate(self._states)
+            return np.zeros((len(states), self.mechanism.nv))
+        before, after = self._certified(own, states), kernel.evaluate(states)
         return np.where(after.certified[:, None], (after.high - before.high) + (after.low - before.low), 0.0)
 
     def diagnostic(self, reader: Reader) -> tuple[States, Reference]:
         """The states at which a diagnosis may ask a reader, because it agrees there on the unmodified file, and their reference."""
         if reader.subject not in self._diagnostic:
             reference = self._reference(reader.subject, reader.engine, self.model, diagnostic=True)
-            healthy = watch(reader.engine, self.mechanism, self.model, self._diagnostic_states).healthy
+            states = self._states(reader.subject, self.model, diagnostic=True)
+            healthy = watch(reader.engine, self.mechanism, self.model, states).healthy
             sound = compare(reference, healthy).verdicts == Verdict.AGREES.value
-            self._diagnostic[reader.subject] = self._diagnostic_states[sound], reference[sound]
+            self._diagnostic[reader.subject] = states[sound], reference[sound]
         return self._diagnostic[reader.subject]
 
     def ask(self, text: str, through: Callable[[Any], Any] | None = None) -> Answer:
@@ -188,7 +199,8 @@ class FaultBench:
         for one in self.readers:
             try:
                 loaded = self._load(through(one.engine) if through else one.engine, model)
-                answers = beside_law(answers_with_gaps(loaded, self._states), self._moved_by_law(one.subject, model))
+                answers = answers_with_gaps(loaded, self._states(one.subject, self.model))
+                answers = beside_law(answers, self._moved_by_law(one.subject, model))
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value
                 continue

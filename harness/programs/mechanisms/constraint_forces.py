@@ -26,7 +26,7 @@ sections "Constraint model" and "Constraint solver", for the last.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,50 +49,64 @@ def constrained_program(constraints: Constraints, solve: Callable[[Tied], tuple[
 
 @dataclass(frozen=True)
 class Softness:
-    """How one row gives: numbers of a model file.
+    """How one constraint gives: numbers of a model file.
 
     Attributes:
-        impedance: d, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].
-        inverse_mass: A, of the row [1/kg, or 1/(kg m^2)]; None for (J M^-1 J')_ii at the state.
+        impedance: d where the constraint holds, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].
+        inverse_masses: A of each row [1/kg, or 1/(kg m^2)]; None for (J M^-1 J')_ii at the state.
         has_bias: whether the law takes account of J' v; without it, it leaves b out.
     """
 
     impedance: float
     stiffness: float
     damping: float
-    inverse_mass: float | None
+    inverse_masses: tuple[float | None, ...]
     has_bias: bool = True
 
 
-def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
+# Numbers of a law that a state may have of its own, behind the names of constraint and row.
+IMPEDANCE, REST, DISTANCE, SLOPE, INVERSE_MASS = "impedance", "rest of impedance", "distance", "slope", "inverse mass"
+
+
+def number_of(name: str, what: str, row: int | None = None) -> str:
+    """The name of a number of the law of a constraint, or of one of its rows by its number among all."""
+    return f"{name}{'' if row is None else f'[{row}]'} {what}"
+
+
+def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
     """The program of the softened problem, and names and values of the parameters that it has behind the others.
 
-    ``rows`` is the law of every row, redundant ones as well. It has an output more, the ``multipliers`` -D (r - b - J a).
+    ``laws`` is that of every constraint, redundant rows included. The program has an output more, the ``multipliers`` -D (r - b - J a).
+    Around a state the impedance of a constraint is linear in its rows, d = impedance + rest + sum of slope_i (phi_i - distance_i), so
+    that its derivative by all inputs is felt; slopes and rests are 0 unless a state has its own.
 
     Raises:
         ValueError: there are other rows, or rolling ones.
     """
-    if len(rows) != len(constraints.rows) or constraints.holonomic != len(rows):
-        raise ValueError(f"{len(rows)} laws for {len(constraints.rows)} rows, of which {constraints.holonomic} hold positions")
-    numbers = [
-        (f"{name}[{place}] {key.replace('_', ' ')}", value)
-        for place, (name, row) in enumerate(zip(constraints.rows, rows, strict=True))
-        for key, value in vars(row).items()
-        if isinstance(value, float)
-    ]
+    places = {name: [row for row, owner in enumerate(constraints.rows) if owner == name] for name in constraints.names}
+    given = {name: len(law.inverse_masses) for name, law in laws.items()}
+    if given != {name: len(rows) for name, rows in places.items()} or constraints.holonomic != len(constraints.rows):
+        count = f"{sum(given.values())} laws for {len(constraints.rows)} rows"
+        raise ValueError(f"{count}, of which {constraints.holonomic} hold positions")
+    numbers = [number for name, rows in places.items() for number in _numbers(name, rows, laws[name])]
     tied = tied_equations(constraints, [name for name, _ in numbers], independent_only=False)
     builder, mass, jacobian, zero = tied.builder, tied.mass, tied.jacobian, tied.builder.number(0)
-    given = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
-    exact = [place for place, row in enumerate(rows) if row.inverse_mass is None]
-    columns = dict(zip(exact, _solved(mass, [jacobian[place] for place in exact]) if exact else [], strict=True))
-    weights, wanted = [], []
-    for place, (name, law) in enumerate(zip(constraints.rows, rows, strict=True)):
-        impedance, stiffness, damping = (given[f"{name}[{place}] {key}"] for key in ("impedance", "stiffness", "damping"))
-        own = given[f"{name}[{place}] inverse mass"] if place not in columns else jacobian[place] @ columns[place]
-        weights.append(impedance / ((1 - impedance) * own))
-        back = (stiffness * impedance) * tied.residual[place]
-        bias = tied.bias[place] if law.has_bias else zero
-        wanted.append(-((damping * tied.rate[place] + back) + bias))
+    known = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
+    exact = [row for name, rows in places.items() for row, own in zip(rows, laws[name].inverse_masses, strict=True) if own is None]
+    columns = dict(zip(exact, _solved(mass, [jacobian[row] for row in exact]) if exact else [], strict=True))
+    weights, wanted = builder.zeros(len(constraints.rows)), builder.zeros(len(constraints.rows))
+    for name, rows in places.items():
+        impedance, rest, stiffness, damping = (known[number_of(name, what)] for what in (IMPEDANCE, REST, "stiffness", "damping"))
+        for row in rows:
+            slope, distance = (known[number_of(name, what, row)] for what in (SLOPE, DISTANCE))
+            rest = rest + slope * (tied.residual[row] - distance)
+        impedance = impedance + rest
+        for row in rows:
+            own = jacobian[row] @ columns[row] if row in columns else known[number_of(name, INVERSE_MASS, row)]
+            weights[row] = impedance / ((1 - impedance) * own)
+            back = (stiffness * impedance) * tied.residual[row]
+            bias = tied.bias[row] if laws[name].has_bias else zero
+            wanted[row] = -((damping * tied.rate[row] + back) + bias)
     weighted = matrix([weight * row for weight, row in zip(weights, jacobian, strict=True)])
     required = vector(wanted)
     stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
@@ -102,6 +116,15 @@ def softened_program(constraints: Constraints, rows: Sequence[Softness]) -> tupl
     # Minus, as those of the rigid forces -J' lambda.
     multipliers = vector(-(weight * force) for weight, force in zip(weights, missing, strict=True))
     return tied.with_forces(weighted.T @ missing, multipliers), numbers
+
+
+def _numbers(name: str, rows: Sequence[int], law: Softness) -> Iterator[tuple[str, float]]:
+    """Names and values of the numbers of the law of a constraint."""
+    of_all = {IMPEDANCE: law.impedance, REST: 0.0, "stiffness": law.stiffness, "damping": law.damping}
+    yield from ((number_of(name, what), value) for what, value in of_all.items())
+    for row, inverse_mass in zip(rows, law.inverse_masses, strict=True):
+        own = {DISTANCE: 0.0, SLOPE: 0.0} | ({} if inverse_mass is None else {INVERSE_MASS: inverse_mass})
+        yield from ((number_of(name, what, row), value) for what, value in own.items())
 
 
 @dataclass(frozen=True)

@@ -219,9 +219,18 @@ class Mechanism:
 
         ``parameters``, (n, number of parameters), gives each state its own; by default all have the mechanism's.
         """
-        own = np.array(self.parameter_values, dtype=np.float64)[:, None]
-        values = np.broadcast_to(own, (len(own), len(states))) if parameters is None else parameters.T
-        return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values]))
+        values = self.parameters_at(states) if parameters is None else parameters
+        return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values.T]))
+
+    def parameters_at(self, states: States) -> Array:
+        """(n, number of parameters) at each state: the same ones, but for what a law of constraints takes from the state."""
+        own = np.array(self.parameter_values, dtype=np.float64)
+        return np.broadcast_to(own, (len(states), len(own)))
+
+    @property
+    def must_close(self) -> bool:
+        """True where there is no motion at a state that leaves its constraints open."""
+        return self.constraints is not None
 
     def to_json(self) -> str:
         """JSON that ``from_json`` turns back into an equal mechanism."""

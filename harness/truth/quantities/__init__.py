@@ -25,6 +25,8 @@ from harness.trees.robot import Robot, robot_of
 from harness.trees.rows import untied
 from harness.truth.compare import Certified, Comparison, compare, farthest_block
 
+# Share of the states at which a declared truth is asked elsewhere.
+ASKED_ELSEWHERE = 0.5
 # Stands for every quantity.
 ALL = "all"
 
@@ -107,6 +109,13 @@ class Truth(ABC):
     def is_compiled(self) -> bool:
         """False where the first evaluation in this process takes longer than those that follow."""
         return True
+
+    def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
+        """The states at which answers are held against it where a check has come to ``states``.
+
+        They are the same, but for a declared truth, which takes a ``share`` of them elsewhere.
+        """
+        return states
 
     @abstractmethod
     def evaluate(self, states: States) -> Certified:

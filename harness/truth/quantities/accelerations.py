@@ -10,18 +10,15 @@ no Jacobian. So an engine that holds constraints rigid has the right acceleratio
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import ConstraintLaw, Model, accelerations, factorises_mass_matrix
-from harness.errors import InvalidModel
-from harness.files.model_file import ModelFile
-from harness.programs.mechanisms.constraint_forces import Softness, softened_program
-from harness.programs.mechanisms.mechanism import Constraints, Mechanism
+from harness.engines import Model, accelerations, factorises_mass_matrix
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS as NAME
@@ -30,7 +27,7 @@ from harness.trees.canonical import CanonicalNode, canonical
 from harness.trees.mechanism import RobotMechanism
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, Flags, compare
-from harness.truth.quantities import Quantity, Truth, TruthBasis
+from harness.truth.quantities import ASKED_ELSEWHERE, Quantity, Truth, TruthBasis
 from harness.truth.reference import ROUNDINGS, Reference, ReferenceKernel, energy_norm
 from harness.verdict import AGREEMENT, Verdict
 
@@ -53,45 +50,56 @@ def answers_with_gaps(model: Model, states: States) -> Array:
 
 
 def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
-    """The reference of answers with gaps: all rows are zero, and one data roundoff of a constraint counts as one of the accelerations."""
+    """The reference of answers with gaps: rows are as long as the state leaves them open, which is zero where it closes them.
+
+    One data roundoff of a constraint counts as one of the accelerations.
+    """
     if not gaps:
         return reference
     n, nv = reference.high.shape
-    units = _units(mechanism, states, gaps)
-    with np.errstate(divide="ignore"):
+    left, units = _left_open(mechanism, states, gaps)
+    with np.errstate(divide="ignore", invalid="ignore"):
         counts = {name: np.minimum(reference.data_roundoff / unit, _LARGEST) for name, unit in units.items()}
+        # Of the vectors of that length the one along the rows, which stand for it in axes of the engine's own.
+        lengths = {name: np.nan_to_num(left[name] / np.linalg.norm(rows, axis=1)) for name, rows in gaps.items()}
     weights = np.hstack([np.repeat(counts[name][:, None], rows.shape[1], axis=1) for name, rows in gaps.items()])
     factor = np.zeros((n, nv + weights.shape[1], nv + weights.shape[1]))
     factor[:, :nv, :nv] = reference.norm_factor
     own = np.arange(nv, factor.shape[1])
     factor[:, own, own] = weights
-    none = np.zeros_like(weights)
-    high, low = (np.hstack([part, none]) for part in (reference.high, reference.low))
+    expected = np.hstack([rows * lengths[name][:, None] for name, rows in gaps.items()])
+    high, low = np.hstack([reference.high, expected]), np.hstack([reference.low, np.zeros_like(weights)])
     return replace(reference, high=high, low=low, norm_factor=factor)
 
 
 def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
     """A sentence on the constraint that is open by more than data explain, where it is widest; "" where none is."""
-    units = _units(mechanism, states, gaps) if gaps else {}
-    sizes = {name: np.linalg.norm(rows, axis=1) for name, rows in gaps.items()}
+    if not gaps:
+        return ""
+    left, units = _left_open(mechanism, states, gaps)
+    sizes = {name: np.abs(np.linalg.norm(rows, axis=1) - left[name]) for name, rows in gaps.items()}
     with np.errstate(divide="ignore", invalid="ignore"):
         largest = {name: float(np.nan_to_num(size / units[name], nan=0.0).max(initial=0.0)) for name, size in sizes.items()}
-    name = max(largest, key=lambda name: largest[name], default="")
-    if not name or not largest[name] > AGREEMENT:
+    name = max(largest, key=lambda name: largest[name])
+    if not largest[name] > AGREEMENT:
         return ""
     return f"Constraint {name!r} is open by {sizes[name].max():.3g} where the system closes it ({largest[name]:.3g} data roundoffs)"
 
 
-def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]:
-    """The data roundoff of each constraint, (n,), of the length of its rows."""
+def _left_open(mechanism: Mechanism, states: States, gaps: Gaps) -> tuple[dict[str, Array], dict[str, Array]]:
+    """By constraint the length of its rows, (n,), 0 where a state closes all, and the data roundoff of that length."""
     constraints = mechanism.constraints
     assert constraints is not None
     # Imported late: a tree needs nothing of it.
-    from harness.truth.manifold import rows_left
+    from harness.truth.manifold import closes, rows_left
 
-    _, by_data = rows_left(mechanism, states)
-    owners = np.array(constraints.rows[: constraints.holonomic])
-    return {name: np.linalg.norm(by_data[:, : constraints.holonomic][:, owners == name], axis=1) for name in gaps}
+    rows, by_data = rows_left(mechanism, states)
+    owners, is_open = np.array(constraints.rows[: constraints.holonomic]), ~closes(mechanism, states)
+
+    def lengths(values: Array, name: str) -> Array:
+        return np.asarray(np.linalg.norm(values[:, : constraints.holonomic][:, owners == name], axis=1))
+
+    return {name: is_open * lengths(rows, name) for name in gaps}, {name: lengths(by_data, name) for name in gaps}
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +136,16 @@ class AccelerationTruth(Truth):
     def is_compiled(self) -> bool:
         """See ``Truth``."""
         return self.key in _KERNELS
+
+    def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
+        """See ``Truth``: a declared truth is asked off the manifold as well, on which its law is hardly felt."""
+        if self.rigid is None:
+            return states
+        # Imported late: a tree needs nothing of it.
+        from harness.truth.declared import DeclaredMechanism, opened
+
+        assert isinstance(self.mechanism, DeclaredMechanism)
+        return opened(self.mechanism, states, share)
 
     def evaluate(self, states: States) -> Reference:
         """See ``Truth``."""
@@ -176,54 +194,6 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
 _KERNELS: Kept[ReferenceKernel] = Kept(64)
 _FAR_LINKS: Kept[FarLinks] = Kept(64)
 ACCELERATIONS = Quantity(NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, is_asked_again=True)
-
-
-def softness_of(constraints: Constraints, laws: Mapping[str, ConstraintLaw], model: ModelFile) -> list[Softness]:
-    """The law of each row of a mechanism's constraints near which it stays, by the laws that an engine declares of a model file.
-
-    Raises:
-        InvalidModel: the rows of a constraint weigh differently in the file, and the mechanism has not as many; or they have no weight.
-    """
-    # A mechanism without constraints imports nothing of it.
-    from harness.trees.inverse_weights import inverse_weights
-
-    try:
-        weights = inverse_weights(model, (part for law in laws.values() for row in law.weights or () for part in row))
-    except ValueError as error:
-        problem = f"its constraints have no weight: {error}; correct the masses, inertias or places"
-        raise InvalidModel(model.path, model.root_line, problem) from error
-    rows = []
-    for name in constraints.names:
-        law, count = laws[name], constraints.rows.count(name)
-        inverse_masses: list[float | None] = [None] * count
-        if law.weights is not None:
-            own = [sum(weights[part] for part in row) for row in law.weights]
-            if len(own) != count and len(set(own)) > 1:
-                line = next(one.line for one in model.constraints if one.name == name)
-                raise InvalidModel(model.path, line, f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
-            inverse_masses = list(own if len(own) == count else [own[0]] * count)
-        impedance = law.impedance.at(0.0)
-        # R = (1 - d) / d A is no less than the engine's least number.
-        least = law.least_regularisation * impedance / (1 - impedance)
-        rows += [
-            Softness(impedance, law.stiffness, law.damping, mass if mass is None else max(mass, least), law.has_curvature)
-            for mass in inverse_masses
-        ]
-    return rows
-
-
-def softened(mechanism: Mechanism, rows: Sequence[Softness]) -> Mechanism:
-    """The mechanism whose constraints give by ``rows``, one law for each row, whose numbers are its last parameters."""
-
-    def write() -> Mechanism:
-        assert mechanism.constraints is not None
-        program, numbers = softened_program(mechanism.constraints, rows)
-        return replace(mechanism, program=program, parameters=(*mechanism.parameters, *((name, value, "") for name, value in numbers)))
-
-    return _SOFTENED.get((mechanism.key, tuple(rows)), write)
-
-
-_SOFTENED: Kept[Mechanism] = Kept(64)
 
 
 # The digits that MuJoCo loses at light links far from the centre of mass of their tree.

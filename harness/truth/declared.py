@@ -1,0 +1,208 @@
+"""The mechanism that an engine documents in the place of rigid constraints: they give, by the laws that it declares of a file's numbers.
+
+It is the truth of its accelerations at any state, whether constraints hold there or not. The impedance of a constraint is that of its
+distance at each state; the equations take it as linear in the rows around the state, exactly there, so that data roundoff has what the
+rounding of every input does to it.
+
+On the manifold no law is felt but for its impedance at distance 0: what brings a constraint back is zero there. So some of the states
+that a declared truth is asked at are moved off it, by amounts that the state's own bits choose: one state is moved alike whoever asks,
+alone or among others.
+
+Source: MuJoCo documentation, Computation, sections Constraint model and Solver parameters.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
+from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.constraint_forces import (
+    DISTANCE,
+    IMPEDANCE,
+    INVERSE_MASS,
+    REST,
+    SLOPE,
+    Softness,
+    number_of,
+    softened_program,
+)
+from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
+from harness.programs.program import without_unused
+from harness.programs.states import States
+from harness.storage import Kept
+from harness.truth.manifold import closes
+
+_BITS = 192
+# Exponents of 10 of how far positions are moved [m or rad], or of the width in which an impedance varies; and rates, of their range.
+_ANYWHERE, _WITHIN_WIDTH, _OF_RATES = (-7.0, -1.0), (-2.0, 0.5), (-3.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclaredMechanism(Mechanism):
+    """A mechanism whose constraints give; the numbers of their laws are its last parameters, some of which each state has of its own.
+
+    Attributes:
+        laws: of each constraint by its name.
+    """
+
+    laws: tuple[tuple[str, ConstraintLaw], ...] = ()
+
+    @property
+    def must_close(self) -> bool:
+        """See ``Mechanism``: it has accelerations wherever its constraints are."""
+        return False
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Mechanism``."""
+        return super().key, self.laws
+
+    @property
+    def widths(self) -> list[float]:
+        """Those in which the impedance of a constraint varies [m or rad]."""
+        return [law.impedance.width for _, law in self.laws if not law.impedance.is_constant]
+
+    def parameters_at(self, states: States) -> Array:
+        """See ``Mechanism``; with what the distance of each state from closing a constraint makes of the law's numbers."""
+        import flint
+
+        found = np.array(super().parameters_at(states))
+        if not self.widths:
+            return found
+        columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
+        with flint.ctx.workprec(_BITS):
+            residuals = self._residuals(states)
+            for name, law in self.laws:
+                for state, residual in enumerate(residuals):
+                    for number, value in self._numbers(name, law, residual, found[state], columns):
+                        found[state, columns[number]] = value
+        return found
+
+    def _numbers(
+        self, name: str, law: ConstraintLaw, residual: Sequence[float], own: Array, columns: Mapping[str, int]
+    ) -> list[tuple[str, float]]:
+        """The numbers of one law where the rows of all constraints leave ``residual``; ``own`` are the parameters before."""
+        import flint
+
+        rows = self._rows[name]
+        distance = sum((flint.arb(residual[row]) ** 2 for row in rows), flint.arb(0)).sqrt()
+        impedance, slope = _linear(law.impedance, distance)
+        rounded = float(impedance.mid())
+        found = [(number_of(name, IMPEDANCE), rounded), (number_of(name, REST), float((impedance - rounded).mid()))]
+        for place, row in enumerate(rows):
+            # At distance 0 no direction is another's: the first stands for all.
+            share = flint.arb(residual[row]) / distance if distance != 0 else flint.arb(place == 0)
+            found += [(number_of(name, DISTANCE, row), residual[row]), (number_of(name, SLOPE, row), float((slope * share).mid()))]
+            if (number := number_of(name, INVERSE_MASS, row)) in columns:
+                found.append((number, max(float(own[columns[number]]), _least(law, rounded))))
+        return found
+
+    @functools.cached_property
+    def _rows(self) -> dict[str, list[int]]:
+        assert self.constraints is not None
+        return {name: [row for row, owner in enumerate(self.constraints.rows) if owner == name] for name in self.constraints.names}
+
+    def _residuals(self, states: States) -> list[list[float]]:
+        """What the rows leave at each state, the nearest float64 numbers."""
+        assert self.constraints is not None
+        program = self.constraints.program
+        own = self.parameter_values[: len(program.inputs) - self.nq - 2 * self.nv - 1]
+        evaluate = _ROWS.get((self.constraints.key, own), lambda: _rows_kernel(self.constraints, len(own))).bind(own)
+        inputs = np.hstack([states.q, states.v, states.tau, states.time[:, None]])
+        return [[float(value.mid()) for value in evaluate(*row)] for row in inputs.tolist()]
+
+
+_ROWS: Kept[BallKernel] = Kept(64)
+_DECLARED: Kept[DeclaredMechanism] = Kept(64)
+
+
+def _rows_kernel(constraints: Constraints | None, parameters: int) -> BallKernel:
+    assert constraints is not None
+    program = constraints.program
+    return BallKernel(without_unused(replace(program, outputs={RESIDUAL: program.outputs[RESIDUAL]})), parameters)
+
+
+def _linear(impedance: Impedance, distance: Any) -> tuple[Any, Any]:
+    """An impedance and its derivative at a distance, ``arb`` each; where it has a kink the larger derivative."""
+    import flint
+
+    least, most, width, midpoint, power = map(flint.arb, (getattr(impedance, field.name) for field in fields(impedance)))
+    if impedance.is_constant:
+        return (least + most) / 2, flint.arb(0)
+    x = distance / width
+    if x > 1:
+        return most, flint.arb(0)
+    rising = (x <= midpoint) is True
+    share, part = (x, midpoint) if rising else (1 - x, 1 - midpoint)
+    steepness = (share / part) ** (power - 1) if share > 0 else flint.arb(power == 1)
+    y = share * steepness if rising else 1 - share * steepness
+    return least + y * (most - least), power * steepness * (most - least) / width
+
+
+def _least(law: ConstraintLaw, impedance: float) -> float:
+    """The least inverse mass of a row whose regularisation is no less than the engine's least number."""
+    return law.least_regularisation * impedance / (1 - impedance)
+
+
+def declared(mechanism: Mechanism, laws: Mapping[str, ConstraintLaw], weights: Mapping[InverseWeight, float]) -> DeclaredMechanism:
+    """The mechanism whose constraints give by ``laws``, with the inverse weights that these name.
+
+    Raises:
+        ValueError: rows of a constraint weigh differently, and the mechanism has not as many.
+    """
+    constraints = mechanism.constraints
+    assert constraints is not None
+    softness = {name: _softness(name, laws[name], constraints.rows.count(name), weights) for name in constraints.names}
+    return softened(mechanism, softness, laws)
+
+
+def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[InverseWeight, float]) -> Softness:
+    """The law of a constraint that has so many rows in the mechanism, near which it stays."""
+    inverse_masses: tuple[float | None, ...] = (None,) * count
+    impedance = law.impedance.at(0.0)
+    if law.weights is not None:
+        own = [max(sum(weights[part] for part in row), _least(law, impedance)) for row in law.weights]
+        if len(own) != count and len(set(own)) > 1:
+            raise ValueError(f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
+        inverse_masses = tuple(own if len(own) == count else [own[0]] * count)
+    return Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature)
+
+
+def softened(mechanism: Mechanism, softness: Mapping[str, Softness], laws: Mapping[str, ConstraintLaw] | None = None) -> DeclaredMechanism:
+    """The mechanism whose constraints give as told; without ``laws`` alike at every distance."""
+
+    def write() -> DeclaredMechanism:
+        assert mechanism.constraints is not None
+        program, numbers = softened_program(mechanism.constraints, softness)
+        own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}
+        own["parameters"] = (*mechanism.parameters, *((name, value, "") for name, value in numbers))
+        return DeclaredMechanism(**{**own, "program": program, "laws": tuple((laws or {}).items())})
+
+    return _DECLARED.get((mechanism.key, tuple(softness.items()), tuple((laws or {}).items())), write)
+
+
+def opened(mechanism: DeclaredMechanism, states: States, share: float) -> States:
+    """The states, of which a share of those that close the constraints is moved off them; one that is open stays as it is."""
+    if not len(states) or not mechanism.laws:
+        return states
+    q, v = states.q.copy(), states.v.copy()
+    reach = np.abs(np.array(mechanism.rate_ranges)).max(axis=1)
+    for state in np.flatnonzero(closes(mechanism, states, Mechanism.parameters_at(mechanism, states))).tolist():
+        bits = b"".join(part[state].tobytes() for part in (states.q, states.v, states.tau))
+        random = np.random.default_rng(int.from_bytes(hashlib.blake2b(bits, digest_size=8).digest()))
+        if random.random() < share:
+            width = random.choice(mechanism.widths or [0.0])
+            amount = width * 10 ** random.uniform(*_WITHIN_WIDTH) if width and random.random() < 0.5 else 10 ** random.uniform(*_ANYWHERE)
+            q[state] += amount * random.uniform(-1.0, 1.0, mechanism.nq)
+            v[state] += 10 ** random.uniform(*_OF_RATES) * reach * random.uniform(-1.0, 1.0, mechanism.nv)
+            for order, place in enumerate(mechanism.attitudes):
+                q[state, place + order : place + order + 4] /= np.linalg.norm(q[state, place + order : place + order + 4])
+    return States(q, v, states.tau, states.time)
