@@ -11,12 +11,15 @@ AGREEMENT = 64.0
 GIVES = 1e-12
 # An answer that agrees with constraints that give, by the engine's documentation; and its class of the style sheet.
 SOFT, DECLARED = "soft, as documented", "declared"
+# An answer that is explained by where the engine's program leaves its own documentation.
+DEPARTS = "departs from its documentation"
 
 
 class Verdict(StrEnum):
     """The result of a comparison; in ascending order of severity.
 
-    ``EXPLAINED`` is an answer on a user's file that is no agreement with the file, and is one with what the engine's readings make of it.
+    ``EXPLAINED`` is an answer on a user's file that is no agreement with the file, and is one with what the engine's readings make of it;
+    or one by a law of constraints as the engine's program has it, where that departs from the documented one.
     ``MISREADS`` is a difference whose cause is known: the engine's reader accepts the file and makes something else of it, as one of its
     declared readings says. ``UNSUPPORTED`` is what the engine itself says that it cannot do.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from harness.arrays import Array
 from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
 from harness.engines.interface import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
+from harness.files.equalities import Equality
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
@@ -28,6 +29,7 @@ from harness.verdict import Verdict
 
 if TYPE_CHECKING:
     from harness.explain.as_read import FileAsRead
+    from harness.explain.changes.departures import Departure
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class Assignment:
         system: the system or variant whose own file is the truth of quantities that take the numbers of one; "" for the mechanism's.
         quantity: the name of what is asked for.
         declared: the file whose numbers are the truth, by default ``declared_model``.
+        departures: names of the engine's departures from the law that it documents of constraints, as which its truth is meant.
     """
 
     library: Library
@@ -48,6 +51,7 @@ class Assignment:
     system: str = ""
     quantity: str = ACCELERATIONS
     declared: ModelFile | None = None
+    departures: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, library: Library, name: str, subject: Subject, path: Path | None = None) -> Assignment:
@@ -117,8 +121,16 @@ def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:
 
 
 def acceleration_truth_of(assignment: Assignment) -> AccelerationTruth:
-    """The truth of a subject's accelerations, which are what it is asked for, at states of ``as_read``; raises as ``truth_of``."""
+    """The truth of a subject's accelerations, which are what it is asked for, at states of ``as_read``; raises as ``truth_of``.
+
+    It is that of what the engine is known to compute, where that departs from its documentation.
+    """
     truth = truth_of(assignment.as_read)
+    if not isinstance(truth, AccelerationTruth):
+        from harness.crosscheck.constraint_laws import DepartedTruth
+
+        assert isinstance(truth, DepartedTruth)
+        truth = truth.read
     assert isinstance(truth, AccelerationTruth)
     return truth
 
@@ -130,17 +142,21 @@ def truth_of(assignment: Assignment) -> Truth:
         InvalidModel: constraints of a file cannot be held against the mechanism's. NotOffered: there is no truth.
         harness.engines.Unsupported: as ``Assignment.as_read``.
     """
-    about = assignment.library, assignment.subject, assignment.system, assignment.quantity
+    about = assignment.library, assignment.subject, assignment.system, assignment.quantity, assignment.departures
     files = tuple(file and file.text for file in (assignment.declared, assignment.model))
 
     def find() -> Truth:
         read, of_file = assignment.as_read, _own_truth(assignment)
-        if read is assignment:
+        departures = departures_of(assignment) if read is assignment and not assignment.departures else {}
+        if read is assignment and not departures:
             return of_file
+        from harness.crosscheck.constraint_laws import DepartedTruth
         from harness.explain.as_read import ReadTruth
 
+        if departures:
+            return DepartedTruth(_own_truth(replace(assignment, departures=tuple(one.name for one in departures))), of_file)
         file = assignment.file_as_read
-        return ReadTruth(file, file.columns(assignment.asked), _own_truth(read), of_file)
+        return ReadTruth(_own_truth(read), of_file, file.into, file.columns(assignment.asked))
 
     # To read what the engine declares of a file takes longer than to judge a batch of states, each of which asks for the truth.
     return _TRUTHS.get((*about, assignment.mechanism.key, *files), find)
@@ -152,6 +168,17 @@ def _own_truth(assignment: Assignment) -> Truth:
     if not quantity.is_of_file:
         return quantity.truth(basis)
     return _SHARED.get((quantity.name, assignment.mechanism.key, *key), lambda: quantity.truth(basis))
+
+
+def departures_of(assignment: Assignment) -> Mapping[Departure, Sequence[Equality]]:
+    """The departures of the subject's engine that bear on what it is asked for, each with the constraints that it concerns."""
+    read = assignment.model
+    if read is None or not read.constraints or assignment.mechanism.constraints is None or not assignment.asked.has_laws:
+        return {}
+    # Imported late: a mechanism without constraints needs nothing of it.
+    from harness.crosscheck.constraint_laws import departures_from
+
+    return departures_from(assignment.library, assignment.subject.engine, read)
 
 
 def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
@@ -166,42 +193,20 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
         declared = declared or declared_model(assignment.library, system)
         read = read or declared
     laws: Mapping[str, ConstraintLaw] = {}
+    soft = None
     if read is not None and mechanism.constraints is not None:
+        # Imported late: a mechanism without constraints needs nothing of it.
+        from harness.crosscheck.constraint_laws import laws_of, softening
+
         for file in filter(None, (declared, read)):
             require_constraints(file, mechanism)
-        laws = engine.constraint_laws(read) if quantity.has_laws else {}
+        laws = laws_of(assignment.library, assignment.subject.engine, read, assignment.departures) if quantity.has_laws else {}
+        soft = softening(laws, read) if laws else None
     rules = engine.step_rules(read) if read is not None and quantity.has_step_rules else ()
-    softening = _softening(laws, read) if read is not None and laws else None
     is_about_tree = bool(getattr(engine, "takes_inertias_about_tree", False))
-    basis = TruthBasis(mechanism, declared, read, in_body, softening, rules, precision, factorises, is_about_tree)
+    basis = TruthBasis(mechanism, declared, read, in_body, soft, rules, precision, factorises, is_about_tree)
     texts = tuple(file and file.text for file in (declared, read))
     return basis, (texts, in_body, tuple(laws.items()), rules)
-
-
-def _softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[Mechanism], Mechanism]:
-    """The mechanism that an engine makes of one whose constraints are held rigid, by its laws of the file that it reads.
-
-    Raises:
-        InvalidModel: from the function, where constraints have no weight, or not as many rows as the mechanism.
-    """
-
-    def softening(mechanism: Mechanism) -> Mechanism:
-        # A mechanism without constraints imports nothing of it.
-        from harness.trees.inverse_weights import inverse_weights
-        from harness.truth.declared import declared
-
-        try:
-            weights = inverse_weights(read, (part for law in laws.values() for row in law.weights or () for part in row))
-        except ValueError as error:
-            problem = f"its constraints have no weight: {error}; correct the masses, inertias or places"
-            raise InvalidModel(read.path, read.root_line, problem) from error
-        try:
-            return declared(mechanism, laws, weights)
-        except ValueError as error:
-            line = next((one.line for one in read.constraints if repr(one.name) in str(error)), read.root_line)
-            raise InvalidModel(read.path, line, str(error)) from error
-
-    return softening
 
 
 def answers_what_is_read(assignment: Assignment, states: States) -> Flags:

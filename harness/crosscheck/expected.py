@@ -2,8 +2,8 @@
 
 ``expected_verdicts.toml`` of a library holds ``[[expected]]`` tables with ``system``, ``subject``,
 ``verdict``, ``reason``, ``link`` and ``backward_error``, the largest that the reason explains. An entry with the verdict
-``unstable``, ``misreads`` or ``disagrees`` also bounds what the reason explains of the sampled states: the ``median_backward_error``,
-and the ``share`` of them that do not agree. A second fault shows beside it.
+``explained``, ``unstable``, ``misreads`` or ``disagrees`` also bounds what the reason explains of the sampled states: the
+``median_backward_error``, and the ``share`` of them that do not agree. A second fault shows beside it.
 An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing. One with
 ``misreads`` has none where the reader leaves joints out, so that nothing can be compared.
 An entry with a ``quantity`` is about that; without one it is about accelerations, and what cannot be asked for those cannot be asked
@@ -44,7 +44,7 @@ TABLES = ("expected", "differs")
 # Fields of an entry that are no texts.
 _NUMBERS = ("backward_error", "median_backward_error", "share")
 # Verdicts whose entries have all of them.
-_BOUNDED = (Verdict.UNSTABLE, Verdict.MISREADS, Verdict.DISAGREES)
+_BOUNDED = (Verdict.EXPLAINED, Verdict.UNSTABLE, Verdict.MISREADS, Verdict.DISAGREES)
 
 
 class TableOfReasons(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

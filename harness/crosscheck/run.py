@@ -292,7 +292,7 @@ class CrossCheck(Study):
         moves, of_file = not quantity_words(pair.quantity), self.settings.library.reads_files
         # As long as no readings are known: one that is misread may lose digits, too, or have a number wrong.
         judged = pair.verdict
-        has_readings = judged != Verdict.AGREES if of_file else judged == Verdict.MISREADS
+        has_readings = judged != Verdict.AGREES if of_file else judged in (Verdict.MISREADS, Verdict.EXPLAINED)
         if has_readings and pair.assignment is not None and not pair.failure.startswith(NOT_OFFERED):
             failure = pair.failure if of_file else ""
             outcome = yield from ask(call, readings_and_refusal, pair.assignment, self.settings.seed, failure, affinity=system.name)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, answers_what_is_read, load_audited, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, answers_what_is_read, departures_of, load_audited, reference_kernel_of
 from harness.engines import InvalidAnswer, Misread, Model, NotOffered, Unsupported, accelerations, load_engine
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
@@ -78,13 +78,15 @@ class Answers:
 class Truths:
     """The truths at one batch of states, each certified once: two files of a mechanism mostly say the same.
 
+    ``elsewhere``: whether a declared truth is evaluated where it is asked, see ``Truth.asked_at``, and not at the very states.
+
     Attributes:
         seconds: per certified state, of the truth that takes longest. compilation_seconds: the same of compiling; 0 where this process
             had compiled already.
     """
 
-    def __init__(self, states: States) -> None:
-        self._states = states
+    def __init__(self, states: States, elsewhere: bool = True) -> None:
+        self._states, self._elsewhere = states, elsewhere
         self._known: dict[Hashable, Certified] = {}
         self.seconds = self.compilation_seconds = 0.0
 
@@ -94,7 +96,7 @@ class Truths:
             # So that making or loading the loops, which all systems share, is not charged to this one.
             loop("evaluate")
             started = compiled = time.perf_counter()
-            states = truth.asked_at(self._states)
+            states = truth.asked_at(self._states) if self._elsewhere else self._states
             if not truth.is_compiled:
                 truth.evaluate(states[:1])
                 compiled = time.perf_counter()
@@ -137,7 +139,9 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
         answers, seconds = timed_answers(truth, model, states, again=quantity.is_asked_again)
         if quantity.is_asked_again:
             require_repeatable(truth, model, states, answers, certified)
-        comparison = truth.judge(certified, states, answers[0], model)
+        comparison, of_solver = truth.judge(certified, states, answers[0], model), ""
+        if quantity.is_default:
+            comparison, of_solver = judged_by_solver(truth, certified, model, states, comparison)
         wrong = comparison.verdicts == Verdict.DISAGREES.value
         if wrong.any() and assignment.model is not None:
             # A reader that is mended agrees, and one that does something else disagrees with what it is known to read, too.
@@ -150,6 +154,7 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
         if not remark and (comparison.verdicts == Verdict.DISAGREES.value).any():
             remark = truth.describe(certified, states, answers[0], model)
             remark = remark or (precision_of(truth, model, states, answers[0]) if quantity.is_asked_again else "")
+        remark = ". ".join(filter(None, [remark, of_solver]))
         if truth.rigid is None:
             return Answers(comparison, seconds, remark=remark)
         unmoved = np.flatnonzero((states.q == closed.q).all(axis=1) & (states.v == closed.v).all(axis=1))
@@ -168,6 +173,42 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
         return Answers.missing(error) if quantity.is_default else Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)
     except Exception as error:
         return Answers.missing(error)
+
+
+def judged_by_solver(truth: Truth, certified: Certified, model: Model, states: States, comparison: Comparison) -> tuple[Comparison, str]:
+    """The judgement where the settings of the engine's solver of constraints have a part in it, and a sentence on these.
+
+    An answer that disagrees is explained where the solver, when it goes on until nothing changes, ends where the truth is.
+    """
+    wrong = np.flatnonzero(comparison.verdicts == Verdict.DISAGREES.value)
+    if len(wrong) and truth.rigid is not None and (finish := getattr(model, "to_the_end", None)) is not None:
+        ended, setting = finish()
+        some = states[wrong]
+        left = truth.judge(certified[wrong], some, truth.answers(ended, some), ended)
+        if left.are_all(Verdict.AGREES, Verdict.UNSTABLE, Verdict.EXPLAINED):
+            verdicts = comparison.verdicts.copy()
+            verdicts[wrong] = Verdict.EXPLAINED.value
+            worst = f"up to {comparison.backward_error[wrong].max():.3g} data roundoffs before the optimum that it documents"
+            return replace(comparison, verdicts=verdicts), f"The engine stops its solver {worst}; to the end it goes with {setting}"
+    chosen = None if (default := getattr(model, "by_default", None)) is None else default()
+    if chosen is None:
+        return comparison, ""
+    usual, own, defaults = chosen
+    few = states[: min(ASKED_AGAIN, len(states))]
+    found = truth.judge(certified[: len(few)], few, truth.answers(usual, few), usual).verdicts
+    counts = [(f"{said} at {int((found == verdict).sum())}", (found == verdict).any()) for verdict, said in _SAID_OF_DEFAULTS.items()]
+    said = ", ".join(said for said, any_of in counts if any_of)
+    return comparison, f"Solved by {own}; by its defaults ({defaults}) it {said} of {len(few)} states"
+
+
+# What an engine does by its default settings.
+_SAID_OF_DEFAULTS = {
+    Verdict.AGREES.value: "agrees",
+    Verdict.UNSTABLE.value: "loses digits",
+    Verdict.DISAGREES.value: "disagrees",
+    Verdict.ERROR.value: "answers nothing finite",
+    Verdict.UNDECIDED.value: "is not judged",
+}
 
 
 def declared_precision(assignment: Assignment) -> str:
@@ -216,7 +257,12 @@ def measure_componentwise(assignment: Assignment, state: States, beyond: float) 
 
 
 def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
-    """See ``FileAsRead.effects_and_refusal``."""
+    """What explains the answers on a file: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
+    if not assignment.library.reads_files and departures_of(assignment):
+        # Imported late: a run in which all is well needs nothing of it.
+        from harness.crosscheck.departing import departures_and_refusal
+
+        return departures_and_refusal(assignment, seed)
     return assignment.file_as_read.effects_and_refusal(seed, failure)
 
 

@@ -26,6 +26,10 @@ was given, each once.
   points or frames together; couplings of joints act through the joints. The row of a free joint is not looked at.
 - ``step(q, v, tau, length, integrator)``: q and v after one step of that length [s] by an integrator that the engine declares a rule of,
   (n, nq + nv).
+- ``by_default()``: the same model whose solver of constraints has the engine's default settings; in words, how the model itself is
+  solved; and what its defaults are. None where nothing is left to a solver. Of an engine that the harness tells more than its user has to.
+- ``to_the_end(tolerance)``: the same model whose solvers go on until nothing changes by more, which is 0 where it is not given, and what
+  its user sets for that, as text of a file.
 
 Vectors are along the world's axes.
 """

@@ -1,4 +1,4 @@
-"""A file as an engine's reader has it: the mechanism that the engine computes with, its states, and the truth of its answers.
+"""A file as an engine has it: the mechanism that the engine computes with, its states, and the truth of its answers.
 
 What the reader makes of the file follows from its declared readings, never from an answer. A plain engine on a user's file has all of
 them, an aided one those that nothing is supplied for; on a mechanism's model an engine is supplied with all that the model says, so that
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -239,12 +239,12 @@ class ReadTruth(Truth):
     An answer that agrees with it, and not with the file, is ``explained``.
 
     Attributes:
+        read: the truth, at states of the mechanism as it is read. of_file: that of the file. into: from states of the file to these.
         columns: of the file's values among those that are read; None where they cannot be compared.
-        read: the truth, at states of the mechanism as it is read. of_file: that of the file.
     """
 
-    def __init__(self, file: FileAsRead, columns: list[int] | slice | None, read: Truth, of_file: Truth) -> None:
-        self.file, self.columns, self.read, self.of_file = file, columns, read, of_file
+    def __init__(self, read: Truth, of_file: Truth, into: Callable[[States], States], columns: list[int] | slice | None) -> None:
+        self.read, self.of_file, self.into, self.columns = read, of_file, into, columns
         self.blocks = read.blocks
 
     @property
@@ -259,11 +259,11 @@ class ReadTruth(Truth):
 
     def evaluate(self, states: States) -> Certified:
         """See ``Truth``; of what is read."""
-        return self.read.evaluate(self.file.into(states))
+        return self.read.evaluate(self.into(states))
 
     def answers(self, model: Model, states: States) -> Array:
         """See ``Truth``."""
-        return self.read.answers(model, self.file.into(states))
+        return self.read.answers(model, self.into(states))
 
     def may_lose_digits(self, model: Model) -> bool:
         """See ``Truth``."""
@@ -271,7 +271,7 @@ class ReadTruth(Truth):
 
     def judge(self, certified: Certified, states: States, answers: Array, model: Model) -> Comparison:
         """See ``Truth``."""
-        found = self.read.judge(certified, self.file.into(states), answers, model)
+        found = self.read.judge(certified, self.into(states), answers, model)
         explained = found.verdicts == Verdict.AGREES.value
         if explained.any():
             explained[explained] = ~self._agrees_with_file(states[explained], answers[explained])
@@ -285,7 +285,7 @@ class ReadTruth(Truth):
 
     def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
         """See ``Truth``."""
-        return self.read.describe(certified, self.file.into(states), answers, model)
+        return self.read.describe(certified, self.into(states), answers, model)
 
 
 _FOLDED: Kept[Folded] = Kept(32)

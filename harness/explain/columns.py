@@ -51,7 +51,7 @@ def watch(
     mechanism: Mechanism,
     model: ModelFile,
     states: States,
-    answers: Callable[[Model, States], Array] = answers_with_gaps,
+    answers: Callable[[Model, States], Array] | None = None,
     declared: Callable[[ModelFile], Array] | None = None,
 ) -> Watch:
     """The ``answers`` of an engine at ``states``, accelerations with gaps by default; what the model holds is not audited.
@@ -69,7 +69,7 @@ def watch(
             if changed is model:
                 raise
             raise ValueError(str(reason)) from reason
-        found = answers(loaded, states)
+        found = answers_with_gaps(loaded, states, mechanism) if answers is None else answers(loaded, states)
         return found if declared is None else beside_law(found, declared(changed))
 
     return Watch(model, answer, mechanism.nv)

@@ -41,10 +41,10 @@ class InverseWeight:
     """The mean of the diagonal of J M^-1 J' in the file's zero position.
 
     J is that of the "translation" of the centre of mass or of the "rotation" of the body ``of``, of the velocities of the "joint"
-    or of the length of the "tendon" of that name.
+    or of the length of the "tendon" of that name. Of the kind "mass" it is 1/m of the body, as no documentation has it.
     """
 
-    kind: Literal["translation", "rotation", "joint", "tendon"]
+    kind: Literal["translation", "rotation", "joint", "tendon", "mass"]
     of: str
 
 

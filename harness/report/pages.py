@@ -30,7 +30,7 @@ from harness.verdict import DECLARED, SOFT
 KEY = {
     "agrees": "right to rounding",
     DECLARED: "constraints give by the file's settings, as the engine documents; the cell says how far from rigid",
-    "explained": "the engine reads the file otherwise, and it is known how",
+    "explained": "the engine reads the file otherwise, or departs from its own documentation, and it is known how",
     "unstable": "digits lost by the algorithm",
     "undecided": "no certified truth",
     "misreads": "another mechanism read, known which",

@@ -10,7 +10,7 @@ from statistics import median
 from harness.results.engine_lines import TIES, EngineOutcome, engine_line
 from harness.results.site import FeatureLine, Number, SiteCell, SiteColumn, SiteCount, plain_number
 from harness.results.table import error_text
-from harness.verdict import GIVES, SEVERITY, Verdict
+from harness.verdict import DEPARTS, GIVES, SEVERITY, Verdict
 
 
 def slugs(names: Iterable[str]) -> dict[str, str]:
@@ -65,7 +65,7 @@ def _answer(cell: SiteCell, model_format: str) -> EngineOutcome:
     return EngineOutcome(
         name=cell.row,
         format=model_format,
-        outcome=cell.outcome if cell.is_robot else cell.verdict,
+        outcome=cell.outcome if cell.is_robot or cell.outcome == DEPARTS else cell.verdict,
         is_robot=cell.is_robot,
         readings=cell.readings,
         features=cell.features,

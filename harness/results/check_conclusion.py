@@ -10,7 +10,7 @@ from harness.results.detail import Detail
 from harness.results.readings import by_effect, names_of
 from harness.results.records import Record, Records
 from harness.results.table import counted, grouped, plural
-from harness.verdict import SOFT, SOUND, Verdict
+from harness.verdict import DEPARTS, SOFT, SOUND, Verdict
 
 if TYPE_CHECKING:
     from harness.results.cross_check import Cause
@@ -43,14 +43,16 @@ def conclusion(records: Sequence[Record]) -> str:
         all_of_them = "both" if len(asked) == 2 else f"all {len(asked)}"
         every = f"{all_of_them} {kind}s agree" if len(asked) > 1 else f"{_name(asked[0], head)} agrees"
         return f"{head}{every}{softly}{rest}"
-    explained = [one for one in asked if one.verdict in SOUND and one.as_expected and one not in agreeing]
-    known = len(asked) - len(agreeing) - len(explained) - len(wrong)
+    answered = [one for one in asked if one.verdict in SOUND and one.as_expected and one not in agreeing]
+    explained, departing = ([one for one in answered if (one.outcome == DEPARTS) == departs] for departs in (False, True))
+    known = len(asked) - len(agreeing) - len(answered) - len(wrong)
     parts = [f"{len(agreeing) or 'none'} {plural(len(agreeing) or 1, 'agrees', 'agree')}{softly}"]
     parts += [f"{len(explained)} {plural(len(explained), 'is', 'are')} explained by how the engine reads the file"] if explained else []
+    parts += [f"{len(departing)} {plural(len(departing), 'departs', 'depart')} from the engine's documentation"] if departing else []
     parts += [f"{known} {plural(known, 'differs', 'differ')} for a known reason"] if known else []
     unexpected = f"{len(wrong)} {'' if known else plural(len(wrong), 'differs ', 'differ ')}unexpectedly"
     parts += [unexpected] if known or wrong else []
-    return f"{head}{counted(len(asked), kind)}: {', '.join(parts)}{rest}{_named(wrong, head)}{_read(explained)}"
+    return f"{head}{counted(len(asked), kind)}: {', '.join(parts)}{rest}{_named(wrong, head)}{_read(answered)}"
 
 
 def with_short_names(named: Iterable[_Named]) -> list[_Named]:
@@ -90,7 +92,7 @@ def _answer(record: Record) -> EngineOutcome:
     return EngineOutcome(
         name=record.system if not record.is_further else f"{record.quantity} of {record.system}",
         format=record.subject.partition("/")[2],
-        outcome=record.verdict,
+        outcome=record.outcome if record.outcome == DEPARTS else record.verdict,
         readings=names_of(record.readings),
         features=record.features,
         from_rigid=record.from_rigid,

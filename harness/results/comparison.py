@@ -212,6 +212,8 @@ class EqualitiesRecord:
     Attributes:
         verdict: against the optimum that the engine documents; "" where no answer is judged. message: why, where no part says it.
         backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
+        departures: where the engine's program leaves the optimum that it documents, each with what it does; backward errors are then
+            against what it is known to compute.
         to_the_end: backward error where the engine's solver goes on until nothing changes, asked where the file's settings end it too
             early to agree; None elsewhere. remedy: what its user sets for that.
     """
@@ -228,6 +230,7 @@ class EqualitiesRecord:
     title: str = ""
     to_the_end: float | None = None
     remedy: str = ""
+    departures: list[Effect] = field(default_factory=list)
 
     @property
     def program(self) -> str:

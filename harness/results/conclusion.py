@@ -14,7 +14,7 @@ from harness.results.comparison import EqualitiesRecord, FileRecord, FilesCompar
 from harness.results.detail import Detail
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_of_qdd, share_text
 from harness.results.table import Table, counted, error_text, grouped, joined
-from harness.verdict import AGREEMENT, Verdict
+from harness.verdict import AGREEMENT, DEPARTS, Verdict
 
 # Rows of a file, and of each of several files; further ones are counted.
 MOST_ROWS, MOST_ROWS_OF_SEVERAL = 11, 3
@@ -60,7 +60,7 @@ def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -
     subjects = sorted(subjects, key=lambda one: -_weight(one))
     reasons = [
         *filter(None, (_reason(one, file) for one in subjects)),
-        *(_reason_of_equalities(one) for one in held if not one.explained or one.stops_early),
+        *(_reason_of_equalities(one) for one in held if not one.explained or one.stops_early or one.departures),
     ]
     sentences = [_who_agrees(subjects), *_with_remedy(reasons[:MOST_REASONS])]
     rows = [*_rows(found.of(file.path), file, detail), *filter(None, map(_equalities, held)), *_facts(file, detail)]
@@ -219,6 +219,11 @@ def optimum_text(record: EqualitiesRecord) -> str:
     remedy = f": {record.remedy}" if record.remedy else ""
     if record.stops_early:
         return f"{record.stops_early}{remedy}"
+    if record.departures and record.explained:
+        first, *more = by_effect(record.departures)
+        others = "".join(f", and {one.name} {share_text(one.size)}" for one in more)
+        moved = f"by {share_of_qdd(share_text(first.size))} ({first.concerned(FEW_LINES)}{others})"
+        return f"{DEPARTS} {moved}. {first.sentence}: {first.remedy}"
     verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
     moved = f", {share_of_qdd(share_text(record.together))} away from the file without them" if record.together else ""
     return f"{verb} the optimum that it documents{moved}{remedy}"

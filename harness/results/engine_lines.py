@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from harness.results.readings import share_text
 from harness.results.table import counted, grouped, joined, plural
-from harness.verdict import Verdict, is_soft
+from harness.verdict import DEPARTS, Verdict, is_soft
 
 # Features by which constraints give.
 TIES = ("loops", "coupled joints", "coupled tendons", "mimic joints", "rolling")
@@ -17,6 +17,7 @@ _SAID = {
     Verdict.ERROR.value: "fails on",
     Verdict.DISAGREES.value: "wrong on",
     Verdict.MISREADS.value: "misreads",
+    DEPARTS: "departs from its documentation in",
     Verdict.UNSTABLE.value: "loses digits on",
     Verdict.UNDECIDED.value: "not judged on",
     Verdict.UNSUPPORTED.value: "cannot express or refuses",
@@ -51,7 +52,8 @@ def engine_line(answers: Iterable[EngineOutcome]) -> str:
     for verdict, said in _SAID.items():
         own = [one for one in mechanisms if one.outcome == verdict]
         # What is misread says more than where.
-        named = list(dict.fromkeys(name for one in own for name in (one.readings[:1] if verdict == Verdict.MISREADS else ()) or [one.name]))
+        told_by_reading = verdict in (Verdict.MISREADS, DEPARTS)
+        named = list(dict.fromkeys(name for one in own for name in (one.readings[:1] if told_by_reading else ()) or [one.name]))
         parts += [f"{said} {_listed(named)}"] if named else []
         parts += _soft(mechanisms) if verdict == Verdict.UNSTABLE else []
     parts += [f"of {counted(len(robots), 'robot file')} {joined(_outcomes(robots))}"] if robots else []

@@ -31,6 +31,7 @@ class Effect:
         is_misread: whether the reader accepts what it does not read as the format says, and no documentation of the engine tells.
         included: those of the elements that stand in included files, as "common.xml:12".
         page: its name in the documentation, below ``findings/``.
+        departs: whether the engine's program does what its own documentation says otherwise.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Effect:
     is_misread: bool = False
     included: tuple[str, ...] = ()
     page: str = ""
+    departs: bool = False
 
     @property
     def size(self) -> float | None:
@@ -100,6 +102,11 @@ def share_of_qdd(share: str) -> str:
 def are_misread(readings: Iterable[Effect]) -> bool:
     """True where one of the readings that explain an answer is a misreading that moves something."""
     return any(one.is_misread and (one.size is None or one.size > FELT) for one in readings)
+
+
+def do_depart(readings: Iterable[Effect]) -> bool:
+    """True where what explains an answer is that the engine departs from its own documentation."""
+    return any(one.departs for one in readings)
 
 
 def by_effect(readings: Iterable[Effect]) -> list[Effect]:

@@ -14,9 +14,9 @@ from html import escape
 from typing import Annotated, Any, ClassVar, Self
 
 from harness.results.detail import Detail
-from harness.results.readings import MOST_IN_CELL, Effect, explanation, reading_lines, share_text
+from harness.results.readings import MOST_IN_CELL, Effect, do_depart, explanation, reading_lines, share_text
 from harness.results.table import Cell, Column, Table, TableOf, grouped, printable
-from harness.verdict import AGREEMENT, DECLARED, SOFT, SOUND, Verdict, is_soft
+from harness.verdict import AGREEMENT, DECLARED, DEPARTS, SOFT, SOUND, Verdict, is_soft
 
 # Of a record that names none.
 ACCELERATIONS = "accelerations"
@@ -170,7 +170,9 @@ class Record:
 
     @property
     def outcome(self) -> str:
-        """The verdict, or ``SOFT`` where constraints give as the engine documents."""
+        """The verdict, or ``SOFT`` where constraints give as the engine documents, and ``DEPARTS`` where they do otherwise."""
+        if self.verdict == Verdict.EXPLAINED and do_depart(self.readings):
+            return DEPARTS
         return SOFT if is_soft(self.verdict, self.from_rigid) else self.verdict
 
     @property

@@ -17,7 +17,7 @@ from harness.results.records import Record
 from harness.results.table import Column, TableOf, counted, error_text, first_of, grouped, number_text
 from harness.results.trend import MESSAGE, TIME, RunChange
 from harness.results.trend_numbers import MEDIAN, PERCENTILE_99, WORST
-from harness.verdict import AGREEMENT, SOUND, Verdict
+from harness.verdict import AGREEMENT, DEPARTS, SOUND, Verdict
 
 ACCELERATIONS, READING, TERMS, NUMBERS = "accelerations", "reading", "terms", "compiled numbers"
 # Kinds of changes that say nothing of a motion by themselves.
@@ -308,7 +308,7 @@ def _outcome(record: Record) -> str:
         Verdict.AGREES: f"agrees (worst {error_text(record.backward_error)} data roundoffs)" if error else "agrees",
         Verdict.UNSTABLE: f"loses digits{error}",
         Verdict.DISAGREES: f"is off{error}",
-        Verdict.EXPLAINED: "answers as its reader reads the file, not as the file says",
+        Verdict.EXPLAINED: DEPARTS if record.outcome == DEPARTS else "answers as its reader reads the file, not as the file says",
         Verdict.UNDECIDED: "answers, and the truth is undecided",
         Verdict.UNSUPPORTED: f"refuses it: {record.message}",
         Verdict.ERROR: f"fails: {record.message}",

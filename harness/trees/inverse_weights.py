@@ -2,10 +2,7 @@
 
 There every joint has its reference, so that every body stands where its pose says. Everything is evaluated in balls.
 
-MuJoCo's program makes an exception that its documentation does not hold: a body that only slides along its own axes, that hangs on
-the world, carries no body, and whose inertia is given in its own frame, has 1/m for its translation and for each slide.
-
-Source: MuJoCo 4.0, engine_setconst.c (set0) and user_model.cc (body_simple).
+Source: MuJoCo documentation, Computation, section Parameters; MuJoCo 4.0, engine_setconst.c (set0), for the means that are taken.
 """
 
 from __future__ import annotations
@@ -13,28 +10,24 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 from harness.files.equalities import Polygon, Tendon, TendonLinkage
-from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import InverseWeight
-from harness.files.tree import WORLD, Body, Given, Tree
+from harness.files.tree import WORLD, Body, Tree
 from harness.programs.evaluation import mass_matrix
 from harness.programs.terms import Term, Vector, cross
 from harness.trees import recursion
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Rigid, Spatial, joined, spatial
 from harness.trees.bodies.spatial import placed, unit
-from harness.trees.nodes import Kinematics, standing
+from harness.trees.nodes import standing
 from harness.trees.robot import tree_of
 from harness.trees.rows import Row, jacobian_of, untied
 from harness.trees.world_motion import World, in_world
 
 _BITS = 192
-# IsNullPose and mjEPS of MuJoCo's compiler.
-_NO_SHIFT, _NO_COMPONENT = Fraction(1e-6), Fraction(1e-14)
 
 
 def inverse_weights(model: ModelFile, wanted: Iterable[InverseWeight]) -> dict[InverseWeight, float]:
@@ -61,21 +54,17 @@ def inverse_weights_of(
     tree, wanted = bounded(tree), list(dict.fromkeys(wanted))
     nodes = standing(untied(tree, [joint.name for joint in tree.joints]))
     at_zero = _AtZero(in_world(nodes), fuses, {one.name: one for one in tendons})
-    slid = [body for body in tree.bodies if _only_slides(tree, nodes, body)]
-    sliders = {name: body for body in slid for name in (body.name, *(joint.name for joint in body.joints))}
-    slides = {one: sliders[one.of] for one in wanted if one.of in sliders and one.kind != "tendon"}
+    bodies = {body.name: body for body in tree.bodies}
     outputs: dict[str, Iterable[Term]] = {"mass": recursion.mass_matrix(nodes)}
     for number, one in enumerate(wanted):
-        outputs[str(number)] = [at_zero.rigid(slides[one]).mass] if one in slides else at_zero.jacobian(one)
+        outputs[str(number)] = [at_zero.rigid(bodies[one.of]).mass] if one.kind == "mass" else at_zero.jacobian(one)
     with flint.ctx.workprec(_BITS):
         found = nodes.builder.evaluated(outputs, _BITS)
         mass = mass_matrix(found["mass"], nodes.nv)
         weights = {}
         for number, one in enumerate(wanted):
-            if one in slides:
-                weights[one] = 0.0 if one.kind == "rotation" else float(1 / found[str(number)][0])
-            else:
-                weights[one] = _mean_diagonal(mass, found[str(number)])
+            own = found[str(number)]
+            weights[one] = float(1 / own[0]) if one.kind == "mass" else _mean_diagonal(mass, own)
         return weights
 
 
@@ -138,28 +127,6 @@ class _AtZero:
             along = unit(end - start)
             acts += [self._force(second, end, along), self._force(first, start, -along)]
         return self._row(acts)
-
-
-def _only_slides(tree: Tree, nodes: Kinematics, body: Body) -> bool:
-    """Whether MuJoCo takes a body for one whose M is its mass; see the module."""
-    parents = {other.name: other.parent for other in tree.bodies}
-    hangs = body.parent == WORLD or (nodes.frames[body.parent][0] < 0 and parents[body.parent] == WORLD)
-    is_leaf = body.name not in parents.values()
-    # Along one of the body's axes, through the body's origin.
-    slides = bool(body.joints) and all(
-        joint.kind == JointKind.SLIDE
-        and not joint.pose
-        and all(abs(value) < _NO_SHIFT for value in joint.anchor)
-        and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
-        for joint in body.joints
-    )
-    if not (hangs and is_leaf and slides) or body.inertia is None or body.solids:
-        return False
-    # Given about the body's origin, along its axes, in falling order where that is found by diagonalising.
-    xx, yy, zz, *products = body.inertia.moments
-    is_matrix = isinstance(xx, Given) and xx.attribute != "diaginertia"
-    in_order = not any(products) and (not is_matrix or xx >= yy >= zz)
-    return in_order and all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in body.inertia.pose)
 
 
 def _fuses(model: ModelFile) -> bool:

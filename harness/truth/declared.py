@@ -22,7 +22,9 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines.coordinates import multiplied
 from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
+from harness.programs.evaluation import values
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.constraint_forces import (
     DISTANCE,
@@ -34,15 +36,19 @@ from harness.programs.mechanisms.constraint_forces import (
     number_of,
     softened_program,
 )
-from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
+from harness.programs.mechanisms.mechanism import JACOBIAN, RESIDUAL, Constraints, Mechanism
 from harness.programs.program import without_unused
 from harness.programs.states import States
 from harness.storage import Kept
+from harness.truth.compare import Flags
 from harness.truth.manifold import closes
 
 _BITS = 192
 # Exponents of 10 of how far positions are moved [m or rad], or of the width in which an impedance varies; and rates, of their range.
 _ANYWHERE, _WITHIN_WIDTH, _OF_RATES = (-7.0, -1.0), (-2.0, 0.5), (-3.0, 0.0)
+
+# Of the way to closed constraints: steps, the longest [m or rad], singular values that count, and residuals that are none.
+_STEPS, _LONGEST, _SINGULAR, _ARRIVED = 40, 0.5, 1e-8, 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,11 +60,6 @@ class DeclaredMechanism(Mechanism):
     """
 
     laws: tuple[tuple[str, ConstraintLaw], ...] = ()
-
-    @property
-    def must_close(self) -> bool:
-        """See ``Mechanism``: it has accelerations wherever its constraints are."""
-        return False
 
     @property
     def key(self) -> Hashable:
@@ -193,16 +194,54 @@ def opened(mechanism: DeclaredMechanism, states: States, share: float) -> States
     """The states, of which a share of those that close the constraints is moved off them; one that is open stays as it is."""
     if not len(states) or not mechanism.laws:
         return states
+    return _moved(mechanism, states, closes(mechanism, states, Mechanism.parameters_at(mechanism, states)), share)
+
+
+def near(mechanism: DeclaredMechanism, states: States) -> States:
+    """The states, led to where constraints are closed as far as steps of least length lead there, and moved off by a little of that."""
+    constraints = mechanism.constraints
+    assert constraints is not None
+    at = states
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            found = values(constraints.placing, mechanism.inputs(at, Mechanism.parameters_at(mechanism, at)))
+            residual, jacobian = found[RESIDUAL].T, found[JACOBIAN].reshape(len(constraints.rows), mechanism.nv, -1).transpose(2, 0, 1)
+            usable: Flags = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
+            inverse = np.linalg.pinv(np.where(usable[:, None, None], jacobian, 0.0), rcond=_SINGULAR)
+            step = -np.einsum("nij,nj->ni", inverse, np.where(usable[:, None], residual, 0.0))
+            shorter = np.minimum(1.0, _LONGEST / np.maximum(np.linalg.norm(step, axis=1), _LONGEST))
+            at = States(_turned(mechanism, at.q, step * shorter[:, None]), at.v, at.tau, at.time)
+    arrived = usable & (np.abs(residual).max(axis=1, initial=0.0) <= _ARRIVED)
+    q = np.where(arrived[:, None], at.q, states.q)
+    return _moved(mechanism, States(q, states.v, states.tau, states.time), arrived, 1.0)
+
+
+def _turned(mechanism: Mechanism, q: Array, step: Array) -> Array:
+    """Positions (n, nq) after a step along velocities, (n, nv); rotations turn about the body's own axes."""
+    found, place = list[Array](), 0
+    while place < mechanism.nv:
+        first = sum(part.shape[1] for part in found)
+        if place not in mechanism.attitudes:
+            found.append(q[:, [first]] + step[:, [place]])
+            place += 1
+            continue
+        turn = np.hstack([np.ones((len(q), 1)), step[:, place : place + 3] / 2])
+        turned = multiplied(q[:, first : first + 4], turn)
+        found.append(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+        place += 3
+    return np.hstack(found)
+
+
+def _moved(mechanism: DeclaredMechanism, states: States, chosen: Flags, share: float) -> States:
+    """The states, of which a share of the chosen ones is moved by amounts that its own bits choose."""
     q, v = states.q.copy(), states.v.copy()
     reach = np.abs(np.array(mechanism.rate_ranges)).max(axis=1)
-    for state in np.flatnonzero(closes(mechanism, states, Mechanism.parameters_at(mechanism, states))).tolist():
+    for state in np.flatnonzero(chosen).tolist():
         bits = b"".join(part[state].tobytes() for part in (states.q, states.v, states.tau))
         random = np.random.default_rng(int.from_bytes(hashlib.blake2b(bits, digest_size=8).digest()))
         if random.random() < share:
             width = random.choice(mechanism.widths or [0.0])
             amount = width * 10 ** random.uniform(*_WITHIN_WIDTH) if width and random.random() < 0.5 else 10 ** random.uniform(*_ANYWHERE)
-            q[state] += amount * random.uniform(-1.0, 1.0, mechanism.nq)
+            q[[state]] = _turned(mechanism, q[[state]], amount * random.uniform(-1.0, 1.0, (1, mechanism.nv)))
             v[state] += 10 ** random.uniform(*_OF_RATES) * reach * random.uniform(-1.0, 1.0, mechanism.nv)
-            for order, place in enumerate(mechanism.attitudes):
-                q[state, place + order : place + order + 4] /= np.linalg.norm(q[state, place + order : place + order + 4])
     return States(q, v, states.tau, states.time)

@@ -167,13 +167,15 @@ class ReferenceKernel:
     def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
         """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
         # Imported late: a tree needs nothing of it.
+        from harness.truth.declared import DeclaredMechanism
         from harness.truth.manifold import closes, free_size, rank_condition
 
         constraints, inputs = self.mechanism.constraints, self.mechanism.inputs(states, parameters)
         assert constraints is not None
         free = free_size(constraints, inputs, states.tau, found.norm_factor)
         cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free
-        if not self.mechanism.must_close:
+        if isinstance(self.mechanism, DeclaredMechanism):
+            # It has accelerations wherever its constraints are.
             return replace(found, instability=cancelling)
         # Without a configuration in which the constraints hold there is no motion to be asked for.
         certified = found.certified & closes(self.mechanism, states, parameters)

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from harness.engines import load_engine
+from harness.explain.changes.departures import only_slides
 from harness.files.model_file import parse_model, read_model
 from harness.files.rules import InverseWeight
 from harness.library import Library
 from harness.trees.inverse_weights import inverse_weights
+from harness.trees.robot import tree_of
 
 LIBRARY = Library.built_in()
 
@@ -36,13 +38,28 @@ def test_inverse_weights_are_those_of_the_compiled_model(name: str) -> None:
         [model.body(number).name for number in range(1, model.nbody)],
         [model.joint(number).name for number in range(model.njnt)],
     )
-    found = inverse_weights(file, [InverseWeight(kind, body) for body in bodies for kind in ("translation", "rotation")])  # type: ignore[arg-type]
-    found |= inverse_weights(file, [InverseWeight("joint", joint) for joint in joints])
-    for one, value in found.items():
+    wanted = [InverseWeight(kind, body) for body in bodies for kind in ("translation", "rotation")]  # type: ignore[arg-type]
+    found = inverse_weights(file, [*wanted, *(InverseWeight("joint", joint) for joint in joints)])
+    # By the program a body that only slides weighs as its mass.
+    tree = tree_of(file, 0.0)
+    sliders = {
+        name: body.name for body in tree.bodies if only_slides(tree, body) for name in (body.name, *(one.name for one in body.joints))
+    }
+    masses = inverse_weights(file, [InverseWeight("mass", body) for body in sliders.values()])
+    for one, documented in found.items():
+        departs = one.of in sliders and one.kind != "rotation"
+        value = masses[InverseWeight("mass", sliders[one.of])] if departs else documented
         compiled = model.joint(one.of).id if one.kind == "joint" else model.body(one.of).invweight0[int(one.kind == "rotation")]
         if one.kind == "joint":
             compiled = model.dof_invweight0[model.jnt_dofadr[compiled]]
         assert value == pytest.approx(compiled, rel=_solve_error(model))
+
+
+def test_the_mean_of_a_body_that_slides_along_one_axis_is_a_third_of_what_the_program_has() -> None:
+    file = read_model(LIBRARY.model_path("slider_crank", "mjcf"), "mjcf")
+    model = load_engine(LIBRARY, "mujoco").load(file, tuple(file.joint_lines), 9.81).model  # type: ignore[attr-defined]
+    [documented] = inverse_weights(file, [InverseWeight("translation", "slider")]).values()
+    assert (documented, model.body("slider").invweight0[0]) == (pytest.approx(1 / 6), 0.5)
 
 
 def _solve_error(model: Any) -> float:

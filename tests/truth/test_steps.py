@@ -6,6 +6,7 @@ import copy
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,12 +101,25 @@ def test_integrators_follow_their_rules_on_every_tree(modelled_name: str) -> Non
     assert found.backward_error.max() <= (known.backward_error if known else AGREEMENT)
 
 
-# Where springs and dampers outweigh M, where lengths bear most of them, and where a body turns by a radian.
-@pytest.mark.parametrize(("name", "length"), [("quarter_car", 0.05), ("flyball_governor", 1e-5), ("free_body", 0.05)])
+# Where springs and dampers outweigh M, and where a body turns by a radian.
+@pytest.mark.parametrize(("name", "length"), [("quarter_car", 0.05), ("flyball_governor", 1e-3), ("free_body", 0.05)])
 def test_a_step_of_any_length_is_an_input(name: str, length: float) -> None:
     setting = Setting(model_of(name), lambda rule: replace(rule, length=length))
     verdicts, worst, block = setting.judged()
     assert verdicts == {"agrees"}, (worst, block)
+
+
+def test_a_solver_that_stops_early_is_told_with_what_to_set() -> None:
+    """By the file's own tolerance, where lengths bear most of the springs; to the end, the step is that of the rule."""
+    setting = Setting(model_of("flyball_governor"), lambda rule: replace(rule, length=1e-5))
+    verdicts, worst, _ = setting.judged()
+    assert "disagrees" in verdicts and worst > 1e3
+    states = sample(setting.mechanism, STATES, SEED)
+    certified, found = setting.truth.evaluate(states), setting.truth.answers(setting.model, states)
+    told = setting.truth.describe(certified, states, found, setting.model)
+    assert "the engine stops its solver early: with <option iterations=" in told
+    ended, _ = setting.model.to_the_end(2.0**-53)  # type: ignore[attr-defined]
+    assert set(compare(certified, setting.truth.answers(ended, states)).verdicts.tolist()) == {"agrees"}
 
 
 def test_what_is_solved_by_iteration_ends_finite() -> None:
@@ -221,11 +235,12 @@ def test_a_mistake_in_a_step_disagrees_and_is_named(mistake: str) -> None:
     setting = Setting(damped(model_of(name), DAMPING))
     states = generic_sample(setting.mechanism, STATES, SEED)
     certified = setting.truth.evaluate(states)
-    answers = setting.truth.answers(Spoiled(setting.model, mistake), states)  # type: ignore[arg-type]
+    spoiled: Any = Spoiled(setting.model, mistake)
+    answers = setting.truth.answers(spoiled, states)
     found = compare(certified, answers)
     assert set(found.verdicts.tolist()) == {"disagrees"} and found.backward_error.max() > 2 * AGREEMENT
     expected = "; ".join(filter(None, [f"Farthest off are the {what} after a step by {integrator}", sentence]))
-    assert setting.truth.describe(certified, states, answers, setting.model) == expected
+    assert setting.truth.describe(certified, states, answers, spoiled) == expected
 
 
 PARTS = {

@@ -20,7 +20,7 @@ from harness.commands.frame.terminal import (
 from harness.results.check_conclusion import with_short_names
 from harness.results.cross_check import Causes
 from harness.results.records import ACCELERATIONS
-from harness.verdict import Verdict
+from harness.verdict import SOUND, Verdict
 
 if TYPE_CHECKING:
     from harness.comparison.study import RobotComparison
@@ -83,7 +83,7 @@ def _brief(settings: Settings, study: CrossCheck) -> CrossCheck | None:
 
     if settings.state is not None:
         return None
-    sound = (Verdict.AGREES, Verdict.UNSTABLE, Verdict.UNSUPPORTED)
+    sound = (*SOUND, Verdict.UNSTABLE, Verdict.UNSUPPORTED)
     records = study.result().records
     wrong = {(record.system, record.subject) for record in records if not record.as_expected or record.verdict not in sound}
     # What a robot's file says is all that there is of it, and its quantities are compared where they are asked for.

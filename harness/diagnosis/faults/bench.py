@@ -199,7 +199,7 @@ class FaultBench:
         for one in self.readers:
             try:
                 loaded = self._load(through(one.engine) if through else one.engine, model)
-                answers = answers_with_gaps(loaded, self._states(one.subject, self.model))
+                answers = answers_with_gaps(loaded, self._states(one.subject, self.model), self.mechanism)
                 answers = beside_law(answers, self._moved_by_law(one.subject, model))
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value

@@ -227,11 +227,6 @@ class Mechanism:
         own = np.array(self.parameter_values, dtype=np.float64)
         return np.broadcast_to(own, (len(states), len(own)))
 
-    @property
-    def must_close(self) -> bool:
-        """True where there is no motion at a state that leaves its constraints open."""
-        return self.constraints is not None
-
     def to_json(self) -> str:
         """JSON that ``from_json`` turns back into an equal mechanism."""
         return msgspec.json.encode(self).decode()

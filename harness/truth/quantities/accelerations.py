@@ -44,31 +44,35 @@ def gaps_of(model: Model, states: States) -> Gaps:
     return {name: found[name] for name in sorted(found)}
 
 
-def answers_with_gaps(model: Model, states: States) -> Array:
-    """Accelerations of a model at ``states``, (n, nv), and behind them the rows of all constraints."""
-    return np.hstack([accelerations(model, states), *gaps_of(model, states).values()])
+def answers_with_gaps(model: Model, states: States, mechanism: Mechanism) -> Array:
+    """Accelerations of a model at ``states``, (n, nv), and behind them the rows of all constraints where a state closes them.
+
+    Elsewhere they are zero: there accelerations feel what rows leave, whichever axes an engine has these in.
+    """
+    gaps = gaps_of(model, states)
+    if not gaps:
+        return accelerations(model, states)
+    return np.hstack([accelerations(model, states), *(rows * _closes(mechanism, states)[:, None] for rows in gaps.values())])
 
 
 def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
-    """The reference of answers with gaps: rows are as long as the state leaves them open, which is zero where it closes them.
+    """The reference of answers with gaps: all rows are zero, and one data roundoff of a constraint counts as one of the accelerations.
 
-    One data roundoff of a constraint counts as one of the accelerations.
+    A state that does not close the constraints has no rows to be held against.
     """
     if not gaps:
         return reference
     n, nv = reference.high.shape
-    left, units = _left_open(mechanism, states, gaps)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        counts = {name: np.minimum(reference.data_roundoff / unit, _LARGEST) for name, unit in units.items()}
-        # Of the vectors of that length the one along the rows, which stand for it in axes of the engine's own.
-        lengths = {name: np.nan_to_num(left[name] / np.linalg.norm(rows, axis=1)) for name, rows in gaps.items()}
+    units, counted = _units(mechanism, states, gaps), _closes(mechanism, states)
+    with np.errstate(divide="ignore"):
+        counts = {name: counted * np.minimum(reference.data_roundoff / unit, _LARGEST) for name, unit in units.items()}
     weights = np.hstack([np.repeat(counts[name][:, None], rows.shape[1], axis=1) for name, rows in gaps.items()])
     factor = np.zeros((n, nv + weights.shape[1], nv + weights.shape[1]))
     factor[:, :nv, :nv] = reference.norm_factor
     own = np.arange(nv, factor.shape[1])
     factor[:, own, own] = weights
-    expected = np.hstack([rows * lengths[name][:, None] for name, rows in gaps.items()])
-    high, low = np.hstack([reference.high, expected]), np.hstack([reference.low, np.zeros_like(weights)])
+    none = np.zeros_like(weights)
+    high, low = (np.hstack([part, none]) for part in (reference.high, reference.low))
     return replace(reference, high=high, low=low, norm_factor=factor)
 
 
@@ -76,8 +80,8 @@ def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
     """A sentence on the constraint that is open by more than data explain, where it is widest; "" where none is."""
     if not gaps:
         return ""
-    left, units = _left_open(mechanism, states, gaps)
-    sizes = {name: np.abs(np.linalg.norm(rows, axis=1) - left[name]) for name, rows in gaps.items()}
+    units, counted = _units(mechanism, states, gaps), _closes(mechanism, states)
+    sizes = {name: counted * np.linalg.norm(rows, axis=1) for name, rows in gaps.items()}
     with np.errstate(divide="ignore", invalid="ignore"):
         largest = {name: float(np.nan_to_num(size / units[name], nan=0.0).max(initial=0.0)) for name, size in sizes.items()}
     name = max(largest, key=lambda name: largest[name])
@@ -86,20 +90,22 @@ def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
     return f"Constraint {name!r} is open by {sizes[name].max():.3g} where the system closes it ({largest[name]:.3g} data roundoffs)"
 
 
-def _left_open(mechanism: Mechanism, states: States, gaps: Gaps) -> tuple[dict[str, Array], dict[str, Array]]:
-    """By constraint the length of its rows, (n,), 0 where a state closes all, and the data roundoff of that length."""
+def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]:
+    """The data roundoff of each constraint, (n,), of the length of its rows."""
     constraints = mechanism.constraints
     assert constraints is not None
     # Imported late: a tree needs nothing of it.
-    from harness.truth.manifold import closes, rows_left
+    from harness.truth.manifold import rows_left
 
-    rows, by_data = rows_left(mechanism, states)
-    owners, is_open = np.array(constraints.rows[: constraints.holonomic]), ~closes(mechanism, states)
+    _, by_data = rows_left(mechanism, states)
+    owners = np.array(constraints.rows[: constraints.holonomic])
+    return {name: np.linalg.norm(by_data[:, : constraints.holonomic][:, owners == name], axis=1) for name in gaps}
 
-    def lengths(values: Array, name: str) -> Array:
-        return np.asarray(np.linalg.norm(values[:, : constraints.holonomic][:, owners == name], axis=1))
 
-    return {name: is_open * lengths(rows, name) for name in gaps}, {name: lengths(by_data, name) for name in gaps}
+def _closes(mechanism: Mechanism, states: States) -> Flags:
+    from harness.truth.manifold import closes
+
+    return closes(mechanism, states)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ from harness.engines import Model, NotOffered, answer_of
 from harness.engines.coordinates import multiplied
 from harness.files.rules import ImplicitPart, StepRule
 from harness.programs.evaluation import values
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.trees.bodies.spatial import FileProgram
 from harness.trees.mechanism import mechanism_of
@@ -109,6 +110,11 @@ class StepTruth(Truth):
             return bool((lengths <= allowed)[certified.certified].all())
 
         sentence = f"Farthest off are the {self.blocks[block]}"
+        if (finish := getattr(model, "to_the_end", None)) is not None:
+            # By a tolerance of 0 a solver may go on until it divides zero by zero.
+            ended, setting = finish(UNIT_ROUNDOFF)
+            if explains(certified.high[:, own], self.answers(ended, states)[:, own]):
+                return f"{sentence}; the engine stops its solver early: with {setting} it ends where its rule does"
         of_others = ((one.name, certified.high[:, 2 * other : 2 * other + 2]) for other, one in enumerate(self.rules) if other != number)
         if names := [name for name, expected in of_others if explains(expected, found)]:
             return f"{sentence}; the step is that by {' and '.join(names)}"

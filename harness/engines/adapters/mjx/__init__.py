@@ -11,7 +11,6 @@ Source: MuJoCo documentation, MuJoCo XLA (MJX), with its table of what is not im
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Engine
@@ -63,9 +62,8 @@ class MjxEngine(Engine):
         return load(file, joints, self._in_float64)
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
-        """See ``harness.engines.adapters.mujoco.law``; MJX has no term for how the rows turn with the motion, which MuJoCo has."""
-        own = law.laws_in(law.settings(root, model_format), constraints)
-        return {name: replace(one, has_curvature=False) for name, one in own.items()}
+        """See ``harness.engines.adapters.mujoco.law``."""
+        return law.laws_in(law.settings(root, model_format), constraints)
 
 
 ENGINE = MjxEngine(in_float64=True)

@@ -1,18 +1,18 @@
 """The law of each constraint that MuJoCo documents, and the rules of its integrators, from the model file alone.
 
-Stiffness and damping follow from ``solref``, the impedance from ``solimp``. Two things stand in the program alone: couplings of joints
-and tendons leave J' v out, so that a coupling that is not linear is wrong by it however stiff it is; and a body that only slides along
-its axes, and carries none, has for its inverse weight 1/m instead of a mean over three directions.
+Stiffness and damping follow from ``solref``, the impedance from ``solimp``. Where the program leaves this law is in
+``harness.explain.changes.departures``.
 
 The steps of its integrators: ``Euler`` takes the dampers in joints implicitly, unless ``eulerdamp`` is disabled; ``implicit`` and
 ``implicitfast`` all dampers on lengths too, and ``implicit`` all velocity terms, where ``implicitfast`` takes those of bodies that float
 alone. Both leave out what a damper on a length does across branches of the tree. ``discrete`` takes dampers and springs in joints and on
-lengths. ``RK4`` is the classical method. Two things stand in the program alone: ``discrete`` takes the velocity terms of bodies that float
-alone too, and ``RK4`` works in the coordinates of the exponential map.
+lengths, and the velocity terms of bodies that float alone. ``RK4`` is the classical method, which works in the coordinates of the
+exponential map. All of this is documented: that dampers across branches are left out, with the integrators; Munthe-Kaas' correction of
+``RK4``, in the release notes of 4.0.0.
 
 Source: MuJoCo documentation, Computation, sections Solver parameters and Numerical integration; Modeling, URDF extensions; XML reference,
 ``compiler/fusestatic``; release notes of 3.13.0, ``discrete``; MuJoCo 4.0, engine_core_constraint.c (getsolparam, mj_makeImpedance,
-mj_diagApprox, mj_Jdotv), mj_step and engine_metric.c (springs on lengths count by the first derivatives of these).
+mj_diagApprox), mj_step and engine_metric.c (springs on lengths count by the first derivatives of these).
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _law(constraint: Equality, least_time: Fraction, exact: bool) -> ConstraintL
         stiffness=float(stiffness),
         damping=float(damping),
         weights=None if exact else _weights(constraint),
-        has_curvature=isinstance(constraint.says, Meeting),
+        has_curvature=True,
         least_regularisation=LEAST_NUMBER,
     )
 

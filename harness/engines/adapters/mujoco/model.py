@@ -20,8 +20,8 @@ from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.interface import NotOffered
 from harness.files.model_file import ModelFile
 
-# Of an iteration of a step, relative.
-_TOLERANCE = 2.0**-53
+# Of a solver that goes to the end: Newton's method needs two or three.
+_MOST_ITERATIONS = 100
 
 
 def load(file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
@@ -127,6 +127,13 @@ class MujocoModel(MujocoQuantities):
         """See ``harness.engines.interface``; the rules are in ``harness.engines.adapters.mujoco.law``."""
         return step(copy.copy(self.model), self.addresses, (q, v, tau), length, integrator, 1)
 
+    def to_the_end(self, tolerance: float = 0.0) -> tuple[MujocoModel, str]:
+        """See ``harness.engines.interface``."""
+        other = copy.copy(self)
+        other.model, other._batch = copy.copy(self.model), None
+        other.model.opt.tolerance, other.model.opt.iterations = tolerance, _MOST_ITERATIONS
+        return other, f'<option iterations="{_MOST_ITERATIONS}" tolerance="{tolerance:.2g}"/>'
+
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
         and constraints.
@@ -170,9 +177,9 @@ def step(
 ) -> Array:
     """See ``harness.engines.interface``; ``addresses`` of positions and velocities in MuJoCo's own order. The model's options change.
 
-    ``discrete`` solves with springs and dampers on lengths by iteration, here to rounding. By the default tolerance of 1e-8 it leaves
-    velocities off by up to 20,000 data roundoffs (the governor at a step of 1e-5 s); by one of 0 it goes on until it divides zero by
-    zero, and velocities are not finite at 1 % of the governor's states (MuJoCo 4.0).
+    ``discrete`` solves with springs and dampers on lengths by iteration. By the default tolerance of 1e-8 it leaves velocities off by up
+    to 20,000 data roundoffs (the governor at a step of 1e-5 s); by one of 0 it goes on until it divides zero by zero, and velocities are
+    not finite at 1 % of the governor's states (MuJoCo 4.0).
 
     Raises:
         NotOffered: this version has no such integrator, or has rules of its own.
@@ -182,7 +189,7 @@ def step(
     number = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}", None)
     if number is None:
         raise NotOffered(f"MuJoCo {mujoco.mj_versionString()} has no integrator {integrator}")
-    model.opt.timestep, model.opt.integrator, model.opt.tolerance = length, number, _TOLERANCE
+    model.opt.timestep, model.opt.integrator = length, number
     data = mujoco.MjData(model)
     after: Array = np.empty((len(q), q.shape[1] + v.shape[1]))
     for state in range(len(q)):

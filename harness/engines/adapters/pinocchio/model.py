@@ -82,6 +82,13 @@ class PinocchioModel(PinocchioQuantities):
         other.constraints = self.constraints.solved_by(solver)
         return other
 
+    def by_default(self) -> tuple[PinocchioModel, str, str] | None:
+        """See ``harness.engines.interface``."""
+        if not isinstance(self.constraints, LoopConstraints):
+            return None
+        own, default = self.constraints.solver, Solver(mu=None)
+        return self.solved_by(default), f"{own.algorithm} with {own.told}", default.told
+
     def loaded(self) -> LoadedModel:
         model = self.model
         joints = {name: (place.nq, place.nv) for name, place in self.force_elements.places.items()}

@@ -27,6 +27,13 @@ class Solver:
 
         return () if self.mu is None else (pinocchio.ProximalSettings(self.accuracy, self.mu, self.iterations),)
 
+    @property
+    def told(self) -> str:
+        """The settings in words."""
+        if self.mu is None:
+            return "mu = 0, one iteration"
+        return f"mu = {self.mu:g}, accuracy {self.accuracy:g}, up to {self.iterations} iterations"
+
     def written(self) -> tuple[str, str]:
         """Python text: a statement that readies the data ``d``, and the call."""
         last = "" if self.mu is None else f", pin.ProximalSettings({self.accuracy}, {self.mu}, {self.iterations})"

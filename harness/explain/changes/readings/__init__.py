@@ -33,7 +33,7 @@ from harness.trees.robot import Robot
 # Places of xx, yy, zz, xy, xz, yz in a matrix.
 _ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 # Newer than any version.
-_NEWEST = "99999"
+NEWEST = "99999"
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
 
 
@@ -137,7 +137,7 @@ def find_readings(engine: str, model_format: str, reader: str = "") -> list[Read
     """
     name, version = split_name(engine)
     own = (one for one in find_all() if one.engine in (name, reader) and model_format in one.formats)
-    named = {one.name: one for one in own if (version or _NEWEST) in SpecifierSet(one.versions, prereleases=True)}
+    named = {one.name: one for one in own if (version or NEWEST) in SpecifierSet(one.versions, prereleases=True)}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return sorted((named[name] for name in order.static_order() if name in named), key=lambda reading: not reading.first)
 

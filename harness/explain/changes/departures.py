@@ -1,0 +1,153 @@
+"""Departures: where an engine's program leaves the law of constraints that its documentation gives, found in its source alone.
+
+The documented law is the truth. That with all departures is what the engine is known to compute: answers by it are explained, and told as
+what they are. Nothing an engine answers enters either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from packaging.specifiers import SpecifierSet
+
+from harness.environments import split_name
+from harness.explain.changes.readings import NEWEST
+from harness.files.equalities import Equality, Linkage, Meeting, Sum, TendonLinkage
+from harness.files.joint_kinds import JointKind
+from harness.files.rules import ConstraintLaw, InverseWeight
+from harness.files.tree import WORLD, Body, Given, Tree
+
+# IsNullPose and mjEPS of MuJoCo's compiler.
+_NO_SHIFT, _NO_COMPONENT = Fraction(1e-6), Fraction(1e-14)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Departure:
+    """One departure of an engine.
+
+    Attributes:
+        name: as in a table. engine, versions: of whom, as of ``harness.explain.changes.readings.Reading``.
+        sentence: for the reader of a report, the engine first. remedy: what the engine's user can do about it, an imperative.
+        source: where the documentation says otherwise, and the line of the program that departs.
+        law: that of an equality of a tree as the program has it, from the one before; an equal one where it does not depart.
+    """
+
+    name: str
+    engine: str
+    versions: str = ""
+    sentence: str
+    remedy: str
+    source: str
+    law: Callable[[Tree, Equality, ConstraintLaw], ConstraintLaw]
+
+    def concerned(self, tree: Tree, equalities: Iterable[Equality], laws: Mapping[str, ConstraintLaw]) -> list[Equality]:
+        """The equalities of a tree of whose laws, by name, it makes others."""
+        return [one for one in equalities if one.name in laws and self.law(tree, one, laws[one.name]) != laws[one.name]]
+
+
+def departures_of(engine: str, reader: str) -> list[Departure]:
+    """The departures of an engine, or ``engine@version``, and of the engine whose reader it has, if any."""
+    name, version = split_name(engine)
+    own = (one for one in _DEPARTURES if one.engine in (name, reader))
+    return [one for one in own if (version or NEWEST) in SpecifierSet(one.versions, prereleases=True)]
+
+
+def departed(
+    departures: Iterable[Departure], tree: Tree, equalities: Iterable[Equality], laws: Mapping[str, ConstraintLaw]
+) -> dict[str, ConstraintLaw]:
+    """The laws of a tree's equalities, by their names, with these departures."""
+    found, by_name = dict(laws), {one.name: one for one in equalities}
+    for departure in departures:
+        found = {name: departure.law(tree, by_name[name], law) for name, law in found.items()}
+    return found
+
+
+def _weighed_by_mass(tree: Tree, _: Equality, law: ConstraintLaw) -> ConstraintLaw:
+    """The law whose bodies that only slide, and joints of these, weigh as all three directions of a mass do."""
+    slid = [body for body in tree.bodies if only_slides(tree, body)]
+    sliders = {name: body.name for body in slid for name in (body.name, *(joint.name for joint in body.joints))}
+    if law.weights is None:
+        return law
+
+    def weighed(one: InverseWeight) -> InverseWeight:
+        if one.of not in sliders or one.kind not in ("translation", "joint"):
+            return one
+        return InverseWeight("mass", sliders[one.of])
+
+    return replace(law, weights=tuple(tuple(map(weighed, row)) for row in law.weights))
+
+
+def only_slides(tree: Tree, body: Body) -> bool:
+    """Whether MuJoCo takes a body for one whose block of M is its mass: its "simple" body of level 2.
+
+    It slides along its own axes alone, hangs on the world, carries no body, and has its inertia in its own frame.
+    """
+    parents = {other.name: other for other in tree.bodies}
+    parent = parents.get(body.parent)
+    hangs = parent is None or (not parent.joints and parent.parent == WORLD)
+    is_leaf = all(other.parent != body.name for other in tree.bodies)
+    # Along one of the body's axes, through the body's origin.
+    slides = bool(body.joints) and all(
+        joint.kind == JointKind.SLIDE
+        and not joint.pose
+        and all(abs(value) < _NO_SHIFT for value in joint.anchor)
+        and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
+        for joint in body.joints
+    )
+    if not (hangs and is_leaf and slides) or body.inertia is None or body.solids:
+        return False
+    # Given about the body's origin, along its axes, in falling order where that is found by diagonalising.
+    xx, yy, zz, *products = body.inertia.moments
+    is_matrix = isinstance(xx, Given) and xx.attribute != "diaginertia"
+    in_order = not any(products) and (not is_matrix or xx >= yy >= zz)
+    return in_order and all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in body.inertia.pose)
+
+
+def _without_curvature_of_couplings(_: Tree, equality: Equality, law: ConstraintLaw) -> ConstraintLaw:
+    return law if isinstance(equality.says, Meeting) or _is_linear(equality) else replace(law, has_curvature=False)
+
+
+def _without_curvature(_: Tree, equality: Equality, law: ConstraintLaw) -> ConstraintLaw:
+    return law if _is_linear(equality) else replace(law, has_curvature=False)
+
+
+def _is_linear(equality: Equality) -> bool:
+    """Whether the rows of a coupling are linear in the positions of joints, so that J is the same everywhere."""
+    says = equality.says
+    if not isinstance(says, Linkage | TendonLinkage) or any(says.coefficients[2:]):
+        return False
+    return isinstance(says, Linkage) or all(isinstance(one, Sum) for one in says.tendons)
+
+
+_DUAL_PROBLEM = "MuJoCo documentation, Computation, Dual problem: the unconstrained acceleration of a constraint has the term J' v"
+_PARAMETERS = (
+    "MuJoCo documentation, Computation, Parameters, Diagonal approximation: the directional inverse inertia is averaged into a scalar"
+)
+_DEPARTURES = (
+    Departure(
+        name="inverse weight of a slider",
+        engine="mujoco",
+        sentence="MuJoCo takes 1/m for the inverse weight of a body that only slides, where it documents the mean over three directions",
+        remedy='set <flag diagexact="enable"/>, or write simple="false" on the body',
+        source=f"{_PARAMETERS}; MuJoCo, src/engine/engine_setconst.c, set0: body_simple == 2 has 1 / mass; src/user/user_model.cc",
+        law=_weighed_by_mass,
+    ),
+    Departure(
+        name="J' v of couplings",
+        engine="mujoco",
+        sentence="MuJoCo leaves J' v out of couplings of joints and tendons, and one that is not linear is wrong by it wherever it moves",
+        remedy="couple by a linear polynomial, or expect the error to grow with the square of the speed",
+        source=f"{_DUAL_PROBLEM}; MuJoCo, src/engine/engine_core_constraint.c, mj_Jdotv: rows of connect and weld alone",
+        law=_without_curvature_of_couplings,
+    ),
+    Departure(
+        name="J' v of all equalities",
+        engine="mjx",
+        sentence="MJX leaves J' v out of all equalities, and loops are wrong by it wherever they move",
+        remedy="use MuJoCo where loops move fast",
+        source=f"{_DUAL_PROBLEM}; mujoco.mjx, _src/constraint.py: aref has no such term",
+        law=_without_curvature,
+    ),
+)
