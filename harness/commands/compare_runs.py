@@ -50,7 +50,7 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
     known = _runs(bracket)
     if listed:
         _list([_run(bracket.history, number) for number in known])
-        return
+        bracket.finish([], False, bool(known))
     first, second = (_run_called(bracket.history, known, name) for name in (before, now))
     if first.number == second.number:
         raise InvalidRequest(f"{before} and {now} are one run, {first.number}; see harness compare-runs --list")
@@ -114,7 +114,7 @@ def _list(runs: Sequence[ComparedRun]) -> None:
     versions = [one.run.versions for one in runs]
     differing = sorted({name for each in versions for name in each if len({one.get(name) for one in versions}) > 1})
     if not runs:
-        say("no run of this library is in the history")
+        say("no run of this library is in the history; harness report adds one")
     columns: dict[Column | str, str | Callable[[ComparedRun], object]] = {
         Column("run", "plain"): "number",
         "started": "run.started",

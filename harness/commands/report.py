@@ -48,7 +48,7 @@ def command(bracket: Bracket, profile: str) -> None:
     )
     bracket.begin(states, profile, CrossCheckResult)
     robots = _robots(bracket)
-    study = cross_check(bracket, settings, brief=True, beside={"robots": vars(robots.result())} if robots else {})
+    study = cross_check(bracket, settings, brief=True, robots=robots)
     ranking = ranked(bracket.library, study.result().records, bracket.pool)
     bracket.keep(CrossCheckResult(worst_cases=ranking))
     drawn = robots.settings.paths if robots else ()

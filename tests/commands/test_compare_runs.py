@@ -70,6 +70,12 @@ def test_runs_are_listed(folder: Path) -> None:
     assert "mujoco 5.0" in done.stdout
 
 
+def test_a_history_without_runs_is_exit_status_1(tmp_path: Path) -> None:
+    History(tmp_path / "reports" / "history.sqlite").close()
+    done = harness("compare-runs", "--list", cwd=tmp_path)
+    assert (done.returncode, done.stdout.splitlines()[0]) == (1, "no run of this library is in the history; harness report adds one")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -38,13 +38,13 @@ def cross_check(
     settings: Settings,
     quantities: Sequence[str] = (ACCELERATIONS,),
     brief: bool = False,
-    beside: Mapping[str, Any] | None = None,
+    robots: RobotComparison | None = None,
 ) -> CrossCheck:
     """Run to the end, and find why some records are not as expected; the causes are added to the result.
 
     One cross-check follows the other where there are several quantities; the last has the records of all, and what failed. ``brief``:
-    all other quick quantities follow at a few states, for the subjects whose accelerations are sound and as expected. ``beside``:
-    further parts of the JSON file.
+    all other quick quantities follow at a few states, for the subjects whose accelerations are sound and as expected. ``robots``:
+    a comparison that was run beside, which stands in the JSON file too.
     """
     from harness.crosscheck.run import CrossCheck
     from harness.results.cross_check import CrossCheckResult
@@ -61,10 +61,20 @@ def cross_check(
     found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
-    further = {"summary": found.conclusion(quantities), "causes": found.causes, "remarks": settings.library.remarks()}
-    present = {name: part for name, part in further.items() if part} | dict(beside or {})
+    further = {"summary": _sentence(found, quantities, robots), "causes": found.causes, "remarks": settings.library.remarks()}
+    present: dict[str, Any] = {name: part for name, part in further.items() if part}
+    present |= {"robots": vars(robots.result())} if robots else {}
     bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
     return study
+
+
+def _sentence(found: CrossCheckResult, quantities: Sequence[str], robots: RobotComparison | None) -> str:
+    """The conclusion on mechanisms, and on the robots beside them."""
+    if robots is None:
+        return found.conclusion(quantities)
+    from harness.results.survey_conclusion import survey_summary
+
+    return f"{found.conclusion(quantities)} {survey_summary(robots.result())}"
 
 
 def _followed(bracket: Bracket, before: CrossCheck | None, study: CrossCheck) -> CrossCheck:
@@ -143,7 +153,7 @@ def finish(
     found = study.result()
     records = with_short_names(found.records)
     asked, others = ([one for one in records if (one.quantity in quantities) is named] for named in (True, False))
-    say(found.conclusion(quantities), *Causes(with_short_names(found.causes)).told(), "")
+    say(_sentence(found, quantities, robots), *Causes(with_short_names(found.causes)).told(), "")
     shown = print_table(asked, bracket.run, bracket.detail)
     print_further_quantities(others)
     say(*study.settings.library.remarks())

@@ -66,12 +66,24 @@ class UrdfReader:
         source, place = self._source, self._source.place(self._source.root)
         order = self._order()
         if floating_base:
+            self._refuse_floating(order[0])
             names = (FLOATING_BASE, *(f"{FLOATING_BASE}_{number}" for number in range(2, len(self._joints) + 3)))
             self.floating_base = next(name for name in names if name not in self._joints)
         beside = Beside(source, self._links, self._joints, self._kinds)
         bodies = tuple(self._body(name, beside, floating_base and name == order[0]) for name in order)
         down = Fraction(0), Fraction(0), Given(-gravity, place, "gravity")
         return Tree(bodies, down, beside.springs, place=place), beside.equalities()
+
+    def _refuse_floating(self, root: str) -> None:
+        """Refuse a floating base where links without mass, each with one joint, lead from the root to a free joint."""
+        link = root
+        while self._links[link].find("inertial") is None and len(self._below.get(link, ())) == 1:
+            (link,) = self._below[link]
+            joint = self._above[link][0]
+            if (kind := self._kinds[str(joint.get("name"))]) == JointKind.FREE:
+                self._source.refuse(joint, f"{describe(joint)} lets the robot float already; leave the floating base out")
+            if kind is not None:
+                return
 
     def _link_of(self, joint: etree._Element, tag: str) -> str:
         part = joint.find(tag)
