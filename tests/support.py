@@ -36,7 +36,7 @@ from harness.programs.program import StraightLineProgram
 from harness.results.records import ACCELERATIONS, Record
 from harness.storage import cache_directory
 from harness.study import Study, complete
-from harness.workers import Outcome, Task, Workers
+from harness.workers import Outcome, SchedulerLost, Task, Workers
 
 _ENGINE = """
 import ctypes, math, os, subprocess, sys, time
@@ -207,6 +207,19 @@ class InThisProcess(Workers):
                 yield Outcome(task, value=task.function(*task.arguments, lambda text: None))
             except Exception as error:
                 yield Outcome(task, exception=error)
+
+
+def losing_after(answers: int) -> type[Workers]:
+    """Workers of this process, of which a cluster gives so many answers and is gone."""
+
+    class Losing(InThisProcess):
+        def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
+            for number, outcome in enumerate(super().run(tasks, further)):
+                if self.scheduler is not None and number == answers:
+                    raise SchedulerLost(f"the scheduler at {self.scheduler.address} is gone")
+                yield outcome
+
+    return Losing
 
 
 @dataclass(frozen=True)

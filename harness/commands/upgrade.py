@@ -155,7 +155,12 @@ def _ask(bracket: Bracket, settings: Settings, *names: str) -> _Answers:
 
     study = CrossCheck(settings_of(settings, names))
     records = bracket.complete(study, kept=False).records
-    return _Answers(study, records, bracket.complete(PortraitStudy(settings, records), kept=False))
+    portraits = bracket.complete(PortraitStudy(settings, records), kept=False)
+    if bracket.lost is not None:
+        # From versions that were not asked to the end nothing follows.
+        bracket.write_json(records)
+        bracket.finish([], True, False)
+    return _Answers(study, records, portraits)
 
 
 def _explained(

@@ -8,17 +8,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support import Done, InThisProcess, harness, make_library
+from support import Done, harness, losing_after, make_library
 
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
 from harness.results.night import Night
-from harness.workers import Outcome, SchedulerLost, Task, Workers
 
 ADDRESS = "tcp://cluster:8786"
 LOST = f"The scheduler at {ADDRESS} is gone: "
@@ -30,19 +28,6 @@ COMMANDS: dict[str, list[str]] = {
     "faults": ["faults", "bar_pendulum", "--kind", "sign"],
     "nightly": ["nightly", "--stage", "cross-check", "--faults", "0", "--states", "40", "--out", "out"],
 }
-
-
-def losing_after(answers: int) -> type[Workers]:
-    """Workers of this process, of which a cluster gives so many answers and is gone."""
-
-    class Losing(InThisProcess):
-        def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
-            for number, outcome in enumerate(super().run(tasks, further)):
-                if self.scheduler is not None and number == answers:
-                    raise SchedulerLost(f"the scheduler at {ADDRESS} is gone")
-                yield outcome
-
-    return Losing
 
 
 def lose(command: str, answers: int, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Done:

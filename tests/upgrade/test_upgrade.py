@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import toy_engine
-from support import Done, cache_with_mechanisms, harness
+from support import Done, cache_with_mechanisms, harness, losing_after
 
 from harness.environments import find_environments
 
@@ -157,3 +157,12 @@ def test_a_planted_wheel_is_bisected_among_five(library: Path, tmp_path: Path, m
     done, _ = upgraded(library, "toy", "--bisect", "5.0..5.2")
     assert done.returncode == 0
     assert done.stdout.startswith("No version of toy up to 5.2 changes what 5.0 does; asked: 5.0, 5.2 of 3 versions\nNo: toy 5.2 ")
+
+
+@pytest.mark.parametrize("answers", [0, 5])
+def test_without_its_cluster_nothing_is_said_of_versions(library: Path, answers: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("support.InThisProcess", losing_after(answers))
+    done, _ = upgraded(library, "toy", "1.0", "1.2", "--scheduler", "tcp://cluster:8786")
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert "the scheduler at tcp://cluster:8786 is gone" in (done.stdout + done.stderr).splitlines()[0].replace("The", "the")
+    assert "change" not in done.stdout

@@ -256,6 +256,11 @@ def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[C
                     with bracket._exit:
                         command(bracket, **given)
                 except (InvalidInput, InvalidRequest) as error:
+                    from harness.workers import SchedulerLost
+
+                    if isinstance(error, SchedulerLost):
+                        say(f"harness: {error}", err=True)
+                        sys.exit(options.CRASHED)
                     options.report_errors([error])
 
         return functools.reduce(lambda decorated, decorator: decorator(decorated), reversed(decorators), wrapper)
