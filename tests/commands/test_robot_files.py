@@ -107,7 +107,7 @@ def test_an_engine_is_judged_as_its_user_calls_it_and_its_readings_are_named(fol
 
 
 def test_a_plain_engine_that_its_readings_do_not_explain_is_red(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.explain.meant.find_readings", lambda *_: [])
+    monkeypatch.setattr("harness.explain.as_read.find_readings", lambda *_: [])
     done = harness("check", "arm.urdf", "--states", "12", cwd=folder)
     assert done.returncode == 1 and rows(done)["pinocchio/urdf"][3].startswith("disagrees")
     assert "harness diagnose arm.urdf --states 12" in done.stdout

@@ -98,7 +98,7 @@ def test_without_its_readings_a_plain_answer_is_unexplained(engine: str, monkeyp
     path = arm(tmp_path)
     record = record_of(engine, path)
     assert record.explained and OTHERWISE[engine] in {one.name for one in record.readings}
-    monkeypatch.setattr("harness.explain.meant.find_readings", lambda *_: [])
+    monkeypatch.setattr("harness.explain.as_read.find_readings", lambda *_: [])
     assert not record_of(engine, path).explained
 
 

@@ -40,14 +40,14 @@ def test_a_reading_explains_a_plain_answer(name: str, engine: str, reading: str,
 def test_without_its_reading_the_answer_is_not_explained(
     name: str, engine: str, reading: str, texts: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harness.explain.meant.find_readings", lambda *_: [])
+    monkeypatch.setattr("harness.explain.as_read.find_readings", lambda *_: [])
     record = record_of(FILES / name, engine)
     assert not record.explained and record.rest
 
 
 def test_one_number_that_explains_the_rest_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """ABA takes the one damper of this arm for none."""
-    monkeypatch.setattr("harness.explain.meant.find_readings", lambda *_: [])
+    monkeypatch.setattr("harness.explain.as_read.find_readings", lambda *_: [])
     path = edited(FILES / "arm.urdf", tmp_path, ('<dynamics damping="0.25" friction="0.125"/>', ""))
     record = record_of(path, "pinocchio")
     assert record.rest[0].startswith(f"arm.urdf:{line_of(path, 'damping=')}: dynamics damping = 0.5: the engine behaves as with ")
