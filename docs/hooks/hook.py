@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,12 @@ def on_files(files: Files, config: Any) -> Files:
             files.append(File.generated(config, path, content=content))
         sections[generator.SECTION].extend(made.nav)
     return files
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """Name the search for readers of screens, and let the keyboard reach a block that scrolls."""
+    named = output.replace('data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"')
+    return re.sub(r"(<pre[^>]*>(?:<span></span>)?<code)(?=[ >])", r'\1 tabindex="0"', named)
 
 
 def on_post_build(config: Any) -> None:
