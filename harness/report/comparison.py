@@ -164,7 +164,7 @@ def _readings(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
 def _reading_lines(subject: SubjectRecord) -> list[str]:
     is_refused = subject.outcome == "refused"
     readings = by_effect(subject.readings)
-    told = [(f"  {reading_line(one, MOST_LINES)}", f"    {one.source}") for one in readings]
+    told = [(f"  {reading_line(one, MOST_LINES)}", f"    {one.source}", f"    documentation: findings/{one.page}") for one in readings]
     these = "these readings" if len(readings) > 1 else "this reading"
     return [
         f"  {'it says: ' if is_refused else ''}{subject.message}" if subject.message else "",
