@@ -41,7 +41,7 @@ COMMANDS = {
 }
 NOT_MEASURED = (
     "`harness report`, `nightly`, `atlas` and a check without names cover the whole catalogue: one to several minutes once the equations "
-    "are in the cache. Deriving them takes about half a minute, once. `harness upgrade` and `engines add` take what pip takes to install an "
+    "are in the cache. Deriving them takes about half a minute, once. `harness upgrade` and `engines add` take what pip takes for an "
     "engine, the first time."
 )
 
