@@ -9,7 +9,6 @@ An outcome is a pickle. The cache holds machine code, too: whoever may write the
 from __future__ import annotations
 
 import base64
-import binascii
 import hashlib
 import itertools
 import pickle
@@ -57,7 +56,7 @@ class Answered:
 
         What cannot be pickled or written is asked again, with all behind it.
         """
-        with suppress(pickle.PicklingError, AttributeError, TypeError, RecursionError):
+        with suppress(Exception):
             content = pickle.dumps((place, outcome.value, outcome.exception, outcome.crash), protocol=5)
             write_entry(self._folder(unit) / str(number), base64.b64encode(content).decode())
 
@@ -68,8 +67,8 @@ class Answered:
                 return
             try:
                 place, value, exception, crash = pickle.loads(base64.b64decode(text))
-            # What another version of a library has written.
-            except (pickle.UnpicklingError, binascii.Error, AttributeError, ImportError, TypeError, ValueError, EOFError, IndexError):
+            # Of another version of a library, which may say so in any way.
+            except Exception:
                 return
             yield place, Outcome(Task(None, _nothing, ()), value, exception, crash)
 
