@@ -1,23 +1,8 @@
 """Hamilton's principle along computed paths: of all paths between two configurations, is it the one a system takes?
 
-Two questions are put to the positions q(t_k) of a path, and to nothing else of it:
-
-- the discrete Euler-Lagrange residual, D2 L_d(q_k-1, q_k) + D1 L_d(q_k, q_k+1) + forces = 0 with the discrete
-  Lagrangian L_d(a, b) = h L((a + b)/2, (b - a)/h), which a path sampled from a true one leaves at O(h^2);
-- the change of the action under variations that are zero at both ends, S[q + eps eta] - S[q] + eps int Q eta dt,
-  whose first-order part vanishes for a true path: its logarithm has slope 2 over log eps, and 1 for a wrong one.
-
-L = T - V is the textbook's, of the energy program, and no acceleration is computed. Q are the non-conservative forces.
-Vectors of forces are measured by the accelerations they would give, in the norm of the kinetic energy.
-
-Between the two slopes lie paths that are off by about as much as the variations, 1e-4 to 1e-3 of the motion. What a
-method of low order leaves of the first variation falls with the step; what a wrong model leaves does not.
-
 Systems with ball or free joints are left out: their positions are no vectors, so q + eps eta is no path of theirs.
 
-Sources: Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., sections 2.1 and 2.3; Marsden, West, Discrete
-mechanics and variational integrators, Acta Numerica 10 (2001), sections 1.2 and 3.2; Trefethen, Weideman, The
-exponentially convergent trapezoidal rule, SIAM Review 56 (2014).
+Proofs and sources: docs/inside/numerics.md, "Stationary action".
 """
 
 from __future__ import annotations

@@ -1,15 +1,6 @@
 """The gap between two computed motions, and what each cause has in it.
 
-Each motion follows from equations (a file, as the engine's reader has it), an integrator's rule and a step length, and from the rounding
-of an engine. With all three of one motion and those of the other, and every mixture of them, the rule's own motion is followed in
-balls. A cause's share is the mean, over all orders in which the causes are exchanged one after the other, of what its exchange does
-(Shapley's value): the shares and the rounding of both engines sum to the gap. They are vectors in the coordinates of the exponential map
-at the end of the first declared motion, of which the parts along the gap are given, by the kinetic-energy norm.
-
-Engines that take no steps are moved from their accelerations, as users write steps who integrate by themselves.
-
-Sources: Shapley, A value for n-person games, Contributions to the Theory of Games II (1953); Hairer, Lubich, Wanner, Geometric Numerical
-Integration, 2nd ed., sections I.1 (symplectic Euler) and IV.8 (Lie group methods).
+Proofs and sources: docs/inside/numerics.md, "The gap between two motions".
 """
 
 from __future__ import annotations

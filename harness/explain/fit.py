@@ -1,18 +1,6 @@
 """Fit of one value to a residual, the order in which values are fitted, and one direction that explains the errors of all states.
 
-Screening compares the derivative of the residual by each value with the residual: a value whose best linear change leaves
-little is fitted first. The fit is Gauss and Newton's method. The derivative is updated by the secant of each step, which
-for one value is Broyden's method, and computed anew where that fails. A step that does not lessen the residual, or that is
-refused, is shortened.
-
-A wrong number is told from lost digits by its direction, however ill-conditioned M is. Rounding errors at different mass matrices have
-nothing to do with each other. A wrong number moves every answer by the same multiple of its own derivative. So the errors are projected on
-the derivatives by each number: least squares with one unknown, states weighted by what their conditioning may lose. The errors of states
-that share M are one observation, for their rounding is shared too; how far observations disagree about the multiple is its standard error.
-
-Sources: Nocedal, Wright, Numerical Optimization, 2nd ed., sections 3.1 and 10.3; Golub, Van Loan, Matrix Computations,
-4th ed., section 5.3, on the residual of a least-squares fit; Belsley, Kuh, Welsch, Regression Diagnostics (1980), chapter 2; Liang, Zeger,
-Longitudinal data analysis using generalized linear models, Biometrika 73 (1986), for errors that are dependent within groups.
+Proofs and sources: docs/inside/numerics.md, "A wrong number or lost digits".
 """
 
 from __future__ import annotations

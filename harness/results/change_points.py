@@ -1,30 +1,6 @@
 """Change points of a number that is measured anew every night.
 
-The method is a combined Shewhart and CUSUM chart with two sides (Lucas 1982) of self-starting scores (Hawkins 1987). A night's
-value, a logarithm, is scored against the mean of the nights since the last change:
-
-    u = (x - mean) / (s sqrt(1 + 1/n)),
-
-which is normal, and independent from night to night, where nothing has changed. A score beyond a limit is a jump, found the night it
-happens. Of smaller ones the sums max(0, S + u - 1/2) and max(0, S - u - 1/2) are kept; one beyond a decision interval is a drift.
-
-Where the noise of a value is known beforehand, as that of a median over so many states, s is that noise and n = 1 night is enough. s is
-the scatter of the nights themselves where that is larger, and where it is much larger, or where no noise is known, u comes from Student's
-distribution with n - 1 degrees of freedom. Largest values and costs have a long upper tail: that of their u is Gumbel's, widened as
-Student's distribution is.
-
-A machine's noise comes and goes: a cost is judged by runs of nights, each of which is as unlikely as the root of what is allowed, and the
-nights of a run that ends too soon are noise. Costs have no drifts.
-
-Limit and interval follow from the false alarms that are allowed in one night over all cells: the limit by Bonferroni's inequality,
-the interval by Siegmund's approximation of the average run length. They hold for nights that are independent of one another and whose
-noise is known. Nights of a cost resemble each other, and a worst error may have two humps. A value whose noise is not known is therefore
-held against all others of its pool as well: a jump is one only where its score is well beyond the largest scores of all earlier nights
-but one, whatever cell they were of. Where nights are exchangeable, such a night is one of two among all of them; no other law is assumed.
-The one that is left out is the night of a true change, which would else hide every smaller one behind it.
-
-Source: J. M. Lucas, Combined Shewhart-CUSUM quality control schemes, J. Quality Technology 14 (1982); D. M. Hawkins, Self-starting
-CUSUM charts for location and scale, The Statistician 36 (1987); D. Siegmund, Sequential Analysis (1985), section 2.6.
+Proofs and sources: docs/inside/numerics.md, "Change points".
 """
 
 from __future__ import annotations

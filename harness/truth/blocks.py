@@ -1,16 +1,6 @@
 """Certified values of any program's outputs in blocks, and their data roundoff.
 
-What a program takes from a computation before it, as the accelerations that solve the equations of motion, is a ``Between``: certified
-values with their derivatives by the inputs. The data roundoff of a block is what one unit roundoff in every input does to it through both
-steps, and what the data roundoff and the rounding of the values between do to it through the second one alone: an engine that takes
-both steps does not make the same errors in both, so that they need not cancel.
-
-Beside it stands the share of the parts: one unit roundoff of each vector that an algorithm may form of a block and cancel, where a quantity
-says how large they are, and the shares of the values between. Derivatives do not show what cancels whatever the inputs are, as the
-moments about a hinge that an applied torque of zero leaves. As with the share of the motion, ``harness.truth.compare`` grants it only
-to a block that would fail without it.
-
-Sources: those of ``harness.truth.reference``.
+Proofs and sources: docs/inside/numerics.md, "Blocks".
 """
 
 from __future__ import annotations

@@ -1,16 +1,6 @@
 """The componentwise backward error of an answer: by how many unit roundoffs the inputs must move, each by itself, to give the answer.
 
-It is the smallest t such that, to first order, inputs moved by at most t unit roundoffs each, and an answer by at most t in each
-component, explain the error:
-
-    minimise t  subject to  sum_k D_k u y_k + u diag(|a|) w = a - a*,  |y_k| <= t, |w_i| <= t,  D_k = dqdd/dz_k |z_k|,
-
-a linear program. The backward error of ``harness.truth.compare`` sets a norm of the error against a sum of norms, and in the
-kinetic-energy norm a light link counts for little beside a heavy one. Here each direction of the error must be explained by data
-that move it. Hence the former is at most t (1 + sum_i |a_i| |e_i|_M / sum_k |D_k|_M), whose second term is the rounded answer's.
-
-Sources: Oettli, Prager, Compatibility of approximate solution of linear equations with given error bounds, Numer. Math. 6
-(1964); Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 7.1 (componentwise backward error).
+Proofs and sources: docs/inside/numerics.md, "Componentwise backward error".
 """
 
 from __future__ import annotations

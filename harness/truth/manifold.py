@@ -1,15 +1,6 @@
 """States of a mechanism with constraints: the coordinates that constraints determine, found on the branch of its assembly.
 
-The other coordinates are given float64 numbers. ``Branch`` finds the configuration in float64, many states at a time: from the assembly
-the coordinates that no constraint determines move straight to their values in small steps. One step of Newton's method closes the
-constraints from where the tangent leads; the Jacobian that it takes gives the next tangent too. Then
-``enclosure`` proves in double-double that it is one; what that leaves open it decides in balls. A
-state holds the float64 numbers nearest to what was enclosed.
-
-Where that fails the state keeps the determined coordinates of the assembly. It does not close the constraints there, so that its truth
-is undecided (``harness.truth.reference``), and nobody is judged by a state that was made up.
-
-Source: Allgower, Georg, Introduction to Numerical Continuation Methods, chapter 2.
+Proofs and sources: docs/inside/numerics.md, "Closing a loop".
 """
 
 from __future__ import annotations

@@ -1,26 +1,7 @@
 """The certified acceleration at the exact float64 inputs, and its data roundoff.
 
-Most states are certified in double-double with proven bounds, by ``harness.programs.loops.interpreter``, which gives the data roundoff
-too. What its bounds do not decide, and programs that it has no code for, are evaluated in balls and solved rigorously; precision
-doubles until the radius is negligible beside the data roundoff, which then comes from ``harness.truth.balls``.
-
-Beside it stands the share of the motion and of the weight. Engines work in Cartesian frames, in which centripetal forces, v x (m v)
-and moments of weights are formed and cancel; the equations have lost these terms to algebra, so no derivative shows them. Of the motion
-it is one unit roundoff of twice the kinetic energy, as a torque on every rotating coordinate. Of the weight it is one of g sqrt(m):
-by Gauss's principle the accelerations are those that the joints leave of an acceleration of each element of mass, which makes none
-longer, and a fall of all elements at g is that long; it counts where the exact answer is shorter than an eighth of it, so that weights
-cancel for the most part. Without the share a wheel that is carried along at 10 m/s, a pendulum at its dead
-centre, or a rod that hangs from a turntable would condemn every general algorithm. It depends on the observer, and ``compare`` grants
-it only to an answer that would fail without it.
-
-Norms are kinetic-energy norms |x|_M = sqrt(x' M x), which make metres and radians comparable and do
-not depend on the choice of coordinates.
-
-The data roundoff of a robot is that of a mechanism whose parameters are the numbers of its file: one unit roundoff of each as it stands
-there, once however many elements share it through a class. Numbers that are zero are exact.
-
-Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 7; Demmel, Underflow
-and the reliability of numerical software, SIAM J. Sci. Stat. Comput. 5 (1984), for inputs near zero.
+Proofs and sources: docs/inside/numerics.md, "Accelerations"; docs/inside/numerics.md, "Data roundoff"; docs/inside/numerics.md,
+"Share of the motion and of the weight".
 """
 
 from __future__ import annotations

@@ -1,32 +1,6 @@
 """The terms of the equations of motion, certified at the exact float64 inputs, each with its own data roundoff.
 
-Velocity, gravity, passive and applied forces are measured by what they do to the accelerations, |f| = |M^-1 f|_M, the
-dual of the kinetic-energy norm. Data roundoff is what one unit roundoff in every input does to a term. To it is added what no
-derivative shows, because algebra has cancelled it and engines, which work in Cartesian frames, cannot:
-
-- one unit roundoff of each component of a force, which whoever returns it rounds;
-- for the velocity terms, one unit roundoff of sum_i |J_i|^2 v_i^2 as a torque on every rotating coordinate: the torque share of
-  ``harness.truth.reference``, with what twice the kinetic energy would be if nothing cancelled. Without a share MuJoCo would be
-  wrong about a simple pendulum, which has no velocity terms at all, and both engines about heavy tops and a bead on a hoop;
-  with twice the kinetic energy itself, MuJoCo is off by 230 data roundoffs where a Puma moves its last wrist alone;
-- for gravity, one unit roundoff of the weight on each coordinate, at most g sqrt(m) |J_i| for the whole mass m by Cauchy and
-  Schwarz. Inverse dynamics turn the weight into each body's frame and back: where the exact torque on a wheel at a hanging
-  pendulum is 0, Pinocchio finds 1e-17 N m;
-- for the forces of constraints, what one unit roundoff of |J_i| |J_j| in each entry of M does to M qdd, which they take part in balancing:
-  where Andrews' mechanism is light and fast, MuJoCo's M is as sound as that, and its forces are off by 79 data roundoffs without.
-
-J_i is the Jacobian's column in the metric of the masses: M_ij = <J_i, J_j>. |J_i| = sqrt(M_ii) for a slide. For rotating
-coordinates it is that of the largest moment of inertia of the mechanism, or of the one which the slides' positions give it
-about their origin: engines take inertias and momenta about a point of their own choice (MuJoCo: the centre of mass of the
-whole tree) and then to the joint's axis, and what cancels is as large.
-
-The mass matrix is judged entry by entry. In a norm of operators, |R^-T E R^-1| with M = R'R, one unit roundoff of one entry
-counts up to kappa times, and no algorithm that returns M in float64 avoids it. Whoever sums the scalar product M_ij rounds
-as much as |J_i| |J_j|, also where algebra makes it 0, and that is an entry's share. By sqrt(M_ii) alone MuJoCo's M of a
-Puma is off by 740 data roundoffs at the wrist, 4e-5 kg m^2 at the end of 0.9 m, while its accelerations are sound.
-
-Sources: Oettli, Prager, Numer. Math. 6 (1964), for componentwise backward errors; Higham, Accuracy and Stability of
-Numerical Algorithms, 2nd ed., section 3.1 (scalar products); Featherstone, Rigid Body Dynamics Algorithms, chapter 6.
+Proofs and sources: docs/inside/numerics.md, "Terms".
 """
 
 from __future__ import annotations

@@ -1,16 +1,6 @@
 """Double-double arithmetic in which every number carries a proven bound of its error.
 
-A number is (high, low, bound): high + low is what was computed, high its rounding to float64, and what it stands for lies within
-``bound`` of it. Bounds are absolute. They are computed in float64 and rounded upwards by ``_UPWARDS``, which is more than the
-roundings of any one bound add up to. ``UNDERFLOW`` stands for what products and quotients lose below the smallest numbers. What
-may overflow, and what is out of the range that a proof asks for, has the bound infinity or NaN: no comparison accepts it.
-
-The exact zero, (0, 0, 0), stays exact, so that a state at rest has accelerations that are zero and not nearly so.
-
-Sources, u = 2^-53: Joldes, Muller, Popescu, Tight and rigorous error bounds for basic building blocks of double-word arithmetic,
-ACM TOMS 44 (2017): algorithms 6, 12 and 17, of relative errors 3 u^2 + 13 u^3, 5 u^2 and 15 u^2 + 56 u^3. Lefevre, Louvet, Muller,
-Picot, Rideau, Accurate calculation of Euclidean norms using double-word arithmetic, ACM TOMS 49 (2023), for the root: 25/8 u^2.
-Muller et al., Handbook of Floating-Point Arithmetic, 2nd ed., chapter 11 (reduction of arguments).
+Proofs and sources: docs/inside/numerics.md, "Double-double".
 """
 
 from __future__ import annotations

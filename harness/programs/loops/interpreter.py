@@ -1,24 +1,10 @@
 """Accelerations with a proven bound of their error, and their sensitivity, by one compiled loop over a program's instructions.
 
-For each state ``harness.programs.loops.loops`` does every instruction in double-double with its bound; M and the right-hand side; a
-Cholesky factor of M in float64, whose inverse X is an approximate inverse of M; the solution, refined with residuals in
-double-double; and adjoints.
-
-With a the solution found, r = f - M a and G = I - X M, the error d obeys d = X r + G d. So |d| <= max |X r| / (1 - alpha) for the
-largest row sum alpha of |G|, and row by row |d_i| <= |X r|_i + alpha_i |d|. All of it is taken in coordinates in which M has unit
-diagonal.
-
-One sweep backwards gives the derivatives of all nv equations f - M a at fixed a by all inputs. Another one, of absolute values
-summed over the equations, bounds their roundings: each way from an equation back to an input adds the product of its partial
-derivatives, and no way has more roundings than ``Encoded.roundings``.
-
 The loops are compiled once for all mechanisms, kept beside heyoka's machine code, and loaded in milliseconds. Compiling takes a third of a
 second for each of the two modules, of which trees need ``loops`` alone; the object file that is kept belongs to one processor and one
 version of LLVM. An entry that is damaged is made anew.
 
-Sources: Rump, Verification methods: rigorous results using floating-point arithmetic, Acta Numerica 19 (2010), section 10;
-Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 3 (gamma_n) and 12 (refinement); Griewank, Walther,
-Evaluating Derivatives, 2nd ed., section 3.2 (reverse mode).
+Proofs and sources: docs/inside/numerics.md, "Accelerations".
 """
 
 from __future__ import annotations

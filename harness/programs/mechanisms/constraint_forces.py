@@ -1,27 +1,6 @@
 """The equations of motion of a tree under constraints: with the forces that hold them, or with those of a law that lets them give.
 
-With J the Jacobian of the rows by the rates and b = J' v their bias, accelerations obey J a = -b. The tree's equations get the forces
--J' lambda besides:
-
-    M a = f - J' lambda,    J a = -b,    f = tau + p - c - g.
-
-They are had in two ways that share no step. ``by_multipliers`` solves (J M^-1 J') lambda = J M^-1 f + b. ``by_reduction`` writes
-a = B w + n in the accelerations w of the coordinates that no constraint determines, B = (1, -J_d^-1 J_w), n = (0, -J_d^-1 b), solves
-B' M B w = B' (f - M n), and has the forces from M a - f.
-
-Only rows that are not redundant take part. Eliminations are written out without pivots: M and J M^-1 J' are positive definite, and
-J_d is made orthogonal column by column, which fails only where it is singular.
-
-``softened_program`` is for engines whose constraints are soft. With a weight D_i = d_i / ((1 - d_i) A_i) for each row, A_i its inverse
-mass, and the acceleration r_i = -b_i (J v)_i - k_i d_i phi_i that would bring it back, they minimise Gauss' function and a penalty,
-
-    |M^-1 f - a|^2_M + sum D_i ((J a + b)_i - r_i)^2,    (M + J' D J) a = f + J' D (r - b),
-
-so that the forces are J' D (r - b - J a).
-
-Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 3.2 and 8.4; Greenwood, Advanced Dynamics, section 4.3 (Maggi);
-Bjorck, Solving linear least squares problems by Gram-Schmidt orthogonalization, BIT 7 (1967); MuJoCo documentation, Computation,
-sections "Constraint model" and "Constraint solver", for the last.
+Proofs and sources: docs/inside/numerics.md, "Constraint forces".
 """
 
 from __future__ import annotations

@@ -1,19 +1,6 @@
 """Derivatives of forward and inverse dynamics by positions, velocities and what is given besides, as straight-line programs.
 
-With tau = ID(q, v, a) = M a + c + g - p, the derivatives of the accelerations that forces tau cause are those of tau at these
-accelerations, solved for:
-
-    d qdd = M^-1 (d tau - dID|a),   a = qdd(q, v, tau) held fixed in dID.
-
-Everything is one program, with the accelerations and L D L' solutions inside, so that whatever evaluates and differentiates programs
-gives certified values and data roundoff, which are second derivatives of the equations of motion.
-
-Derivatives by positions are along the velocities of the joints: of a hinge or slide by its position, of a ball or free joint along
-q' = N(q) e_i, the change of q at the i-th unit velocity. A rotation is turned about an axis of the body; the position of a free joint
-moves along an axis of the frame in which its linear velocity is given. The components of v are kept.
-
-Sources: Carpentier, Mansard, Analytical derivatives of rigid body dynamics algorithms, RSS 2018; Sola, Deray, Atchuthan, A micro Lie
-theory for state estimation in robotics, 2018 (right Jacobians).
+Proofs and sources: docs/inside/numerics.md, "Derivatives of the dynamics".
 """
 
 from __future__ import annotations
