@@ -108,10 +108,10 @@ def test_a_docstring_that_names_a_section_of_numerics_names_one() -> None:
 
 
 def test_the_costs_are_of_the_commands_that_are_measured() -> None:
-    from costs import COMMANDS, PAGE
+    from command_costs import COMMANDS, PAGE
 
     measured = re.findall(r"^\| `harness (.*?)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert measured == [command.removesuffix(" --out {out}") for command in COMMANDS], "measure anew: python docs/hooks/costs.py"
+    assert measured == [command.removesuffix(" --out {out}") for command in COMMANDS], "measure anew: python docs/hooks/command_costs.py"
 
 
 # Commands

@@ -1,6 +1,6 @@
 """Measures the CPU seconds of commands and writes docs/reference/costs.md.
 
-    python docs/hooks/costs.py
+    python docs/hooks/command_costs.py
 
 Each command runs twice, so that what is derived once is in the cache; the second run counts, with all of its processes.
 """
@@ -72,7 +72,7 @@ def page() -> str:
     return "\n".join(
         [
             "# Costs\n",
-            f"CPU seconds of all processes together, on {machine}, measured by `python docs/hooks/costs.py`. On several cores a command "
+            f"CPU seconds of all processes together, on {machine}, measured by `python docs/hooks/command_costs.py`. On several cores a command "
             "takes less time than that.\n",
             table(["command", "what it stands for", "CPU seconds"], rows),
             f"{NOT_MEASURED}\n",
