@@ -72,8 +72,8 @@ def page() -> str:
     return "\n".join(
         [
             "# Costs\n",
-            f"CPU seconds of all processes together, on {machine}, measured by `python docs/hooks/command_costs.py`. On several cores a command "
-            "takes less time than that.\n",
+            f"CPU seconds of all processes together, on {machine}, measured by `python docs/hooks/command_costs.py`.",
+            "On several cores a command takes less time than that.\n",
             table(["command", "what it stands for", "CPU seconds"], rows),
             f"{NOT_MEASURED}\n",
             "`harness bench NAME` measures what engines cost. The limits on a cluster are on [its page](../how-to/cluster.md).\n",
