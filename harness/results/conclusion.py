@@ -155,6 +155,8 @@ def _reason_of_equalities(record: EqualitiesRecord) -> _Reason:
 def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -> Iterator[str]:
     """Rows on the engines' readings of the file, the largest effect first, and on what no body can have."""
     plain = [one for one in subjects if not one.aided]
+    # What was answered is not the user's own file.
+    yield from (f"{one.program}: {note.partition(': ')[0]}" for one in plain for note in one.notes)
     # Versions of one engine have readings in common, and those are told once.
     yield from reading_lines({reading.sentence: reading for one in plain for reading in one.readings}.values(), detail)
     agreeing = [one for one in plain if one.outcome == Verdict.AGREES and one.backward_error is not None and not one.readings]
@@ -181,7 +183,6 @@ def _further(subject: SubjectRecord) -> Iterator[str]:
         yield f"{program}: {subject.lost_digits}"
     if subject.cancels:
         yield f"{program}: {explanation(subject.readings)} cancel one another, and the answer is that of the file"
-    yield from (f"{program}: {note.partition(': ')[0]}" for note in subject.notes)
 
 
 def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:

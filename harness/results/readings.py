@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.results.detail import Detail, telling
-from harness.results.table import counted, error_text
+from harness.results.table import counted
 
 # The least relative change of accelerations that is one: less is rounding.
 FELT = 1e-12
@@ -77,7 +77,7 @@ def page_of(engine: str, name: str) -> str:
 
 
 def share_text(change: float | None) -> str:
-    """A relative change of accelerations: "47 %", "38 times", "joints lost"; a number where no percent shows it."""
+    """A relative change of accelerations: "47 %", "1.1e-05 %", "38 times", "joints lost"."""
     if change is None:
         return "unknown"
     if change == math.inf:
@@ -86,7 +86,7 @@ def share_text(change: float | None) -> str:
         return f"{change:.0f} times" if change < 1e3 else f"{change:.0e} times"
     if change >= 1:
         return f"{100 * change:.0f} %"
-    return f"{100 * change:.2g} %" if change >= 1e-4 else error_text(change)
+    return f"{100 * change:.2g} %"
 
 
 def felt_text(change: float | None) -> str:

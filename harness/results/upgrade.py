@@ -79,8 +79,7 @@ compiled_table = TableOf(CompiledChange, "name old new change", "Compiled number
 
 
 def _by_up_to(size: float) -> str:
-    text = share_text(size)
-    return f"by up to {text}{'' if text[-1].isalpha() or text[-1] == '%' else ' of their size'}"
+    return f"by up to {share_text(size)}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,7 +81,7 @@ SENTENCES = {
     ),
     "digits lost": (
         [AGREES, subject("pinocchio", "Pinocchio", "unstable", lost_digits="at 3 of 64 states", relative_error=1e-9)],
-        "MuJoCo and Pinocchio agree with the file. Pinocchio loses digits (1.00e-09 qdd).",
+        "MuJoCo and Pinocchio agree with the file. Pinocchio loses digits (1e-07 % of qdd).",
     ),
     "a version": (
         [subject("mujoco@3.13.0", "MuJoCo", "disagrees", readings=[MIMIC])],
@@ -145,7 +145,7 @@ def test_readings_in_a_cell() -> None:
     [
         (0.47, "47 %"),
         (0.00123, "0.12 %"),
-        (5e-9, "5.00e-09"),
+        (5e-9, "5e-07 %"),
         (1.0, "100 %"),
         (3.34, "334 %"),
         (37.9, "38 times"),
@@ -154,7 +154,7 @@ def test_readings_in_a_cell() -> None:
         (None, "unknown"),
     ],
 )
-def test_a_share_is_a_percentage_where_that_says_something(change: float | None, text: str) -> None:
+def test_a_share_is_a_percentage_below_ten_times(change: float | None, text: str) -> None:
     assert share_text(change) == text
 
 
