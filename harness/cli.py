@@ -27,9 +27,9 @@ import click
 from harness import commands
 from harness.commands import SECTIONS
 from harness.commands.frame.options import INTERRUPTED, INVALID, report_own_fault
+from harness.errors import is_out_of_memory
 from harness.library import FILE_SUFFIXES, TEMPLATE_SUFFIX, nearest
 from harness.registry import module_names
-from harness.study import is_out_of_memory
 from harness.version import SYSTEMS, __version__
 
 # What the system may refuse any command, and the way out.

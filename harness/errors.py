@@ -80,6 +80,28 @@ def message_of(error: BaseException) -> str:
         return f"its message cannot be had: str() raises {type(further).__name__}"
 
 
+def is_out_of_memory(exception: BaseException | None) -> bool:
+    """True where there is no memory left, be it for a library that is imported late."""
+    # Of a library that Python imports it is an ImportError, of one that ctypes loads an OSError without a number, of which llvmlite
+    # makes another that does not say why.
+    if isinstance(exception, ImportError | OSError):
+        return any(
+            words in message_of(exception) for words in ("failed to map segment", "bad_alloc", "Could not find/load shared object file")
+        )
+    return isinstance(exception, MemoryError)
+
+
+# What pybind11, Boost.Python and nanobind say of a C++ exception that they do not know.
+_UNKNOWN_EXCEPTION = ("unknown exception", "unidentifiable c++ exception", "could not be translated")
+
+
+def leaves_process_unsound(exception: BaseException | None) -> bool:
+    """True where native code may have been left in the middle of what it did, with locks that it holds and structures half made."""
+    if isinstance(exception, RuntimeError):
+        return any(words in message_of(exception).lower() for words in _UNKNOWN_EXCEPTION)
+    return isinstance(exception, SystemError) or is_out_of_memory(exception)
+
+
 def shown_path(path: Path) -> str:
     """The path from the current directory where it lies below that."""
     relative = os.path.relpath(path)

@@ -64,6 +64,8 @@ class Library:
         kinds: of mechanism that it can hold, by which methods and integrators say what they are for.
         reads_files: whether engines are handed files as their users do, and not models of mechanisms.
         stance: of the engines; those of mechanisms get all that a model says.
+        calls_engines_here: whether the harness's own engines are called in the process that asks them, as where programs are written
+            against them and timed, and not in processes of their own.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Library:
     kinds: tuple[str, ...] = (MECHANISMS, CONSTRAINED)
     reads_files: bool = False
     stance: Stance = Stance.AIDED
+    calls_engines_here: bool = False
 
     @classmethod
     def built_in(cls) -> Library:

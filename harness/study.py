@@ -21,7 +21,7 @@ from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, S
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from harness.errors import InvalidEngine, InvalidInput, message_of
+from harness.errors import InvalidEngine, InvalidInput, is_out_of_memory, message_of
 from harness.workers import Outcome, Task, Workers
 from harness.workers.tasks import MORE_MEMORY
 
@@ -168,17 +168,6 @@ def complete(study: Study, workers: Workers) -> Any:
     for _ in run_study(study, workers):
         pass
     return study.result()
-
-
-def is_out_of_memory(exception: BaseException | None) -> bool:
-    """True where there is no memory left, be it for a library that is imported late."""
-    # Of a library that Python imports it is an ImportError, of one that ctypes loads an OSError without a number, of which llvmlite
-    # makes another that does not say why.
-    if isinstance(exception, ImportError | OSError):
-        return any(
-            words in message_of(exception) for words in ("failed to map segment", "bad_alloc", "Could not find/load shared object file")
-        )
-    return isinstance(exception, MemoryError)
 
 
 def sentence(exception: BaseException) -> str:

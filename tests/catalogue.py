@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,6 +16,8 @@ from harness.library import MODEL_SUFFIXES, Library, member_of, robots_folder
 Name = TypeVar("Name", str, Path)
 
 BUILT_IN = Library.built_in()
+# For tests that look into an engine's own model.
+CALLED_HERE = replace(BUILT_IN, calls_engines_here=True)
 STATES = 100
 
 

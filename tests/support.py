@@ -16,7 +16,7 @@ import subprocess
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -28,13 +28,15 @@ from catalogue import BUILT_IN
 from click.testing import CliRunner
 
 from harness.cli import main
+from harness.crosscheck import assignment
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
+from harness.engines import files
 from harness.lagrange.equations import EquationsOfMotion
 from harness.library import MODEL_SUFFIXES
 from harness.programs.program import StraightLineProgram
 from harness.results.records import ACCELERATIONS, Record
-from harness.storage import cache_directory
+from harness.storage import Kept, cache_directory
 from harness.study import Study, complete
 from harness.workers import Outcome, SchedulerLost, Task, Workers
 
@@ -187,6 +189,13 @@ def given_out(tasks: Iterable[Task], further: Callable[[], Iterable[Task]]) -> I
     while waiting:
         yield waiting.popleft()
         waiting.extend(further())
+
+
+def call_engines_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the harness's own engines called in this process, where a test can patch them."""
+    engine_of = files._engine_of
+    monkeypatch.setattr(files, "_engine_of", lambda library, name: engine_of(replace(library, calls_engines_here=True), name))
+    monkeypatch.setattr(assignment, "_MODELS", Kept(64))
 
 
 class InThisProcess(Workers):

@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from harness.engines import (
     Engine,
@@ -33,9 +33,6 @@ from harness.registry import select
 from harness.results.comparison import fixed_base, names_apart
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot
-
-# What a geom weighs follows from these.
-_WEIGHED_BY = ("type", "size", "fromto", "meshname", "fitscale", "mass", "density", "typeinertia", "group")
 
 
 def engine_of(name: str) -> Engine:
@@ -76,47 +73,9 @@ def robot_at(path: Path, floating_base: bool = False) -> Robot:
     return read_robot(path, floating_base=floating_base, compile_meshes=compiled_meshes)
 
 
-def compiled_meshes(path: Path) -> dict[Number, CompiledMesh]:
-    """The geoms of meshes by body and geom, as MuJoCo's own compile weighs them.
-
-    Raises:
-        ValueError: MuJoCo refuses the file; with its words.
-
-    Source: MuJoCo documentation, XML reference, ``asset/mesh`` and ``compiler``; mjCBody::InertiaFromGeom, by which a body with one
-    geom has the mass and the principal moments of that.
-    """
-    import mujoco
-
-    # The default handler writes a log file into the current directory.
-    mujoco.set_mju_user_warning(lambda message: None)
-    spec = mujoco.MjSpec.from_file(str(path))
-    # What moves geoms to other bodies, drops some, or changes what they weigh.
-    spec.compiler.fusestatic = spec.compiler.discardvisual = False
-    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
-    spec.compiler.settotalmass = -1.0
-    shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
-    meshes = [geom for geom in spec.geoms if (geom.meshname or geom.type in shapes) and geom.parent.name != "world"]
-    alone = [_alone(spec, geom) for geom in meshes]
-    model = spec.compile()
-    return {
-        (geom.parent.id - 1, geom.id - int(model.body_geomadr[geom.parent.id])): CompiledMesh(
-            name=geom.name,
-            mass=float(model.body_mass[body.id]),
-            moments=model.body_inertia[body.id].tolist(),
-            position=model.geom_pos[geom.id].tolist(),
-            orientation=model.geom_quat[geom.id].tolist(),
-        )
-        for geom, body in zip(meshes, alone, strict=True)
-    }
-
-
-def _alone(spec: Any, geom: Any) -> Any:
-    """A body behind all others that holds nothing but a copy of a geom."""
-    body = spec.worldbody.add_body()
-    copy = body.add_geom()
-    for name in _WEIGHED_BY:
-        setattr(copy, name, getattr(geom, name))
-    return body
+def compiled_meshes(path: Path) -> Mapping[Number, CompiledMesh]:
+    """The geoms of meshes by body and geom, as MuJoCo weighs them in a process of its own; raises as ``Engine.compiled_meshes``."""
+    return load_engine(RobotLibrary.without_files(), "mujoco").compiled_meshes(path)
 
 
 @dataclass(frozen=True)

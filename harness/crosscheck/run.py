@@ -36,13 +36,13 @@ from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import NOT_OFFERED, Answers, ask_one_by_one, compare_all, measure_componentwise, readings_and_refusal
 from harness.crosscheck.superfluous import find_superfluous
 from harness.engines import Subject, asked_of, engine_files, select_subjects
-from harness.errors import InvalidInput, InvalidRequest
+from harness.errors import InvalidInput, InvalidRequest, is_out_of_memory
 from harness.files.model_file import read_model
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.cross_check import CrossCheckResult
 from harness.results.records import ACCELERATIONS, quantity_words
-from harness.study import Inquiry, Study, ask, call, is_out_of_memory
+from harness.study import Inquiry, Study, ask, call
 from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Outcome, Task
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 from weakref import WeakKeyDictionary
 
 from harness.arithmetic import KeptArithmetic
-from harness.engines.interface import CompiledNumber, InvalidAnswer, Unsupported
+from harness.engines.interface import CompiledNumber, InvalidAnswer, NotOffered, Unsupported
 from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
@@ -24,6 +24,7 @@ from harness.library import MODEL_SUFFIXES, CannotRun, run_file
 if TYPE_CHECKING:
     from harness.engines import Model
     from harness.environments import Environment
+    from harness.files.mjcf.inertias import CompiledMesh, Number
     from harness.programs.mechanisms.mechanism import Mechanism
 
 EQUATIONS = "equations"
@@ -105,6 +106,14 @@ class Engine:
             Refused: the engine does not read the file.
         """
         return ()
+
+    def compiled_meshes(self, path: Path) -> Mapping[Number, CompiledMesh]:
+        """The geoms of meshes of an MJCF by body and geom, as the engine weighs them.
+
+        Raises:
+            NotOffered: the engine file does not say. ValueError: the engine refuses the file; with its words.
+        """
+        raise NotOffered(f"{self.name} weighs no meshes here")
 
     def load(self, source: ModelFile | Mechanism | Request, joints: Sequence[str], gravity: float) -> Model:
         """Load a mechanism once; ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for formats that hold none.

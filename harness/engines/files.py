@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import msgspec
 
-from harness.engines.engine import FOLDER, FORMATS, Engine, is_own_file, run_engine_file
+from harness.engines.engine import EQUATIONS, FOLDER, FORMATS, Engine, is_own_file, run_engine_file
 from harness.environments import Environment, environment_of, find_environments, split_name
 from harness.errors import InvalidRequest
 from harness.library import MODEL_SUFFIXES, Library, nearest
@@ -168,7 +168,7 @@ def _spelt_formats(path: Path) -> tuple[str, ...]:
 
 
 def load_engine(library: Library, name: str) -> Engine:
-    """The engine called ``name``; a library's own engine wins over the harness's. Only worker processes load one of a library.
+    """The engine called ``name``; a library's own engine wins over the harness's. Its program is run by a process of its own.
 
     ``engine@version`` is run by the environment of that version, and so is an engine that is not installed beside the harness, by that
     of the newest.
@@ -187,7 +187,7 @@ def load_engine(library: Library, name: str) -> Engine:
 
 
 def _elsewhere(engine: Any, path: Path, environment: Environment) -> Engine:
-    # Imported late: most runs ask no such engine.
+    # Imported late: where engines are described none is asked.
     from harness.engines.elsewhere.interpreter import EngineElsewhere
 
     if isinstance(engine, EngineElsewhere):
@@ -196,14 +196,16 @@ def _elsewhere(engine: Any, path: Path, environment: Environment) -> Engine:
 
 
 def _engine_of(library: Library, name: str) -> Engine:
-    """The engine of a file: of the harness's own in this process, of one of a library in a process of its own."""
-    path = _path_of(library, name)
-    if is_own_file(path):
-        return run_engine_file(path, name)
-    # Imported late: most runs ask no such engine.
-    from harness.engines.elsewhere.interpreter import engine_in_a_process_of_its_own
+    """The engine of a file, whose program is run by a process of its own; equations are the harness's own, and are evaluated here."""
+    from harness.engines.elsewhere.interpreter import EngineElsewhere, engine_in_a_process_of_its_own
 
-    return cast("Engine", engine_in_a_process_of_its_own(path, name))
+    path = _path_of(library, name)
+    if not is_own_file(path):
+        return cast("Engine", engine_in_a_process_of_its_own(path, name))
+    engine = run_engine_file(path, name)
+    if library.calls_engines_here or EQUATIONS in engine.formats:
+        return engine
+    return cast("Engine", EngineElsewhere(engine, (), path, None))
 
 
 def file_engines(library: Library) -> dict[str, Engine]:

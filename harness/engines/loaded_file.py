@@ -194,6 +194,9 @@ class FileModel:
     def _is_measured_in_the_world(self) -> bool:
         return all(joint.is_measured_in_the_world for joint in self.request.joints)
 
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *METHODS]
+
     def __getattr__(self, name: str) -> Any:
         """What the engine computes beside accelerations, as ``harness.engines.interface`` says.
 

@@ -24,6 +24,15 @@ def _above_zero(text: str) -> int:
     return value
 
 
+def _size(text: str) -> int:
+    from harness.workers.memory import parse_size
+
+    try:
+        return parse_size(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
 def _seconds(text: str) -> float:
     value = float(text)
     if not value > 0:
@@ -61,6 +70,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "harness_quantity of the settings, else accelerations)",
     )
     group.addoption("--harness-workers", type=_above_zero, metavar="N", help="worker processes (default: one per CPU)")
+    group.addoption(
+        "--harness-memory-limit",
+        type=_size,
+        metavar="SIZE",
+        help="memory that each worker process, and each process of an engine, may hold, as 4GiB (default: half of the machine's memory "
+        "divided by the workers, at least 2GiB and at most 8GiB)",
+    )
     group.addoption(
         "--harness-scheduler",
         metavar="ADDRESS",

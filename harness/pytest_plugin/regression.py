@@ -93,7 +93,7 @@ class _Choice:
         address = self.option("--harness-scheduler")
         files = (self.option(f"--harness-tls-{file}") for file in ("ca-file", "cert", "key"))
         scheduler = workers.Scheduler(address, *files) if address else None
-        return workers.Workers(count, scheduler, self.option("--harness-time-limit"))
+        return workers.Workers(count, scheduler, self.option("--harness-time-limit"), self.option("--harness-memory-limit"))
 
 
 class _Regression:

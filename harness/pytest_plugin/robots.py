@@ -55,7 +55,8 @@ class _Robots:
         option = self.config.getoption
         if path not in self._found:
             study = RobotComparison(ComparisonSettings([path], option("--harness-states") or _STATES, option("--harness-seed")))
-            with workers.Workers(option("--harness-workers") or 1, time_limit=option("--harness-time-limit")) as pool:
+            limits = option("--harness-time-limit"), option("--harness-memory-limit")
+            with workers.Workers(option("--harness-workers") or 1, None, *limits) as pool:
                 self._found[path] = complete(study, pool)
         return self._found[path]
 

@@ -4,7 +4,7 @@
 an extra, where a scheduler is named.
 
 Start with ``tasks``. ``local`` starts processes on this machine and talks to them through pipes and unlinked files,
-``program`` is what such a process runs, ``cluster`` hands tasks to a Dask cluster.
+``program`` is what such a process runs, ``memory`` says how much each may hold, ``cluster`` hands tasks to a Dask cluster.
 """
 
 from __future__ import annotations
@@ -40,21 +40,23 @@ class Workers:
     Attributes:
         count: largest number of local processes; None for one per CPU. They start as tasks need them.
         scheduler: an existing cluster to use instead. time_limit: seconds a task may take.
+        memory_limit: bytes that each of the processes may hold, and each process of an engine; None for ``memory.default_limit``.
     """
 
     count: int | None = None
     scheduler: Scheduler | None = None
     time_limit: float = 60.0
+    memory_limit: int | None = None
     _pool: LocalPool | Cluster | None = field(default=None, init=False, repr=False)
 
     def __enter__(self) -> Workers:
         """Raises ``InvalidRequest`` where the scheduler does not answer, or Dask is not installed."""
         if self.scheduler is None:
-            self._pool = LocalPool(self.count or os.cpu_count() or 1, self.time_limit)
+            self._pool = LocalPool(self.count or os.cpu_count() or 1, self.time_limit, self.memory_limit)
         else:
             from harness.workers.cluster import Cluster
 
-            self._pool = Cluster(self.scheduler, self.time_limit)
+            self._pool = Cluster(self.scheduler, self.time_limit, self.memory_limit)
         return self
 
     def __exit__(self, *exception: object) -> None:

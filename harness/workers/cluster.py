@@ -12,6 +12,7 @@ import asyncio
 import concurrent.futures
 import contextlib
 import logging
+import os
 import secrets
 import threading
 import time
@@ -52,12 +53,12 @@ class Cluster:
         InvalidRequest: no scheduler answers, it does not accept the certificates, or Dask is not installed.
     """
 
-    def __init__(self, scheduler: Scheduler, time_limit: float) -> None:
+    def __init__(self, scheduler: Scheduler, time_limit: float, memory_limit: int | None = None) -> None:
         require("--scheduler asks for a Dask cluster", "distributed")
         from distributed import Client
         from distributed.security import Security
 
-        self._time_limit = time_limit
+        self._limits = time_limit, memory_limit
         self._address = scheduler.address
         self._session = secrets.token_hex(16)
         self._owners: dict[Hashable, Seat] = {}
@@ -155,7 +156,7 @@ class Cluster:
         if task.affinity is not None:
             self._owners[task.affinity] = seat
         # The key is the caller's own, and need not be picklable.
-        call = (self._session, seat[1], self._time_limit, replace(task, key=None))
+        call = (self._session, seat[1], self._limits, replace(task, key=None))
         future = self._client.submit(_run_here, *call, workers=[seat[0]], pure=False, retries=0, allow_other_workers=False)
 
         async def arrive() -> _Answer:
@@ -228,10 +229,10 @@ _ended: set[str] = set()
 _lock = threading.Lock()
 
 
-def _run_here(session: str, number: int, time_limit: float, task: Task) -> _Answer:
+def _run_here(session: str, number: int, limits: tuple[float, int | None], task: Task) -> _Answer:
     """On a worker of the cluster: run the task in the process of this session and number."""
     with _lock:
-        pool = _idle.pop((session, number), None) or LocalPool(1, time_limit)
+        pool = _idle.pop((session, number), None) or LocalPool(1, *limits, sharers=os.cpu_count() or 1)
     [outcome] = pool.run([task])
     with _lock:
         # Two runs that are under way at once may use one number.

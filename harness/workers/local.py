@@ -22,7 +22,8 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from pathlib import Path
 
-from harness.workers import program
+from harness.errors import leaves_process_unsound
+from harness.workers import memory, program
 from harness.workers.tasks import MORE_MEMORY, MORE_TIME, Crash, Outcome, Task, TaskQueue
 
 POLL_SECONDS = 0.2
@@ -36,12 +37,16 @@ _SYMPY = {"SYMPY_CACHE_SIZE": "20000"}
 
 
 class LocalPool:
-    """At most ``count`` processes; one more starts when a task waits that no idle one may take."""
+    """At most ``count`` processes; one more starts when a task waits that no idle one may take.
 
-    def __init__(self, count: int, time_limit: float) -> None:
+    ``memory_limit`` as of ``harness.workers.Workers``; ``sharers``: processes that share the machine's memory with these, for its default.
+    """
+
+    def __init__(self, count: int, time_limit: float, memory_limit: int | None = None, sharers: int = 0) -> None:
         # Number of tasks that can run at once.
         self.seats = count
         self._time_limit = time_limit
+        self._memory_limit = memory_limit or memory.default_limit(max(count, sharers))
         self._processes: list[_Process] = []
         self._owners: dict[Hashable, _Process] = {}
 
@@ -89,7 +94,7 @@ class LocalPool:
             return True
         if process is None:
             try:
-                process = _Process()
+                process = _Process(self._memory_limit)
             except OSError:
                 if not self._processes:
                     raise
@@ -115,7 +120,7 @@ class LocalPool:
             if run is not None and outcome is not None:
                 run.done.append(outcome)
                 process.run = None
-                if outcome.crash is not None:
+                if outcome.crash is not None or leaves_process_unsound(outcome.exception):
                     self._remove(process)
 
     def _remove(self, process: _Process) -> None:
@@ -135,9 +140,10 @@ class _LocalRun:
 class _Process:
     """One process, and the run that its task belongs to while it is busy."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory_limit: int) -> None:
         self.run: _LocalRun | None = None
-        self.deadline = 0.0
+        self.deadline = self._looked = 0.0
+        self._memory_limit = memory_limit
         self._waited: dict[int, float] = {}
         self._mark = os.environ.get(program.MARK, "") + secrets.token_hex(16)
         with contextlib.ExitStack() as ours, contextlib.ExitStack() as theirs:
@@ -155,7 +161,7 @@ class _Process:
                 pass_fds=descriptors,
                 # A process group to be killed at once, which the interrupt of a terminal does not reach.
                 start_new_session=True,
-                env={**_SYMPY, **os.environ, program.MARK: self._mark},
+                env={**_SYMPY, **os.environ, program.MARK: self._mark, memory.VARIABLE: str(memory_limit)},
             )
             self._open = ours.pop_all()
 
@@ -198,6 +204,10 @@ class _Process:
             return self._crash(self._cause_of_death())
         elif self.clock() > self.deadline:
             return self._crash(f"exceeded its time limit of {time_limit:g} s; {MORE_TIME}")
+        elif time.monotonic() - self._looked > memory.LOOK_SECONDS:
+            self._looked = time.monotonic()
+            if memory.resident(self._popen.pid) > self._memory_limit:
+                return self._crash(f"needs more than {memory.in_words(self._memory_limit)} of memory; {MORE_MEMORY}")
         return None
 
     def _answer(self) -> Outcome:

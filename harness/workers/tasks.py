@@ -12,7 +12,7 @@ from harness.errors import InvalidRequest
 
 # Ways out for the user of a task that ended too early.
 MORE_TIME = "--time-limit (pytest: --harness-time-limit) allows more"
-MORE_MEMORY = "fewer --workers (pytest: --harness-workers) leave each of them more"
+MORE_MEMORY = "--memory-limit (pytest: --harness-memory-limit) allows more, and fewer --workers leave each of them more"
 
 
 class SchedulerLost(InvalidRequest):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import toy_engine
 from comparison.robots import FILES
-from support import BUILT_IN, InThisProcess, completed, cross_checked
+from support import BUILT_IN, InThisProcess, call_engines_here, completed, cross_checked
 
 from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of, engines_of_files, robot_subjects
 from harness.comparison.study import ComparisonSettings, RobotComparison
@@ -142,6 +142,7 @@ def test_a_refusal_at_a_state_is_an_answer(monkeypatch: pytest.MonkeyPatch) -> N
     def refuse(self: object) -> None:
         raise Refused("not in continuous time")
 
+    call_engines_here(monkeypatch)
     monkeypatch.setattr(EngineRun, "compute", refuse)
     answers = {kind: record for (_, kind), record in compared(FILES / "arm.urdf", "pinocchio/urdf").items()}
     assert {one.message for one in answers.values()} == {"not in continuous time"}

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from catalogue import BUILT_IN
 from comparison.robots import FILES, edited, meant_by, record_of
-from support import InThisProcess, completed
+from support import InThisProcess, call_engines_here, completed
 
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.run import CrossCheck
@@ -59,6 +59,7 @@ def test_what_would_have_to_be_converted_is_not_offered_and_says_so() -> None:
 
 def test_a_mistake_is_red_for_a_robot_too(monkeypatch: pytest.MonkeyPatch) -> None:
     right: Any = MujocoModel.gravity
+    call_engines_here(monkeypatch)
     monkeypatch.setattr(MujocoModel, "gravity", lambda self, q: -right(self, q))
     for file, stance in ((ARM, Stance.AIDED), (MIMIC, Stance.PLAIN)):
         record = checked(file, [find_quantities()["gravity"]], stance)["mujoco/urdf", "gravity"]

@@ -14,16 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 from catalogue import BUILT_IN
-from support import InThisProcess, completed
+from support import InThisProcess, call_engines_here, completed
 
 from harness.comparison.robot_library import RobotLibrary
-from harness.crosscheck import assignment
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.engines.adapters.pinocchio import mjcf, model
 from harness.files.model_file import ModelFile, read_model
 from harness.results.records import Record
-from harness.storage import Kept
 
 EULER, CLASS, FRAME, FURTHER = "acrobot.euler_fixed_axes", "furuta_pendulum.class_in_childclass", "acrobot.frames", "coupled_oscillators"
 TEXTS = sorted((Path(__file__).parents[2] / "docs" / "issues").glob("*.md"))
@@ -59,8 +57,8 @@ def test_a_reader_that_drops_joints_is_asked_for_those_that_it_has(name: str, re
 def test_a_mended_reader_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = read_model(BUILT_IN.model_path("acrobot", "mjcf"), "mjcf")
     read: Callable[[ModelFile], Any] = mjcf.read
+    call_engines_here(monkeypatch)
     monkeypatch.setattr(mjcf, "read", lambda file: read(plain))
-    monkeypatch.setattr(assignment, "_MODELS", Kept(1))
     record = record_of(EULER)
     assert (record.verdict, record.expected, record.as_expected) == ("agrees", "misreads", False)
 
@@ -72,6 +70,7 @@ def test_a_second_fault_beside_a_misreading_is_noticed(monkeypatch: pytest.Monke
     def doubled(self: Any, q: Any, v: Any, tau: Any) -> Any:
         return np.where(np.abs(v[:, :1]) > 2.0, 2.0, 1.0) * exact(self, q, v, tau)
 
+    call_engines_here(monkeypatch)
     monkeypatch.setattr(model.PinocchioModel, "forward_dynamics", doubled)
     record = record_of(EULER)
     assert (record.verdict, record.as_expected) == ("disagrees", False)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import cross_checked, harness, make_library, pytest_in_this_process
+from support import call_engines_here, cross_checked, harness, make_library, pytest_in_this_process
 
 from harness.crosscheck.settings import Settings
 from harness.errors import InvalidInput
@@ -132,6 +132,7 @@ def test_an_engine_that_cannot_say_what_it_holds_keeps_its_verdict(library: Path
     def held(*arguments: object) -> None:
         raise KeyError("no such body")
 
+    call_engines_here(monkeypatch)
     monkeypatch.setattr("harness.engines.adapters.mujoco.quantities.held", held)
     [one, other] = differs(library)
     assert "mujoco/mjcf does not say what it holds after loading: KeyError: 'no such body'" in str(one)

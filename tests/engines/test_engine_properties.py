@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio
 import pytest
 import sympy as sp
-from catalogue import TREES
+from catalogue import CALLED_HERE, TREES
 
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, load_engine
@@ -394,7 +394,7 @@ def case(modelled_mechanism: Mechanism, modelled_system: System, subject: Subjec
 
 @pytest.fixture
 def probe(case: Case, subject: Subject) -> Probe:
-    library, mechanism = Library.built_in(), case.mechanism
+    library, mechanism = CALLED_HERE, case.mechanism
     file = read_model(library.model_path(mechanism.name, subject.format), subject.format)
     return PROBES[subject](load_audited(Assignment(library, subject, mechanism, file)))
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from catalogue import CALLED_HERE
 
 from harness.engines import load_engine
 from harness.engines.reading import elements_of, moving_mass, root_link
 from harness.engines.request import AskedJoint, Request, in_columns
 from harness.files.joint_kinds import JointKind
-from harness.library import Library
 
 TEXT = """<robot name="arm"{declared}>
   <link name="base"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -31,6 +31,6 @@ def test_a_urdf_is_read_whatever_its_root_declares(declared: str, tmp_path: Path
     request = Request(path=path, format="urdf", joints=joints, moving=("base", "pin"), floating_base="base")
     assert root_link(elements_of(request)) == "base"
     assert moving_mass(request, {"base": 2.0, "bar": 3.0}) == 3.0
-    loaded = load_engine(Library.built_in(), "mujoco").read(request)
+    loaded = load_engine(CALLED_HERE, "mujoco").read(request)
     q, v, tau = np.eye(1, 8, 3), np.zeros((1, 7)), np.eye(1, 7)
     np.testing.assert_allclose(loaded.forward_dynamics(q, v, tau), [[0.2, 0, -9.81, 0, 0, 0, 0]], atol=1e-12)

@@ -65,10 +65,10 @@ def test_a_pool_that_cannot_grow_goes_on_with_what_it_has(monkeypatch: pytest.Mo
     class Limited(local._Process):
         started = 0
 
-        def __init__(self) -> None:
+        def __init__(self, memory_limit: int) -> None:
             if Limited.started:
                 raise OSError(errno.EMFILE, "Too many open files")
-            super().__init__()
+            super().__init__(memory_limit)
             Limited.started += 1
 
     monkeypatch.setattr(local, "_Process", Limited)

@@ -89,14 +89,16 @@ def checked(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], d
     engines = {name: source for name, (source, _, _) in STRANGERS.items()} | {"links_fast_math": fast_math_library(folder)}
     # Before the others by name: what is left behind would meet them all.
     library = make_library(folder / "library", ["bar_pendulum"], {f"a_{name}": source for name, source in engines.items()})
-    found, said = [], ""
-    for number, subjects in enumerate((OTHERS, ())):
-        options = [word for one in subjects for word in ("--subject", one)]
-        options += ["--library", str(library), "--states", "60", "--seed", "3", "--quantity", "accelerations", "--workers", "1"]
-        done = harness("check", "bar_pendulum", *options, "--json", f"{number}.json", isolated=True, cwd=folder)
-        said = done.stderr
-        found.append({record["subject"].removeprefix("a_"): record for record in records_of(folder / f"{number}.json")})
-    return found[0], found[1], said
+    alone, beside = (checked_by(library, folder, subjects) for subjects in (OTHERS, ()))
+    return alone[0], beside[0], beside[1]
+
+
+def checked_by(library: Path, folder: Path, subjects: tuple[str, ...] = ()) -> tuple[dict[str, Any], str]:
+    """Records by subject of a check of one mechanism, and what it wrote to standard error."""
+    options = [word for one in subjects for word in ("--subject", one)]
+    options += ["--library", str(library), "--states", "60", "--seed", "3", "--quantity", "accelerations", "--workers", "1"]
+    done = harness("check", "bar_pendulum", *options, "--json", "out.json", isolated=True, cwd=folder)
+    return {record["subject"].removeprefix("a_"): record for record in records_of(folder / "out.json")}, done.stderr
 
 
 def without_times(record: dict[str, Any]) -> dict[str, Any]:
@@ -118,3 +120,74 @@ def test_a_stranger_costs_its_own_record_at_most(checked: tuple[dict[str, Any], 
     record = checked[1][f"{name}/mjcf"]
     assert record["verdict"] == verdict, record["message"]
     assert words in record["message"]
+
+
+# A package that stands before MuJoCo's own on the search path, does something to its process, and then is MuJoCo.
+PACKAGE = """
+import os, sys
+here = os.path.dirname(os.path.dirname(__file__))
+sys.path[:] = [place for place in sys.path if place != here]
+del sys.modules["mujoco"]
+import mujoco, mujoco.batch
+import ctypes, resource
+import numpy as np
+
+{what}
+"""
+UPWARD_IN_BATCHES = f"""
+class Batch(mujoco.batch.Batch):
+    def forward(self, *arguments):
+        super().forward(*arguments)
+        {ANOTHER_ROUNDING}
+
+mujoco.batch.Batch = Batch
+"""
+NO_MEMORY = """
+def refuse(text):
+    raise MemoryError("no arena")
+
+mujoco.MjModel.from_xml_string = mujoco.MjSpec.from_string = refuse
+"""
+# What it does, its verdict, words of its record.
+OWN = {
+    "flushes_subnormals": ("ctypes.CDLL({fast!r})", "error", "subnormal numbers flushed to zero"),
+    "rounds_upward": (ANOTHER_ROUNDING, "error", "rounding upward"),
+    "rounds_upward_in_batches": (UPWARD_IN_BATCHES, "error", "forward_dynamics leaves rounding upward"),
+    "patches_numpy": ("np.einsum = lambda *arguments, **options: 0.0\nnp.linalg.norm = np.linalg.solve = None", "", ""),
+    "lowers_limits": ("sys.setrecursionlimit(60); resource.setrlimit(resource.RLIMIT_NOFILE, (8, 8)); sys.path.clear()", "", ""),
+    "empties_modules": ("sys.modules.pop('numpy.linalg', None); sys.modules.pop('harness.truth.compare', None)", "", ""),
+    "finds_no_memory": (NO_MEMORY, "error", "no arena"),
+}
+
+
+@pytest.fixture(scope="module")
+def others(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Records where MuJoCo is not asked, as where it gives no answer: the search for bad states is led by those that do."""
+    folder = tmp_path_factory.mktemp("others")
+    subjects = tuple(one for one in OTHERS if not one.startswith("mujoco"))
+    return checked_by(make_library(folder / "library", ["bar_pendulum"]), folder, subjects)[0]
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_a_hostile_program_behind_an_engine_file_of_the_harness_costs_its_own_records(
+    checked: tuple[dict[str, Any], dict[str, Any], str],
+    others: dict[str, Any],
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    what, verdict, words = OWN[name]
+    if "{fast" in what:
+        fast_math_library(tmp_path)
+        what = what.format(fast=str(tmp_path / "fast.so"))
+    package = tmp_path / "before" / "mujoco"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text(PACKAGE.format(what=what))
+    monkeypatch.syspath_prepend(package.parent)
+    records, _ = checked_by(make_library(tmp_path / "library", ["bar_pendulum"]), tmp_path)
+    alone = others if verdict else checked[0]
+    for subject in OTHERS:
+        if verdict and subject.startswith("mujoco"):
+            assert records[subject]["verdict"] == verdict and words in records[subject]["message"], records[subject]["message"]
+        else:
+            assert without_times(records[subject]) == without_times(alone[subject])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from harness.library import Library
 from harness.trees.inverse_weights import inverse_weights
 from harness.trees.robot import tree_of
 
-LIBRARY = Library.built_in()
+LIBRARY = replace(Library.built_in(), calls_engines_here=True)
 
 WEIGHED = [
     "four_bar",

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from catalogue import BUILT_IN, TREES
+from catalogue import BUILT_IN, CALLED_HERE, TREES
 from lxml import etree
 
 from harness.arrays import Array
@@ -32,7 +32,7 @@ from harness.truth.sampling import generic_sample, sample
 from harness.verdict import AGREEMENT
 
 SEED, STATES = 3, 16
-MUJOCO = load_engine(BUILT_IN, "mujoco")
+MUJOCO = load_engine(CALLED_HERE, "mujoco")
 DAMPING = "0.3"
 # Chains, branches, rotations with and without translation, springs and dampers in joints and on lengths.
 TEN = [

@@ -37,8 +37,8 @@ class Bracket:
     """The first argument of a command.
 
     Attributes:
-        library_path, floating_base, aided, seed, json_path, workers, scheduler, time_limit, directory, detail: the options, as far as a
-            command has them.
+        library_path, floating_base, aided, seed, json_path, workers, memory_limit, scheduler, time_limit, directory, detail: the options,
+            as far as a command has them.
         named_subjects: those of the command's options; other engine files of the library are not run.
         run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
         lost: the loss of the scheduler, after which no study goes on; what was answered is told and written.
@@ -50,6 +50,7 @@ class Bracket:
     seed: int = 0
     json_path: str | None = None
     workers: int | None = None
+    memory_limit: int | None = None
     scheduler: Scheduler | None = None
     time_limit: float | None = None
     directory: Path = Path("reports")
@@ -81,7 +82,7 @@ class Bracket:
 
         # Made only where a library has engine files of its own.
         def made() -> Workers:
-            return Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS)
+            return Workers(self.workers, self.scheduler, self.time_limit or LOADING_SECONDS, self.memory_limit)
 
         describe_engines(library or self.library, made, self.named_subjects)
 
@@ -135,7 +136,7 @@ class Bracket:
         # Where heyoka is loaded, it has the cache open.
         if scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
             say(f"harness: {damaged}", err=True)
-        return Workers(self.workers, scheduler, time_limit)
+        return Workers(self.workers, scheduler, time_limit, self.memory_limit)
 
     @cached_property
     def history(self) -> History:
@@ -231,12 +232,13 @@ def lose(bracket: Bracket, loss: SchedulerLost, sentence: str) -> None:
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command its ``Bracket`` as first argument, and the options that fill it.
 
-    Every command has --library, --json and --seed, and --workers; ``chosen`` adds ``scheduler``, ``directory``, ``floating_base``,
-    ``aided`` and ``detail``, which is --all and --verbose, or takes away by False. ``time_limit`` is the default of --time-limit [s];
-    None leaves the option out.
+    Every command has --library, --json and --seed, --workers and --memory-limit; ``chosen`` adds ``scheduler``, ``directory``,
+    ``floating_base``, ``aided`` and ``detail``, which is --all and --verbose, or takes away by False. ``time_limit`` is the default of
+    --time-limit [s]; None leaves the option out.
     """
     offered = {"library": True, "json": True, "seed": True, "workers": True, "scheduler": False, "directory": False}
     offered |= {"floating_base": False, "aided": False, "detail": False} | chosen
+    offered["memory_limit"] = offered["workers"]
     decorators = [options.BY_NAME[name] for name, is_offered in offered.items() if is_offered]
     if time_limit is not None:
         decorators.append(options.time_limit_option(time_limit))

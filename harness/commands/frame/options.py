@@ -100,6 +100,20 @@ def detail_option(command: Callable[..., None]) -> Callable[..., None]:
     return wrapper
 
 
+class _Size(click.ParamType[int]):
+    """A size of memory, which a command gets in bytes."""
+
+    name = "size"
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> int:
+        from harness.workers.memory import parse_size
+
+        try:
+            return value if isinstance(value, int) else parse_size(value)
+        except ValueError as error:
+            self.fail(str(error), parameter, context)
+
+
 BY_NAME: dict[str, Callable[..., Any]] = {
     "detail": detail_option,
     "library": click.option(
@@ -114,6 +128,13 @@ BY_NAME: dict[str, Callable[..., Any]] = {
     "seed": click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the sampled states."),
     "workers": click.option(
         "--workers", type=click.IntRange(min=1), help="Local worker processes; one per CPU by default. Fewer need less memory."
+    ),
+    "memory_limit": click.option(
+        "--memory-limit",
+        type=_Size(),
+        metavar="SIZE",
+        help="Memory that each worker process, and each process of an engine, may hold, as 4GiB or 500MiB; what needs more is refused. By "
+        "default half of the machine's memory divided by the workers, at least 2GiB and at most 8GiB.",
     ),
     "floating_base": click.option("--floating-base", is_flag=True, help="Put a free joint under the root link of each URDF."),
     "aided": click.option(

@@ -1,7 +1,10 @@
 """Engines in processes of their own: the interpreter of one, one for each process that asks it, and the models it holds.
 
-An engine of another version, or that is not installed beside the harness, is run by the interpreter of its environment. The engine file
-of a library is run by one of this Python's: whatever it does to its process, no other engine and no truth is asked there.
+An engine of another version, or that is not installed beside the harness, is run by the interpreter of its environment. Every other
+engine is run by one of this Python's: whatever it does to its process, no other engine and no truth is asked there. Where the program of
+an engine runs out of memory, or raises what its bindings do not know, that process ends too, and the next question is another one's.
+
+Measured on a check of all mechanisms, whose questions are 20,000: see ``COST``.
 
 No library does this: execnet hides the exit status and standard error of a process, which name its death; see ``harness.workers.local``.
 """
@@ -15,22 +18,26 @@ import signal
 import subprocess
 import sys
 import weakref
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from multiprocessing import Pipe
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
-from harness.engines.elsewhere.transport import dumps, loads
+from harness.engines.elsewhere.transport import Loaded, dumps, loads, pickled
 from harness.engines.engine import handed_over
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import EngineAnswers, EngineQuestion, Request
 from harness.environments import Environment
+from harness.errors import is_out_of_memory
 from harness.files.model_file import ModelFile
+from harness.workers import memory
 from harness.workers.program import is_worker
 
 if TYPE_CHECKING:
     from harness.engines import Model
+    from harness.engines.loaded_file import LoadedFile
+    from harness.files.mjcf.inertias import CompiledMesh, Number
     from harness.programs.mechanisms.mechanism import Mechanism
 
 # Never imported here: it is a program of the environment's interpreter.
@@ -50,13 +57,17 @@ class Interpreter:
     Attributes:
         seconds: that it has spent on answers, without the way there and back.
         said: attributes and methods of its engine, once they have been asked for.
+        has_ended: whether it answers nothing more, as after an exception that left it unsound.
     """
 
     def __init__(self, name: str, environment: Environment | None) -> None:
-        self.seconds = 0.0
+        self.seconds, self.has_ended = 0.0, False
         self.said: tuple[dict[str, Any], list[str]] | None = None
         self._name = name
         self._forgotten: list[int] = []
+        self._memory_limit = memory.limit_here()
+        # Arrays as plain bytes take their time, and only another NumPy needs them.
+        self._dumps = pickled if environment is None else dumps
         self._connection, theirs = Pipe()
         variables = {name: value for name, value in os.environ.items() if environment is None or name not in _LEFT_OUT}
         python = [sys.executable, "-P"] if environment is None else [environment.interpreter, "-P", "-s"]
@@ -71,32 +82,46 @@ class Interpreter:
         if environment is None:
             self.ask("share", sys.path)
 
-    def call(self, number: int, method: str, *arguments: Any) -> Any:
-        """What a method of a model returns, or raises.
-
-        Raises:
-            EngineDied: in a process that is no worker. A worker dies as the interpreter did, and the harness names its death.
-        """
-        if self._forgotten:
-            forgotten, self._forgotten = self._forgotten, []
-            self.ask("forget", forgotten)
-        return self.ask("call", number, method, arguments)
-
     def forget(self, number: int) -> None:
-        """Have the model dropped before the next call; this may run while another call is under way."""
+        """Have a model dropped before the next request; this may run while another one is under way."""
         self._forgotten.append(number)
 
     def ask(self, *request: Any) -> Any:
-        """What a method of ``server.Server`` returns, or raises; the request is its name and its arguments."""
+        """What a method of ``server.Server`` returns, or raises; the request is its name and its arguments.
+
+        Raises:
+            EngineDied: in a process that is no worker. A worker dies as the interpreter did, and the harness names its death.
+            MemoryError: it would hold more than a process of this worker may, or has found no more.
+        """
+        forgotten, self._forgotten = self._forgotten, []
         try:
-            self._connection.send_bytes(dumps(request))
-            is_value, answer, seconds = loads(self._connection.recv_bytes())
+            self._connection.send_bytes(self._dumps((forgotten, *request)))
+            while not self._connection.poll(memory.LOOK_SECONDS):
+                self._keep_within(self._memory_limit)
+            is_value, answer, seconds, goes_on = loads(self._connection.recv_bytes())
         except (EOFError, BrokenPipeError, ConnectionResetError):
             self._die()
         self.seconds += seconds
+        if not goes_on:
+            self._end()
         if is_value:
             return answer
+        if is_out_of_memory(answer) and self._memory_limit is not None:
+            raise MemoryError(f"ran out of memory, of which it may hold {memory.in_words(self._memory_limit)}: {answer}") from answer
         raise answer
+
+    def _keep_within(self, limit: int | None) -> None:
+        """Raises MemoryError where the process holds more; it answers nothing then."""
+        if limit is not None and memory.resident(self._process.pid) > limit:
+            self._end()
+            raise MemoryError(f"needs more than {memory.in_words(limit)} of memory")
+
+    def _end(self) -> None:
+        # It may wait for a lock of its engine for ever.
+        self.has_ended = True
+        self._process.kill()
+        self._process.wait()
+        self._connection.close()
 
     def _die(self) -> None:
         status = self._process.wait()
@@ -110,34 +135,52 @@ class Interpreter:
         raise EngineDied(f"{self._name} ended its process with status {status}")
 
 
-# By the folder of an environment, of which another cache directory has others of the same names; or by an engine file, and its time.
-_RUNNING: dict[Path, tuple[int, Interpreter]] = {}
+# By the folder of an environment, of which another cache directory has others of the same names; or by an engine file. Each with the time
+# of the file, and the working folder.
+_RUNNING: dict[Path, tuple[tuple[int, Path], Interpreter]] = {}
 
 
 def _interpreter_of(path: Path, name: str, environment: Environment | None) -> Interpreter:
     """The interpreter of an environment, or of this Python for an engine file, in this process; started at the first call."""
     key = path if environment is None else environment.folder
-    # An engine file that has been written since is run anew.
-    written = 0 if environment else path.stat().st_mtime_ns
-    if key not in _RUNNING or _RUNNING[key][0] != written:
-        _RUNNING[key] = written, Interpreter(environment.name if environment else name, environment)
+    # An engine file that has been written since is run anew, and files have their names in the working folder.
+    since = 0 if environment else path.stat().st_mtime_ns, Path.cwd()
+    if key not in _RUNNING or _RUNNING[key][0] != since or _RUNNING[key][1].has_ended:
+        _RUNNING[key] = since, Interpreter(environment.name if environment else name, environment)
     return _RUNNING[key][1]
 
 
 class DistantModel:
-    """A model in an environment's interpreter: a ``harness.engines.Model`` that offers what its engine file offers."""
+    """A model in the interpreter of its engine: a ``harness.engines.Model`` that offers what its engine file offers.
 
-    def __init__(self, interpreter: Interpreter, number: int, attributes: Mapping[str, Any], methods: Sequence[str]) -> None:
-        self._interpreter, self._number = interpreter, number
-        self._attributes, self._methods = attributes, methods
-        weakref.finalize(self, interpreter.forget, number)
+    Args:
+        interpreter: gives the one that answers by now. make: what is asked of it to have the model; again, where it is another one.
+    """
+
+    def __init__(self, interpreter: Callable[[], Interpreter], make: Callable[[Interpreter], Loaded]) -> None:
+        self._current, self._make = interpreter, make
+        self._load()
+
+    def _load(self) -> None:
+        self._interpreter = interpreter = self._current()
+        self._number, self._attributes, self._methods = self._make(interpreter)
+        weakref.finalize(self, interpreter.forget, self._number)
 
     def clock(self) -> float:
         """See ``harness.engines.Model``."""
         return self._interpreter.seconds
 
     def _call(self, method: str, *arguments: Any) -> Any:
-        return self._interpreter.call(self._number, method, *arguments)
+        answer = self._asked(method, arguments)
+        if not isinstance(answer, Loaded):
+            return answer
+        made = [answer]
+        return DistantModel(self._current, lambda interpreter: made.pop() if made else self._asked(method, arguments))
+
+    def _asked(self, method: str, arguments: Sequence[Any]) -> Any:
+        if self._interpreter.has_ended:
+            self._load()
+        return self._interpreter.ask("call", self._number, method, arguments)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -162,15 +205,18 @@ class EngineElsewhere:
         self.environment, self.linear_velocity_in_body = environment, said.linear_velocity_in_body
         self._said, self._methods, self._path = said, methods, path
 
-    @property
     def _interpreter(self) -> Interpreter:
         return _interpreter_of(self._path, self._said.name, self.environment)
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
         """See ``harness.engines.Engine``; raises what the engine file raises."""
-        interpreter = self._interpreter
-        number, attributes, methods = interpreter.ask("load", str(self._path), self._said.name, (handed_over(source), joints, gravity))
-        return cast("Model", DistantModel(interpreter, number, attributes, methods))
+        request = "load", str(self._path), self._said.name, (handed_over(source), joints, gravity)
+        return cast("Model", DistantModel(self._interpreter, lambda interpreter: interpreter.ask(*request)))
+
+    def read(self, request: Request) -> LoadedFile:
+        """See ``harness.engines.Engine``."""
+        asked = "read", str(self._path), self._said.name, (request,)
+        return cast("LoadedFile", DistantModel(self._interpreter, lambda interpreter: interpreter.ask(*asked)))
 
     def ask(self, question: EngineQuestion) -> EngineAnswers:
         """See ``harness.engines.Engine``."""
@@ -182,9 +228,14 @@ class EngineElsewhere:
         numbers: tuple[CompiledNumber, ...] = self.evaluate("compiled", request)
         return numbers
 
+    def compiled_meshes(self, path: Path) -> Mapping[Number, CompiledMesh]:
+        """See ``harness.engines.Engine``."""
+        found: Mapping[Number, CompiledMesh] = self.evaluate("compiled_meshes", path)
+        return found
+
     def evaluate(self, method: str, *arguments: Any) -> Any:
         """What a method of the engine file's ``ENGINE`` returns there, or raises."""
-        return self._interpreter.ask("evaluate", str(self._path), self._said.name, method, arguments)
+        return self._interpreter().ask("evaluate", str(self._path), self._said.name, method, arguments)
 
     def for_files(self) -> EngineElsewhere:
         """See ``harness.engines.Engine``."""

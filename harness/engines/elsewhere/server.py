@@ -8,16 +8,25 @@ Arguments: a file descriptor, on which requests come and answers go.
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib.util
+import inspect
 import sys
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from harness.engines.elsewhere.transport import Loaded
 
 _PACKAGE = Path(__file__).resolve().parents[2]
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, bool | int | float | str)
 
 
 class Server:
@@ -40,30 +49,41 @@ class Server:
 
     def declared(self, path: str, name: str) -> tuple[dict[str, Any], list[str]]:
         """Plain attributes and methods of the ``ENGINE`` of an engine file."""
-        attributes, methods = _public(self._engine(path, name), object)
-        return {one: value for one, value in attributes.items() if _passes(value)}, methods
+        return _public(self._engine(path, name), _passes)
 
-    def load(self, path: str, name: str, arguments: Sequence[Any]) -> tuple[int, dict[str, Any], list[str]]:
-        """Number, plain attributes and methods of the model that ``ENGINE.load`` of the engine file of an engine returns."""
+    def read(self, path: str, name: str, arguments: Sequence[Any]) -> Loaded:
+        """The file that ``ENGINE.read`` of the engine file of an engine returns, with all attributes that can be passed on."""
+        return self._kept(self._engine(path, name).read(*arguments), _passes)
+
+    def load(self, path: str, name: str, arguments: Sequence[Any]) -> Loaded:
+        """The model that ``ENGINE.load`` of the engine file of an engine returns."""
         from harness.engines.engine import load_keeping_arithmetic
 
-        model = load_keeping_arithmetic(self._engine(path, name), *arguments)
-        self._loaded += 1
-        self._models[self._loaded] = model
-        return self._loaded, *_public(model, bool | int | float | str)
+        return self._kept(load_keeping_arithmetic(self._engine(path, name), *arguments))
 
     def evaluate(self, path: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
         """What a method of the ``ENGINE`` of an engine file returns."""
         return getattr(self._engine(path, name), method)(*arguments)
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
+        """What a method of a model returns; another model of its class stays here."""
         from harness.engines.interface import called
 
-        return called(method, getattr(self._models[number], method), arguments)
+        model = self._models[number]
+        answer = called(method, getattr(model, method), arguments)
+        return self._kept(answer) if type(answer) is type(model) else answer
 
     def forget(self, numbers: Collection[int]) -> None:
+        """Drop models."""
         for number in numbers:
             self._models.pop(number, None)
+
+    def _kept(self, model: Any, attributes: Callable[[Any], bool] = _is_plain) -> Loaded:
+        from harness.engines.elsewhere.transport import Loaded
+
+        self._loaded += 1
+        self._models[self._loaded] = model
+        return Loaded(self._loaded, *_public(model, attributes))
 
     def _engine(self, path: str, name: str) -> Any:
         from harness.engines.engine import run_engine_file
@@ -73,15 +93,27 @@ class Server:
         return self._engines[path]
 
 
-def _public(found: Any, kinds: Any) -> tuple[dict[str, Any], list[str]]:
-    """Public attributes of these kinds, and names of public methods; what cannot be had is left out."""
+def _public(found: object, is_wanted: Callable[[Any], bool]) -> tuple[dict[str, Any], list[str]]:
+    """Public attributes that are wanted, and names of public methods; what cannot be had is left out."""
+    kind: Any = type(found)
+    methods, others = _names_of(kind)
+    own = {name for name in getattr(found, "__dict__", {}) if not name.startswith("_")}
+    # What an object says that it has beside these, it makes when it is asked for it.
+    methods = [*methods, *{name for name in dir(found) if not name.startswith("_")} - own - {*methods, *others}]
     values = {}
-    for name in dir(found):
+    for name in {*others, *own}:
         with contextlib.suppress(Exception):
-            if not name.startswith("_"):
-                values[name] = getattr(found, name)
-    methods = [name for name, value in values.items() if callable(value)]
-    return {name: value for name, value in values.items() if isinstance(value, kinds) and name not in methods}, methods
+            values[name] = getattr(found, name)
+    methods += [name for name, value in values.items() if callable(value)]
+    return {name: value for name, value in values.items() if not callable(value) and is_wanted(value)}, methods
+
+
+@functools.cache
+def _names_of(kind: Any) -> tuple[list[str], list[str]]:
+    """Names of the public functions of a class, and of what else it has: an engine may load a thousand models of one."""
+    names = [name for name in dir(kind) if not name.startswith("_")]
+    functions = [name for name in names if inspect.isroutine(inspect.getattr_static(kind, name))]
+    return functions, [name for name in names if name not in functions]
 
 
 def _passes(value: Any) -> bool:
@@ -96,27 +128,31 @@ def _passes(value: Any) -> bool:
 
 
 def main(descriptor: int) -> None:
-    """Answer requests until the other side is gone.
+    """Answer requests until the other side is gone, or until this process is of no more use.
 
-    Each is a method of ``Server`` and its arguments; the answer is (True, value, seconds that it took) or (False, exception, 0).
+    Each is the numbers of models that are no longer needed, a method of ``Server`` and its arguments. The answer is (True, value, seconds
+    that it took) or (False, exception, 0), and whether this process goes on: what an exception left unsound answers nothing more.
     """
     _import_harness()
-    from harness.engines.elsewhere.transport import dumps, loads, portable
+    from harness.engines.elsewhere.transport import dumps, loads, pickled, portable
+    from harness.errors import leaves_process_unsound
 
-    server, connection = Server(), Connection(descriptor)
-    while True:
+    server, connection, goes_on = Server(), Connection(descriptor), True
+    while goes_on:
         try:
             request = connection.recv_bytes()
         except EOFError:
             return
         try:
-            method, *arguments = loads(request)
+            forgotten, method, *arguments = loads(request)
+            server.forget(forgotten)
             started = time.perf_counter()
             value = getattr(server, method)(*arguments)
-            answer = dumps((True, value, time.perf_counter() - started))
+            answer = (pickled if server.shares else dumps)((True, value, time.perf_counter() - started, goes_on))
         except Exception as error:
             missing = None if server.shares else _missing_interface(error)
-            answer = dumps((False, portable(missing or error), 0.0))
+            goes_on = not leaves_process_unsound(error)
+            answer = dumps((False, portable(missing or error), 0.0, goes_on))
         connection.send_bytes(answer)
 
 

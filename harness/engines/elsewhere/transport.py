@@ -9,11 +9,20 @@ import builtins
 import contextlib
 import io
 import pickle
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from harness.errors import message_of
+
+
+class Loaded(NamedTuple):
+    """A model that stays in the interpreter of its engine: its number there, its plain attributes, and its methods."""
+
+    number: int
+    attributes: Mapping[str, Any]
+    methods: Sequence[str]
 
 
 def dumps(value: Any) -> bytes:
@@ -21,6 +30,11 @@ def dumps(value: Any) -> bytes:
     stream = io.BytesIO()
     _Pickler(stream, protocol=5).dump(value)
     return stream.getvalue()
+
+
+def pickled(value: Any) -> bytes:
+    """``value`` pickled, for a reader with this one's NumPy; ``loads`` reads both."""
+    return pickle.dumps(value, protocol=5)
 
 
 def loads(content: bytes) -> Any:

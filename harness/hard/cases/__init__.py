@@ -160,7 +160,8 @@ class HardCase:
 
     def scene_at(self, value: float) -> Scene:
         """The mechanism and both its models at one value of the knob; raises as ``mechanism_at`` and ``model_at``."""
-        return Scene(self.library, self.mechanism_at(value), {suffix: self.model_at(value, suffix) for suffix in MODEL_SUFFIXES})
+        library = replace(self.library, calls_engines_here=True)
+        return Scene(library, self.mechanism_at(value), {suffix: self.model_at(value, suffix) for suffix in MODEL_SUFFIXES})
 
 
 # A case asks for one mechanism and one file at every value of its knob.

@@ -13,6 +13,7 @@ Source: MuJoCo documentation, Computation; Python bindings, ``mujoco.batch``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Engine, StepRule
@@ -25,6 +26,7 @@ from harness.files.model_file import ModelFile, document_of
 if TYPE_CHECKING:
     from harness.engines.adapters.mujoco.model import MujocoModel
     from harness.engines.adapters.mujoco.robot import MujocoFile
+    from harness.files.mjcf.inertias import CompiledMesh, Number
 
 
 class MujocoEngine(Engine):
@@ -57,6 +59,11 @@ class MujocoEngine(Engine):
         from harness.engines.adapters.mujoco.robot import compiled_numbers
 
         return compiled_numbers(request)
+
+    def compiled_meshes(self, path: Path) -> Mapping[Number, CompiledMesh]:
+        from harness.engines.adapters.mujoco.meshes import compiled_meshes
+
+        return compiled_meshes(path)
 
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
         from harness.engines.adapters.mujoco.model import load

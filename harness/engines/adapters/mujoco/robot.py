@@ -24,7 +24,7 @@ from harness.arrays import Array
 from harness.engines.adapters.mujoco.compiled import compiled
 from harness.engines.adapters.mujoco.model import MujocoModel, step
 from harness.engines.adapters.mujoco.urdf import supplied, turn_of
-from harness.engines.adapters.mujoco.versions import delete, fill_mass_matrix, stages_off
+from harness.engines.adapters.mujoco.versions import compiling, delete, fill_mass_matrix, stages_off
 from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
@@ -65,11 +65,12 @@ def compiled_numbers(request: Request) -> tuple[CompiledNumber, ...]:
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Raises Refused of what MuJoCo says of a file."""
+    """Raises Refused of what MuJoCo says of a file, and MemoryError as ``versions.compiling``."""
     # The default handler writes a log file into the current directory.
     mujoco.set_mju_user_warning(lambda message: None)
     try:
-        yield
+        with compiling():
+            yield
     except ValueError as error:
         raise Refused(" ".join(str(error).split())) from error
 
@@ -110,9 +111,10 @@ def _floating(request: Request) -> str:
 def _plain(request: Request) -> tuple[Any, list[str]]:
     """The model as MuJoCo compiles it; without meshes where it finds them not."""
     try:
-        if request.floating_base:
-            return _spec(request).compile(), []
-        return mujoco.MjModel.from_xml_path(str(request.path)), []
+        with compiling():
+            if request.floating_base:
+                return _spec(request).compile(), []
+            return mujoco.MjModel.from_xml_path(str(request.path)), []
     except ValueError as error:
         if not _MISSING.search(str(error)):
             raise

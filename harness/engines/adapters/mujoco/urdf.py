@@ -22,7 +22,7 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.engines import Unsupported
-from harness.engines.adapters.mujoco.versions import coefficients, stages_off
+from harness.engines.adapters.mujoco.versions import coefficients, compiling, stages_off
 from harness.engines.reading import carriers, is_displaced, parent_of
 from harness.files.document.xml import Document, describe, literal_tag
 from harness.files.equalities import Meeting
@@ -74,7 +74,8 @@ def read(file: ModelFile, gravity: float, joints: Collection[str] = ()) -> tuple
         building = "; ".join([*decoration, *edits, "m = s.compile()", *written_back, *constants])
         names: dict[str, Any] = {"mujoco": mujoco, "s": spec}
         # The very text that a reproducer prints: what it shows is what was done.
-        exec(building, names)
+        with compiling():
+            exec(building, names)
     except ValueError as error:
         raise Unsupported(f"MuJoCo's URDF reader refuses it: {' '.join(str(error).split())}") from error
     return names["m"], building

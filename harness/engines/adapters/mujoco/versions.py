@@ -5,6 +5,8 @@ Source: MuJoCo's changelog, and the versions themselves.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import mujoco
@@ -52,13 +54,26 @@ def read_mjcf(file: ModelFile) -> Any:
 
     Raises:
         Unsupported: the file has an element or attribute that this version does not know, and newer ones do.
-        ValueError: MuJoCo refuses it.
+        ValueError: MuJoCo refuses it. MemoryError: as ``compiling``.
     """
     try:
-        return mujoco.MjModel.from_xml_string(_without_unknown_flags(file))
+        with compiling():
+            return mujoco.MjModel.from_xml_string(_without_unknown_flags(file))
     except ValueError as error:
         if mujoco.mj_version() < _KNOWS_ALL and "unrecognized" in str(error):
             raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} reads no such file: {' '.join(str(error).split())}") from error
+        raise
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Raises MemoryError where MuJoCo's compiler finds no more memory, which it says by a ValueError as it refuses a file."""
+    try:
+        yield
+    except ValueError as error:
+        words = " ".join(str(error).split())
+        if "could not allocate memory" in words.lower():
+            raise MemoryError(words) from error
         raise
 
 

@@ -32,7 +32,7 @@ def reasons(refusal: Callable[[str], Exception]) -> Iterator[None]:
     with captured_standard_error() as captured:
         try:
             yield
-        except Unsupported:
+        except (Unsupported, MemoryError):
             raise
         except Exception as error:
             raise refusal(_without_origin(captured() or str(error))) from error
