@@ -15,6 +15,8 @@ import platform
 from dataclasses import dataclass
 from typing import Any
 
+# What its author does about it.
+SAFE_LINKING = "a library that is linked with -ffast-math does that; link it without"
 # More than any ``fenv_t`` has.
 _MOST_BYTES = 256
 

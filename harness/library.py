@@ -33,6 +33,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from harness.arithmetic import SAFE_LINKING, KeptArithmetic
 from harness.errors import InvalidInput, InvalidRequest, message_of
 
 
@@ -312,7 +313,7 @@ def run_file(path: Path, name: str) -> ModuleType:
     """Run a library's Python file as module ``name``, with helpers from its own folder and no trace left.
 
     Raises:
-        CannotRun: the file or a helper of it is not Python, or raises.
+        CannotRun: the file or a helper of it is not Python, raises, or leaves other arithmetic behind.
     """
     specification = importlib.util.spec_from_file_location(name, path)
     assert specification is not None and specification.loader is not None
@@ -321,7 +322,8 @@ def run_file(path: Path, name: str) -> ModuleType:
     sys.path.insert(0, str(path.parent))
     loaded_before = set(sys.modules)
     try:
-        specification.loader.exec_module(module)
+        with KeptArithmetic() as arithmetic:
+            specification.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         # A helper's syntax error lies in the helper; one in a string the file parses lies in neither.
         if isinstance(error, SyntaxError) and (error.filename is None or Path(error.filename).parent == path.parent):
@@ -338,6 +340,8 @@ def run_file(path: Path, name: str) -> ModuleType:
             if Path(getattr(sys.modules[helper], "__file__", None) or "").parent == path.parent:
                 del sys.modules[helper]
         sys.dont_write_bytecode = wrote_bytecode
+    if arithmetic.left:
+        raise CannotRun(path, None, f"leaves {arithmetic.left} for everything behind it in the process; {SAFE_LINKING}")
     return module
 
 

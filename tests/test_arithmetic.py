@@ -91,7 +91,7 @@ def test_operations_that_raise_flags_change_nothing() -> None:
     assert arithmetic.left == ""
 
 
-@pytest.mark.parametrize(("place", "said"), [("at_import", "loading it leaves"), ("at_load", "loading it leaves"), ("at_call", "leaves")])
+@pytest.mark.parametrize(("place", "said"), [("at_import", "aaa.py: leaves"), ("at_load", "loading it leaves"), ("at_call", "leaves")])
 def test_who_leaves_other_rounding_behind_loses_the_own_record_alone(tmp_path: Path, place: str, said: str) -> None:
     planted = engine(**{place: ROUND.format(UPWARD)})
     verdicts, messages = checked(tmp_path, {"aaa": planted})
@@ -99,6 +99,17 @@ def test_who_leaves_other_rounding_behind_loses_the_own_record_alone(tmp_path: P
     assert verdicts.pop("aaa") == ("error", None)
     assert said in messages["aaa"] and "rounding upward" in messages["aaa"]
     assert verdicts == alone
+
+
+def test_a_system_file_that_leaves_other_rounding_behind_is_refused(tmp_path: Path) -> None:
+    library = make_library(tmp_path / "library", ["bar_pendulum", "spring_damper"])
+    file = library / "systems" / "bar_pendulum.py"
+    file.write_text(f"import ctypes\n{file.read_text()}\n{ROUND.format(UPWARD)}\n")
+    records = tmp_path / "records.json"
+    done = harness("check", "--library", str(library), "--states", "40", "--quantity", "accelerations", "--json", str(records))
+    assert done.returncode == 2
+    assert f"{file}: leaves rounding upward for everything behind it in the process" in done.stderr
+    assert {one["verdict"] for one in records_of(records) if one["system"] == "spring_damper"} == {"agrees"}
 
 
 def test_who_wraps_angles_in_place_changes_no_input_of_another(tmp_path: Path) -> None:

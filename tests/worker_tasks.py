@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import ctypes
 import os
 import re
@@ -163,3 +164,16 @@ def sleep_and_answer(seconds: float, sent: bytes, size: int, note: object) -> by
 def run_in_thread(session: str, number: int, time_limit: float, task: Any) -> tuple[Any, None, None]:
     """Instead of the way through a process of its own."""
     return task.function(*task.arguments, print), None, None
+
+
+def fill_memory(note: object) -> None:
+    """Hold more and more, as a program that is asked for too much does."""
+    held = []
+    while True:
+        held.append(b"x" * (1 << 24))
+        time.sleep(0.01)
+
+
+def raise_unsound(kind: str, words: str, note: object) -> None:
+    """An exception after which native code may be left in the middle of what it did."""
+    raise getattr(builtins, kind)(words)

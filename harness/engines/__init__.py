@@ -106,8 +106,8 @@ class Model(Protocol):
     One that is asked through a pipe has ``clock() -> float``, a clock [s] that stands still on the way there and back.
 
     An engine may also offer what ``harness.engines.interface`` lists; ``gaps(q) -> Mapping[str, Array]``: what the rows of
-    each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name; ``terms(q, v, tau) -> Terms``,
-    arguments and columns as in ``forward_dynamics``; and
+    each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name, with ``is_tied``, whether the file
+    has any; ``terms(q, v, tau) -> Terms``, arguments and columns as in ``forward_dynamics``; and
     ``held(positions, steps) -> HeldModel``; what it does not offer is not judged. Both arguments of ``held`` are by joint
     and may be left out. Every joint is at zero, or at ``positions`` [m or rad] for one of one position; then it is moved by
     ``steps`` along its velocities.

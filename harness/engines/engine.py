@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 from weakref import WeakKeyDictionary
 
-from harness.arithmetic import KeptArithmetic
+from harness.arithmetic import SAFE_LINKING, KeptArithmetic
 from harness.engines.interface import CompiledNumber, InvalidAnswer, NotOffered, Unsupported
 from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
@@ -221,8 +221,7 @@ def run_engine_file(path: Path, name: str) -> Engine:
         InvalidEngine: the file raises, defines no ``ENGINE``, or one that is no ``Engine``.
     """
     try:
-        with KeptArithmetic() as arithmetic:
-            module = importlib.import_module(_module_name(path)) if is_own_file(path) else run_file(path, f"_harness_engine_{name}")
+        module = importlib.import_module(_module_name(path)) if is_own_file(path) else run_file(path, f"_harness_engine_{name}")
     except CannotRun as error:
         raise InvalidEngine(error.path, error.line, f"{error.problem}; {_REMEDY}") from error
     engine: Engine | None = getattr(module, "ENGINE", None)
@@ -232,33 +231,25 @@ def run_engine_file(path: Path, name: str) -> Engine:
         raise InvalidEngine(path, line, f"{problem}; see CONTRIBUTING, add an engine; {_REMEDY}")
     assert engine is not None
     engine.name = name
-    _left_behind(engine, arithmetic.left)
     return engine
 
 
+# By the class of an engine, what loading a model has made of the arithmetic of this process: a library changes it once, when it is loaded
+# itself.
 _LEFT_BEHIND: WeakKeyDictionary[type, str] = WeakKeyDictionary()
-
-
-def _left_behind(engine: Engine, now: str) -> str:
-    """What the file of an engine, or loading a model, has made of the arithmetic of this process, in words as ``KeptArithmetic`` has them.
-
-    ``now`` is the latest. A library changes it once in a process, when it is loaded itself.
-    """
-    left = _LEFT_BEHIND[type(engine)] = _LEFT_BEHIND.get(type(engine)) or now
-    return left
 
 
 def load_keeping_arithmetic(engine: Engine, source: Any, joints: Sequence[str], gravity: float) -> Any:
     """What ``engine.load`` returns; raises what it raises.
 
     Raises:
-        InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
+        InvalidAnswer: loading leaves other arithmetic behind, or has done so before in this process.
     """
     with KeptArithmetic() as arithmetic:
         loaded = engine.load(source, joints, gravity)
-    if left := _left_behind(engine, arithmetic.left):
-        remedy = "a library that is linked with -ffast-math does that; link it without"
-        raise InvalidAnswer(f"loading it leaves {left} for everything behind it in the process: {remedy}")
+    left = _LEFT_BEHIND[type(engine)] = _LEFT_BEHIND.get(type(engine)) or arithmetic.left
+    if left:
+        raise InvalidAnswer(f"loading it leaves {left} for everything behind it in the process: {SAFE_LINKING}")
     return loaded
 
 

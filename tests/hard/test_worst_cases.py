@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from catalogue import CALLED_HERE
 from studies import assignment_of
 
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
@@ -47,7 +48,7 @@ def run(program: str, folder: Path) -> tuple[list[float], list[float], list[str]
 
 
 def in_engines_order(assignment: Assignment, values: Any) -> list[float]:
-    model: Any = load_audited(assignment)
+    model: Any = load_audited(replace(assignment, library=CALLED_HERE))
     ordered = np.zeros(len(values))
     ordered[model.addresses[1]] = values
     return [float(value) for value in ordered]

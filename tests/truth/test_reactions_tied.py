@@ -8,7 +8,7 @@ from typing import Any
 import flint
 import numpy as np
 import pytest
-from catalogue import BUILT_IN, MODELLED, is_tied
+from catalogue import BUILT_IN, CALLED_HERE, MODELLED, is_tied
 from free_bodies import free_bodies
 from support import make_library
 
@@ -38,7 +38,7 @@ def asked(name: str, subject: Subject, text: str = "") -> tuple[Truth, Model]:
     mechanism, path = load_mechanism(BUILT_IN, name), BUILT_IN.model_path(name, subject.format)
     read = parse_model(path, text, subject.format) if text else read_model(path, subject.format)
     truth = truth_of(Assignment(BUILT_IN, subject, mechanism, read, quantity="reactions"))
-    return truth, load_engine(BUILT_IN, subject.engine).load(read, mechanism.joints, mechanism.gravity)
+    return truth, load_engine(CALLED_HERE, subject.engine).load(read, mechanism.joints, mechanism.gravity)
 
 
 def verdicts_of(name: str, subject: Subject, states: int = STATES) -> set[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from catalogue import BUILT_IN, TREES
+from catalogue import BUILT_IN, CALLED_HERE, TREES
 
 from harness.arrays import Array
 from harness.crosscheck.expected import load_expectations
@@ -27,7 +27,7 @@ def truth_of(name: str, model_format: str) -> Truth:
 
 def pinocchio_model(name: str, model_format: str) -> Model:
     file = read_model(BUILT_IN.model_path(name, model_format), model_format)
-    return load_model(BUILT_IN, Subject("pinocchio", model_format), load_mechanism(BUILT_IN, name), file)
+    return load_model(CALLED_HERE, Subject("pinocchio", model_format), load_mechanism(BUILT_IN, name), file)
 
 
 @pytest.mark.parametrize("modelled_name", TREES)

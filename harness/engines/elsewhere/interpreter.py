@@ -14,6 +14,7 @@ from __future__ import annotations
 import copy
 import functools
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -69,6 +70,9 @@ class Interpreter:
         # Arrays as plain bytes take their time, and only another NumPy needs them.
         self._dumps = pickled if environment is None else dumps
         self._connection, theirs = Pipe()
+        # ``Connection.poll`` makes a selector each time.
+        self._arrivals = select.poll()
+        self._arrivals.register(self._connection, select.POLLIN)
         variables = {name: value for name, value in os.environ.items() if environment is None or name not in _LEFT_OUT}
         python = [sys.executable, "-P"] if environment is None else [environment.interpreter, "-P", "-s"]
         with theirs:
@@ -96,7 +100,7 @@ class Interpreter:
         forgotten, self._forgotten = self._forgotten, []
         try:
             self._connection.send_bytes(self._dumps((forgotten, *request)))
-            while not self._connection.poll(memory.LOOK_SECONDS):
+            while not self._arrivals.poll(memory.LOOK_SECONDS * 1000):
                 self._keep_within(self._memory_limit)
             is_value, answer, seconds, goes_on = loads(self._connection.recv_bytes())
         except (EOFError, BrokenPipeError, ConnectionResetError):

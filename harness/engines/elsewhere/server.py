@@ -112,7 +112,7 @@ def _public(found: object, is_wanted: Callable[[Any], bool]) -> tuple[dict[str, 
 def _names_of(kind: Any) -> tuple[list[str], list[str]]:
     """Names of the public functions of a class, and of what else it has: an engine may load a thousand models of one."""
     names = [name for name in dir(kind) if not name.startswith("_")]
-    functions = [name for name in names if inspect.isroutine(inspect.getattr_static(kind, name))]
+    functions = [name for name in names if callable(inspect.getattr_static(kind, name))]
     return functions, [name for name in names if name not in functions]
 
 

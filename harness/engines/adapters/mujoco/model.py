@@ -90,11 +90,13 @@ class MujocoModel(MujocoQuantities):
         self._batch.forward()
         return np.ascontiguousarray(accelerations[:, velocities])
 
+    @property
+    def is_tied(self) -> bool:
+        """See ``harness.engines``."""
+        return bool(self.model.neq)
+
     def gaps(self, q: Array) -> dict[str, Array]:
         """``efc_pos`` of each equality; see ``harness.engines``."""
-        # A diagnosis asks hundreds of models; of those without equalities positions would be computed for nothing.
-        if not self.model.neq:
-            return {}
         data, rows = mujoco.MjData(self.model), list[Array]()
         for position in q:
             data.qpos[self.addresses[0]] = position

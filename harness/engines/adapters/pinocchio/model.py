@@ -122,6 +122,11 @@ class PinocchioModel(PinocchioQuantities):
             accelerations[state] = pinocchio.aba(self.model, self._data, *inputs)
         return self._vectors(accelerations)
 
+    @property
+    def is_tied(self) -> bool:
+        """See ``harness.engines``."""
+        return self.constraints is not None
+
     def gaps(self, q: Array) -> dict[str, Array]:
         """See ``harness.engines``; of the frames where Pinocchio has its constraints."""
         still = np.zeros((len(q), self.model.nv))
