@@ -20,7 +20,7 @@ from typing import BinaryIO
 
 BEGUN, ANSWERED = b".", b"!"
 # SymPy makes and drops objects by the million: looking for cycles after each 700 of them takes a twentieth of the time.
-_OBJECTS_BETWEEN_LOOKS = 50_000, 20, 100
+OBJECTS_BETWEEN_LOOKS = 50_000, 20, 100
 # In the environment of each process, with a value of its own; what the process forks inherits it. A worker of a worker has
 # the other's value before its own.
 MARK = "HARNESS_WORKER"
@@ -49,7 +49,7 @@ def replace_content(descriptor: int, content: bytes = b"") -> None:
 def main(mail: int, notes: int, wake: int, signs: int, lifeline: int) -> None:
     """Run tasks until ``wake`` is closed; the arguments are file descriptors."""
     process = os.getpid()
-    gc.set_threshold(*_OBJECTS_BETWEEN_LOOKS)
+    gc.set_threshold(*OBJECTS_BETWEEN_LOOKS)
     _die_with_the_harness(lifeline)
     if sys.platform == "linux":
         # What loses its parent stays a descendant of this process, by which the harness finds it.

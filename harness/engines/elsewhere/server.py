@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import importlib.util
 import inspect
 import sys
@@ -136,7 +137,9 @@ def main(descriptor: int) -> None:
     _import_harness()
     from harness.engines.elsewhere.transport import dumps, loads, pickled, portable
     from harness.errors import leaves_process_unsound
+    from harness.workers.program import OBJECTS_BETWEEN_LOOKS
 
+    gc.set_threshold(*OBJECTS_BETWEEN_LOOKS)
     server, connection, goes_on = Server(), Connection(descriptor), True
     while goes_on:
         try:
