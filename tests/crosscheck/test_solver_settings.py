@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from studies import silent
+from support import call_engines_here
 
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.stages import Answers, compare_all
@@ -48,6 +49,7 @@ def test_a_solver_that_stops_early_is_explained_with_what_to_set() -> None:
 
 
 def test_what_the_end_does_not_mend_is_red(monkeypatch: pytest.MonkeyPatch) -> None:
+    call_engines_here(monkeypatch)
     monkeypatch.setattr(MujocoModel, "to_the_end", lambda model, tolerance=0.0: (model, ""))
     found = asked(firm())
     assert found.comparison is not None and Verdict.DISAGREES.value in found.comparison.verdicts

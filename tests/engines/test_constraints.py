@@ -221,7 +221,6 @@ def test_every_kind_of_constraint_has_mujocos_law(kind: str) -> None:
     assert (loop.worst(loop.softened(Softened(laws, weights_of(file, laws))), states, found) > WRONG) == (kind in CURVED)
 
 
-@pytest.mark.costly
 def test_the_documented_inverse_weight_of_a_slider_is_another_optimum() -> None:
     loop, states = SLIDER_CRANK, states_of("slider_crank")
     file = model_of("slider_crank", "mjcf")

@@ -177,10 +177,15 @@ class DistantModel:
 
     def _call(self, method: str, *arguments: Any) -> Any:
         answer = self._asked(method, arguments)
-        if not isinstance(answer, Loaded):
-            return answer
+        if type(answer) is tuple:
+            again = [functools.partial(lambda place: self._asked(method, arguments)[place], place) for place in range(len(answer))]
+            return tuple(map(self._received, answer, again))
+        return self._received(answer, lambda: self._asked(method, arguments))
+
+    def _received(self, answer: Any, again: Callable[[], Any]) -> Any:
+        """An answer, and for a model that stays in the interpreter one here; ``again`` asks for it anew."""
         made = [answer]
-        return DistantModel(self._current, lambda interpreter: made.pop() if made else self._asked(method, arguments))
+        return DistantModel(self._current, lambda _: made.pop() if made else again()) if isinstance(answer, Loaded) else answer
 
     def _asked(self, method: str, arguments: Sequence[Any]) -> Any:
         if self._interpreter.has_ended:

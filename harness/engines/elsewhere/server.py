@@ -67,12 +67,16 @@ class Server:
         return getattr(self._engine(path, name), method)(*arguments)
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
-        """What a method of a model returns; another model of its class stays here."""
+        """What a method of a model returns; another model of its class stays here, also one that a tuple holds."""
         from harness.engines.interface import called
 
         model = self._models[number]
         answer = called(method, getattr(model, method), arguments)
-        return self._kept(answer) if type(answer) is type(model) else answer
+
+        def handed_out(one: Any) -> Any:
+            return self._kept(one) if type(one) is type(model) else one
+
+        return tuple(map(handed_out, answer)) if type(answer) is tuple else handed_out(answer)
 
     def forget(self, numbers: Collection[int]) -> None:
         """Drop models."""
