@@ -91,12 +91,13 @@ def shell(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
     if not programs.exists():
         programs.mkdir()
         for name in ("harness", "pytest", "mkdocs"):
-            (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" -m {name} "$@"\n')
+            (programs / name).write_text(f'#!/bin/sh\nPYTHONPATH="{REPOSITORY}" exec "{sys.executable}" -m {name} "$@"\n')
             (programs / name).chmod(0o755)
         (programs / "python3").write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
         (programs / "python3").chmod(0o755)
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "CI"))}
-    environment |= {"PATH": f"{programs}:{os.environ['PATH']}", "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"}
+    environment |= {"PATH": f"{programs}:{os.environ['PATH']}", "COLUMNS": "200"}
+    environment.pop("PYTHONPATH", None)
     return subprocess.run(
         ["bash", "-euc", script], cwd=folder, env=environment, capture_output=True, text=True, timeout=1800, check=False
     )  # fmt: skip

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
 import nbclient
 import nbformat
 import pytest
-from documents import DOCS, PAGES, Block, Page, blocks, shown
+from documents import DOCS, PAGES, Block, Page, blocks, shell, shown
 from rooms import REPOSITORY
 from support import harness
 
@@ -125,9 +127,25 @@ def test_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     Page(page.read_text(encoding="utf-8"), tmp_path).run()
 
 
+def clone(folder: Path) -> None:
+    """Copy the files of the repository, as a clone has them."""
+    for name in subprocess.check_output(["git", "ls-files"], cwd=REPOSITORY, text=True).splitlines():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(REPOSITORY / name, folder / name)
+
+
+@pytest.mark.nightly
+def test_the_first_command_of_readme_runs_in_a_clone(tmp_path: Path) -> None:
+    clone(tmp_path)
+    done = shell(commands(README)[0].content, tmp_path)
+    assert done.returncode == 0 and done.stdout.startswith("arm.urdf: "), done.stdout + done.stderr
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("page", [page for page in RUN if "<!-- nightly -->" in page.read_text(encoding="utf-8")], ids=page_name)
 def test_long_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
+    if page.name == "install.md":
+        clone(tmp_path)
     Page(page.read_text(encoding="utf-8"), tmp_path, nightly=True).run()
 
 
