@@ -3,7 +3,7 @@
 import functools
 import importlib.metadata
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 # What ``sys.platform`` may be; Pinocchio has no wheels for other systems.
 SYSTEMS = {"linux": "Linux", "darwin": "macOS"}
 

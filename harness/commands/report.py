@@ -66,6 +66,6 @@ def _robots(bracket: Bracket) -> RobotComparison | None:
     if not folder.is_dir():
         return None
     paths = find_files([str(folder)])
-    study = RobotComparison(ComparisonSettings(paths, seed=bracket.seed, pairwise=False, stances=(Stance.PLAIN,)), "robots")
+    study = RobotComparison(ComparisonSettings(paths, seed=bracket.seed, pairs=(), stances=(Stance.PLAIN,)), "robots")
     bracket.complete(study)
     return study

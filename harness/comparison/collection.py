@@ -13,13 +13,14 @@ entry for it::
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
 
-from harness.errors import InvalidInput
+from harness.errors import InvalidInput, InvalidRequest
 from harness.files.document.xml import MAXIMUM_BYTES, irregular
 from harness.files.reading import FORMATS
 from harness.library import TEMPLATE_SUFFIX
@@ -28,6 +29,8 @@ SUFFIXES = (".urdf", ".xml", ".mjcf")
 # The first tag that is no comment or instruction, or the root that a DOCTYPE names.
 _ROOT = re.compile(rb"<\s*(!DOCTYPE\s+)?([A-Za-z_][\w.:-]*)")
 _COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)", re.DOTALL)
+# Meshes, included files and height fields of an MJCF.
+_OTHER_FILE = re.compile(rb"\bfile\s*=")
 # A part of a model that others include has no world.
 _WORLD = {b"robot": b"<robot", b"mujoco": b"<worldbody"}
 
@@ -88,6 +91,36 @@ def _candidates(place: str) -> Iterator[Path]:
             problem = "there is no such file or folder, and no distribution of this name is installed"
             raise InvalidInput(place, None, f"{problem}; name a folder of robots") from None
     yield from (path for path in files if path.suffix.lower() in SUFFIXES and not path.is_dir())
+
+
+def files_before(places: Sequence[str], before: Path) -> dict[Path, Path]:
+    """The model files of ``places`` in the folder ``before``, an earlier state of the current one, by where they are or were here.
+
+    Raises:
+        InvalidInput: ``before`` is no folder.
+        InvalidRequest: a place does not lie in the current folder.
+    """
+    if not before.is_dir():
+        raise InvalidInput(before, None, "is no folder; name one that holds an earlier state of the current folder")
+    found = dict[Path, Path]()
+    for place in places:
+        here = os.path.relpath(place)
+        if os.pardir in Path(here).parts:
+            raise InvalidRequest(
+                f"{place} does not lie in the current folder, of which {before} is an earlier state; go to the folder of both"
+            )
+        earlier = before / here
+        there = [path for path in _candidates(str(earlier)) if format_of(path)] if earlier.exists() else []
+        found |= {Path(place) / path.relative_to(earlier): path for path in sorted(there)}
+    return found
+
+
+def is_as_before(now: Path, before: Path) -> bool:
+    """True where a model file cannot mean anything else than before: it has the same text, and no other file has a part in it."""
+    if irregular(now) or irregular(before):
+        return False
+    text = now.read_bytes()
+    return text == before.read_bytes() and (format_of(now) == "urdf" or not _OTHER_FILE.search(text))
 
 
 NAME = "expected_robots.toml"

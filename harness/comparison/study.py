@@ -33,7 +33,8 @@ class ComparisonSettings:
     Attributes:
         paths: the files. states: per file. floating_base: whether a free joint is put under the roots of URDFs.
         renamed: {joint of the first file: its name in another}. without: joints that stand still where files are held against each
-            other. pairwise: whether the files are held against each other.
+            other. pairs: files that are held against each other, the second against the first; by default each further one against the
+            first of ``paths``.
         stances: of the engines; none where no engine is asked.
         subjects: names of those that are asked; for none every one that is installed anywhere.
     """
@@ -44,7 +45,7 @@ class ComparisonSettings:
     floating_base: bool = False
     renamed: Mapping[str, str] = field(default_factory=dict)
     without: Sequence[str] = ()
-    pairwise: bool = True
+    pairs: Sequence[tuple[Path, Path]] | None = None
     stances: Sequence[Stance] = tuple(Stance)
     subjects: Sequence[str] = ()
 
@@ -84,9 +85,8 @@ class RobotComparison(Study):
         if settings.renamed or settings.without:
             yield [self._known()]
         yield [self._compared(path) for path in settings.paths]
-        if settings.pairwise and len(settings.paths) > 1:
-            first, *others = settings.paths
-            yield [self._held(first, other) for other in others if first in self._meant and other in self._meant]
+        pairs = [(settings.paths[0], other) for other in settings.paths[1:]] if settings.pairs is None else settings.pairs
+        yield [self._held(first, second) for first, second in pairs if first in self._meant and second in self._meant]
 
     def _known(self) -> Inquiry[None]:
         """Raises InvalidRequest for joints that the user names and that no file has, before anything else is asked."""

@@ -219,7 +219,9 @@ def is_native(library: Library, subject: Subject) -> bool:
 
 
 def select_subjects(library: Library, names: Sequence[str], native_only: bool = False) -> list[Subject]:
-    """The subjects called ``names``; for none all of them, or those that are native and beside the harness.
+    """The subjects called ``names``, of which one without a format is every subject of an engine, as ``mujoco@3.13.0``.
+
+    For none they are all, or those that are native and beside the harness.
 
     What is found of an engine does not depend on which environments there are, therefore; what is asked of them is asked by name.
 
@@ -227,14 +229,17 @@ def select_subjects(library: Library, names: Sequence[str], native_only: bool = 
         InvalidRequest: a name no subject has; the message gives the nearest one, or how to make its environment.
     """
     known = {str(subject): subject for subject in _all_subjects(library)}
-    asked = []
+    asked: list[str] = []
     for name in names:
-        engine, version = split_name(name.partition("/")[0])
+        called, separator, model_format = name.partition("/")
+        engine, version = split_name(called)
         if name not in known and version and engine in engine_files(library):
-            name = f"{environment_of(engine, version).name}/{name.partition('/')[2]}"
-        if name not in known:
+            called = environment_of(engine, version).name
+        name = called + separator + model_format
+        found = [name] if name in known else [one for one, subject in known.items() if subject.engine == name]
+        if not found:
             raise InvalidRequest(f"no subject is called {name!r}; {nearest(name, known)}")
-        asked.append(name)
+        asked += found
     chosen = [known[name] for name in dict.fromkeys(asked)]
     if chosen or not native_only:
         return chosen or subjects(library)

@@ -129,7 +129,7 @@ def _atlas_cases(found: Atlas) -> Iterator[Case]:
 
 
 def _survey_study(choice: NightChoice, path: str) -> RobotComparison:
-    return RobotComparison(ComparisonSettings((Path(path),), SURVEY_STATES, choice.settings.seed, pairwise=False), SURVEY)
+    return RobotComparison(ComparisonSettings((Path(path),), SURVEY_STATES, choice.settings.seed, pairs=()), SURVEY)
 
 
 def _survey_cases(found: FilesComparison) -> Iterator[Case]:

@@ -17,7 +17,7 @@ from harness.results.gap import Gaps
 from harness.results.pair_conclusion import conclusions
 from harness.results.readings import MOST_LINES, by_effect, lines_text, reading_line
 from harness.results.records import Run
-from harness.results.table import Table, TableOf, counted, error_text
+from harness.results.table import Table, TableOf, counted, error_text, markdown_cell
 from harness.verdict import AGREEMENT
 
 # Said where every engine was asked and answered, and nothing is left to explain.
@@ -116,6 +116,20 @@ def html_of(parts: Iterable[Section]) -> str:
     from harness.report.html import environment
 
     return environment().get_template("sections.html").render(sections=list(parts))
+
+
+def markdown_of(parts: Iterable[Section]) -> str:
+    """Sections in Markdown: rows as lists, of which the further in stand below the others, and tables of pipes."""
+    blocks = []
+    for section in parts:
+        blocks.append(f"**{markdown_cell(section.title)}**" if section.is_answer else f"### {markdown_cell(section.title)}")
+        for part in section.parts:
+            if isinstance(part, Table):
+                blocks.append(part.markdown())
+            else:
+                row = f"{part[: len(part) - len(part.lstrip())]}- {markdown_cell(part)}"
+                blocks.append(f"{blocks.pop()}\n{row}" if blocks[-1].lstrip().startswith("- ") else row)
+    return "\n\n".join(filter(None, blocks)) + "\n"
 
 
 def _descriptions(files: Sequence[FileRecord]) -> Iterator[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 from harness.report.comparison import Section, rest
 from harness.report.sparkline import Sparkline
@@ -81,9 +80,4 @@ def _trend_table(earlier: Sequence[FilesComparison], found: FilesComparison, pag
 
 def published(found: FilesComparison, names: Mapping[str, str] | None = None) -> FilesComparison:
     """A comparison whose files are named from the folder that all share: pages are published, and say nothing of this machine."""
-    short = names or short_names(found)
-    renamed = {
-        part: [replace(one, path=short.get(one.path, one.path)) for one in getattr(found, part)]
-        for part in ("files", "subjects", "equalities")
-    }
-    return FilesComparison(pairs=list(found.pairs), **renamed)
+    return found.among(names or short_names(found))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -343,6 +343,14 @@ class FilesComparison(StudyResult):
     def of(self, path: str) -> list[SubjectRecord]:
         """The subjects of a file."""
         return [subject for subject in self.subjects if subject.path == path]
+
+    def among(self, names: Mapping[str, str]) -> FilesComparison:
+        """Records of the files called ``names``, by their paths here, under these names, without pairs."""
+        parts = {
+            part: [replace(one, path=names[one.path]) for one in getattr(self, part) if one.path in names]
+            for part in ("files", "subjects", "equalities")
+        }
+        return FilesComparison(**parts)
 
     def in_order(self) -> FilesComparison:
         """The same by the paths of files and the names of engines, whatever was complete first."""

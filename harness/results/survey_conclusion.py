@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
+from harness.results.comparison import FileRecord, FilesComparison, PairRecord, SubjectRecord
 from harness.results.conclusion import Conclusion
+from harness.results.pair_conclusion import conclude_pair
 from harness.results.readings import MOST_IN_CELL, explanation, share_text
-from harness.results.table import counted, grouped
+from harness.results.table import counted, first_of, grouped
 from harness.verdict import Verdict
 
 # Reasons in the line of an engine.
@@ -95,11 +96,57 @@ def trends(earlier: Sequence[FilesComparison], now: FilesComparison) -> dict[tup
 
 def changes(before: FilesComparison, now: FilesComparison) -> Iterator[str]:
     """A sentence for each subject whose outcome or dominating reading is another than before, and for each file that came or went."""
+    for one, was in _otherwise(before, now):
+        yield f"{one.path} {one.subject}, {one.kind}: {outcome_text(one)}; it was: {outcome_text(was)}"
+    known, found = ({file.path for file in comparison.files} for comparison in (before, now))
+    yield from (f"{path}: new" for path in sorted(found - known))
+    yield from (f"{path}: no longer there" for path in sorted(known - found))
+
+
+def _otherwise(before: FilesComparison, now: FilesComparison) -> Iterator[tuple[SubjectRecord, SubjectRecord]]:
+    """Each subject whose outcome or dominating reading is another than before, now and then."""
     earlier = {(one.path, one.subject, one.kind): one for one in before.subjects}
     for one in now.subjects:
         was = earlier.get((one.path, one.subject, one.kind))
         if was is not None and (was.outcome, was.dominating) != (one.outcome, one.dominating):
-            yield f"{one.path} {one.subject}, {one.kind}: {outcome_text(one)}; it was: {outcome_text(was)}"
-    known, found = ({file.path for file in comparison.files} for comparison in (before, now))
-    yield from (f"{path}: new" for path in sorted(found - known))
-    yield from (f"{path}: no longer there" for path in sorted(known - found))
+            yield one, was
+
+
+def conclude_changes(found: FilesComparison, now: Sequence[str], before: Mapping[str, str], where: str) -> Conclusion:
+    """What robots are against an earlier state of their files: two rows for each that is another, what it is and what engines make of it.
+
+    ``found`` has the files ``now``, and those of ``before``, by the file now, that may be another; its pairs hold these against each other.
+    ``where`` names the earlier state.
+    """
+    is_now, was = found.among({path: path for path in now}), found.among({old: path for path, old in before.items()})
+    files, old_files = ({file.path: file for file in one.files} for one in (is_now, was))
+    pairs, answered = {pair.second: pair for pair in found.pairs}, grouped((one.path, (one, old)) for one, old in _otherwise(was, is_now))
+    rows, changed = [], []
+    for path in sorted({*now, *before}):
+        said = _robot_changed(files.get(path), old_files.get(path), pairs.get(path), path in before)
+        own = [f"{one.subject} {outcome_text(one)}, before {outcome_text(old)}" for one, old in answered.get(path, ()) if not one.aided]
+        if said or own:
+            changed.append(path)
+            same = [f"{one.subject} {outcome_text(one)}" for one in is_now.of(path) if not one.aided]
+            rows.append(f"{path}: {said or 'the same robot as before.'}")
+            if path in files:
+                how = "" if own or path not in old_files else "; each outcome is as before"
+                rows.append(f"  engines: {'; '.join(own or same) or 'none was asked'}{how}")
+    count = counted(len(files), "robot")
+    if not changed:
+        return Conclusion(f"None of {count} is other than in {where}.")
+    verb = "is" if len(changed) == 1 else "are"
+    return Conclusion(f"{len(changed)} of {count} {verb} other than in {where}: {first_of(changed, MOST_COUNTED)}.", rows)
+
+
+def _robot_changed(now: FileRecord | None, was: FileRecord | None, pair: PairRecord | None, was_there: bool) -> str:
+    """How a robot is another than before, a sentence; "" where it is the same."""
+    if now is None:
+        return "no longer there."
+    if not was_there:
+        return f"new; it cannot be read: {now.problem}." if now.problem else "new."
+    if was is not None and (now.problem or was.problem) and now.problem != was.problem:
+        return f"cannot be read: {now.problem}." if now.problem else f"can be read; before: {was.problem}."
+    if pair is not None and (pair.problem or pair.differences or pair.constraints or not pair.same):
+        return conclude_pair(pair).sentence
+    return ""

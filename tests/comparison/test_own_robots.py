@@ -18,7 +18,7 @@ FILES = find_files([str(FOLDER)])
 
 @pytest.fixture(scope="module")
 def found() -> FilesComparison:
-    settings = ComparisonSettings(FILES, states=16, pairwise=False, stances=(Stance.PLAIN,), subjects=SUBJECTS)
+    settings = ComparisonSettings(FILES, states=16, pairs=(), stances=(Stance.PLAIN,), subjects=SUBJECTS)
     return completed(RobotComparison(settings), InThisProcess())
 
 

@@ -152,7 +152,7 @@ BY_NAME: dict[str, Callable[..., Any]] = {
         help="Folder of the report and its history.",
     ),
 }
-subjects_option = click.option("--subject", "subjects", multiple=True, metavar="ENGINE/FORMAT", help="Only this subject; repeatable.")
+subjects_option = click.option("--subject", "subjects", multiple=True, metavar="ENGINE[/FORMAT]", help="Only this subject; repeatable.")
 
 
 def quantities_option(without: str) -> Callable[..., Any]:
