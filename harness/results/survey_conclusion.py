@@ -134,7 +134,7 @@ def conclude_changes(found: FilesComparison, now: Sequence[str], before: Mapping
                 rows.append(f"  engines: {'; '.join(own or same) or 'none was asked'}{how}")
     count = counted(len(files), "robot")
     if not changed:
-        return Conclusion(f"None of {count} is other than in {where}.")
+        return Conclusion(f"{count}: none is other than in {where}.")
     verb = "is" if len(changed) == 1 else "are"
     return Conclusion(f"{len(changed)} of {count} {verb} other than in {where}: {first_of(changed, MOST_COUNTED)}.", rows)
 

@@ -36,7 +36,7 @@ def test_robots_that_are_as_they_were_are_counted(folder: Path) -> None:
     arm.write_text(arm.read_text().replace("<robot", "<!-- with a remark -->\n<robot", 1))
     done = survey(folder)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[0] == "None of 3 robots is other than in old."
+    assert done.stdout.splitlines()[0] == "3 robots: none is other than in old."
     assert not (folder / "reports").exists()
 
 
@@ -66,7 +66,7 @@ def test_a_file_that_another_includes_makes_it_another_robot(folder: Path) -> No
 
 def test_the_earlier_state_may_lie_in_a_place(folder: Path) -> None:
     done = harness("survey", ".", *ASKED, cwd=folder)
-    assert done.stdout.splitlines()[0] == "None of 3 robots is other than in old."
+    assert done.stdout.splitlines()[0] == "3 robots: none is other than in old."
 
 
 @pytest.mark.parametrize(
