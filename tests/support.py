@@ -298,7 +298,9 @@ class Stage:
     rounds: list[list[Task]] = field(default_factory=list)
     made_with: list[dict[str, Any]] = field(default_factory=list)
 
-    def __call__(self, count: int | None = None, scheduler: str | None = None, time_limit: float = 0.0, **rest: Any) -> Stage:
+    def __call__(
+        self, count: int | None = None, scheduler: str | None = None, time_limit: float = 0.0, memory_limit: int | None = None
+    ) -> Stage:
         self.made_with.append({"count": count, "time_limit": time_limit})
         return self
 
