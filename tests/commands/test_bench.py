@@ -122,7 +122,7 @@ def measure(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
         def measured(study: BenchmarkStudy, number: int, part: Benchmark) -> Inquiry[None]:
             yield from ask(print)
-            yield study._part(f"part {number}", part)
+            yield study.kept(f"part {number}", part)
 
         monkeypatch.setattr(BenchmarkStudy, "inquiries", inquiries)
         monkeypatch.setattr(workers, "Workers", Stage(Outcome))

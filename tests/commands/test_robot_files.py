@@ -10,7 +10,7 @@ from pathlib import Path
 import lxml.html
 import numpy as np
 import pytest
-from support import Done, expected_entry, harness, make_library
+from support import Done, call_engines_here, expected_entry, harness, make_library
 
 import harness as public
 from harness.arrays import Array
@@ -68,6 +68,7 @@ def without_dampers(forces: JointForces, v: Array) -> Array:
 @pytest.fixture
 def undamped(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pinocchio is not supplied with dampers, as if its reader took them."""
+    call_engines_here(monkeypatch)
     monkeypatch.setattr(JointForces, "of_dampers", without_dampers)
 
 

@@ -41,7 +41,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, **outcome: Any) -> list[SearchSett
             asked.append(settings)
 
         def inquiries(self) -> Iterator[list[Inquiry[None]]]:
-            self._result = SearchResult(place=Path("hard_states/simple_pendulum.json"), **outcome)
+            self.found = SearchResult(place=Path("hard_states/simple_pendulum.json"), **outcome)
             yield from ()
 
     monkeypatch.setattr(search, "StateSearch", Answered)
