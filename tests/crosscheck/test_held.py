@@ -21,6 +21,7 @@ from harness.engines import EQUATIONS, HeldBody, HeldModel, Unsupported, is_nati
 from harness.engines.adapters.mujoco.quantities import fused
 from harness.engines.interface import audit
 from harness.errors import InvalidModel
+from harness.explain.as_read import misread_by
 from harness.explain.changes.mistakes import mended_mistakes
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text import lines as quantities
@@ -157,6 +158,8 @@ def held_by_all(models: Mapping[str, ModelFile], gravity: float) -> dict[str, He
         model = models[subject.format]
         # A joint that mimics another is one where a system asks for it, and no line of its own says so.
         joints = max((list(each.joint_lines) for each in models.values()), key=len)
+        if misread_by(model, gravity, subject.engine, BUILT_IN)[1].applied:
+            continue
         try:
             loaded = load_engine(BUILT_IN, subject.engine).load(model, joints, gravity)
         except Unsupported:

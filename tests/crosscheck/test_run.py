@@ -193,7 +193,7 @@ def test_energies_that_depend_on_time_are_compared_at_other_times(tmp_path: Path
 def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> None:
     planted = library(tmp_path, hungry="raise MemoryError")
     records, _ = cross_checked(Settings(library=planted, states=40, examples=None))
-    assert by_subject(records)["hungry/mjcf"].message.startswith("MemoryError: fewer --workers (pytest: --harness-workers)")
+    assert by_subject(records)["hungry/mjcf"].message.startswith("MemoryError: --memory-limit (pytest: --harness-memory-limit) allows more")
 
 
 def test_a_record_has_the_componentwise_error_where_it_is_asked_for_or_may_matter(tmp_path: Path) -> None:

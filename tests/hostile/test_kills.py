@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -85,7 +86,7 @@ def read_and_die(note: object) -> None:
     import pinocchio
 
     pinocchio.buildModelFromMJCF = lambda path: os.kill(os.getpid(), signal.SIGKILL if Path(path).read_text() else 0)
-    library = Library.built_in()
+    library = replace(Library.built_in(), calls_engines_here=True)
     from harness.files.model_file import read_model
 
     load_engine(library, "pinocchio").load(read_model(library.model_path("bar_pendulum", "mjcf"), "mjcf"), ["pin"], 9.81)

@@ -185,7 +185,7 @@ def outcome(judge: Judge, sound: ModelFile, path: Path) -> str:
         model = read_model(path, sound.format)
     except InvalidModel as refusal:
         assert str(refusal).startswith(str(path)) and "\n" not in str(refusal) and refusal.problem
-        whole_file = ("is empty", "is not well-formed XML", "is larger than")
+        whole_file = ("is empty", "is not well-formed XML", "is larger than", "is in UTF-16")
         assert refusal.line is not None or refusal.problem.startswith(whole_file), refusal
         return "refused"
     assert joint_rows(model) and isinstance(point_springs(model), list)

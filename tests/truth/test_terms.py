@@ -16,6 +16,7 @@ from catalogue import BUILT_IN
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
+from harness.explain.as_read import misread_by
 from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, compare_terms, coordinate_names
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism, load_system
@@ -69,6 +70,14 @@ def load(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = 
         return engine.load(mechanism, mechanism.joints, mechanism.gravity)
     file = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format)
     return engine.load(parse_model(file.path, change(file.text), subject.format), mechanism.joints, mechanism.gravity)
+
+
+def is_misread(subject: Subject, mechanism: Mechanism) -> bool:
+    """Whether its reader is known to make another mechanism of the file."""
+    if subject.format == EQUATIONS:
+        return False
+    file = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format)
+    return bool(misread_by(file, mechanism.gravity, subject.engine, BUILT_IN)[1].applied)
 
 
 def judged(
@@ -234,6 +243,8 @@ def test_terms_of_sound_engines_agree_and_sum_to_nothing(modelled_name: str) -> 
     states = generic_sample(mechanism, POSITIONS, seed_of(modelled_name))
     references: dict[ReferenceKernel, TermReference] = {}
     for subject in SUBJECTS:
+        if is_misread(subject, mechanism):
+            continue
         try:
             model = load(subject, mechanism)
         except Unsupported:
@@ -267,6 +278,8 @@ def size_of_sum(mechanism: Mechanism, states: States, terms: Terms, acceleration
 def test_no_term_of_a_sound_engine_is_called_wrong(name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, name)
     for subject in SUBJECTS:
+        if is_misread(subject, mechanism):
+            continue
         try:
             model = load(subject, mechanism)
         except Unsupported:
