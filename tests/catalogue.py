@@ -10,8 +10,12 @@ from typing import TypeVar
 
 from lxml import etree
 
+from harness.engines import Subject
+from harness.explain.as_read import misread_by
 from harness.files.document.xml import read_text
+from harness.files.model_file import read_model
 from harness.library import MODEL_SUFFIXES, Library, member_of, robots_folder
+from harness.programs.mechanisms.mechanism import Mechanism
 
 Name = TypeVar("Name", str, Path)
 
@@ -120,3 +124,11 @@ _ROBOT_SIZES = {path: _joints(path.read_text()) for path in ROBOTS}
 # What a run at the desk takes of the catalogue, and the robots that have what no system has.
 REPRESENTATIVE = cover(SYSTEM_FEATURES, _SYSTEM_SIZES)
 REPRESENTATIVE_ROBOTS = cover(ROBOT_FEATURES, _ROBOT_SIZES, set().union(*SYSTEM_FEATURES.values()))
+
+
+def is_misread(subject: Subject, mechanism: Mechanism) -> bool:
+    """Whether the engine's reader is known to make another mechanism of its model in the built-in library."""
+    if subject.format not in MODEL_SUFFIXES:
+        return False
+    file = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format)
+    return bool(misread_by(file, mechanism.gravity, subject.engine, BUILT_IN)[1].applied)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from catalogue import BUILT_IN, CALLED_HERE, TREES
+from catalogue import BUILT_IN, CALLED_HERE, TREES, is_misread
 
 from harness.arrays import Array
 from harness.crosscheck.expected import load_expectations
@@ -32,8 +32,11 @@ def pinocchio_model(name: str, model_format: str) -> Model:
 
 @pytest.mark.parametrize("modelled_name", TREES)
 def test_pinocchio_agrees_with_both_files(modelled_name: str) -> None:
-    states = sample(load_mechanism(BUILT_IN, modelled_name), 16, SEED)
+    mechanism = load_mechanism(BUILT_IN, modelled_name)
+    states = sample(mechanism, 16, SEED)
     for model_format in ("urdf", "mjcf"):
+        if is_misread(Subject("pinocchio", model_format), mechanism):
+            continue
         expected = load_expectations(BUILT_IN, "regressor").entries.get((modelled_name, f"pinocchio/{model_format}"))
         try:
             truth, model = truth_of(modelled_name, model_format), pinocchio_model(modelled_name, model_format)

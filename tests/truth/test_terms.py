@@ -11,12 +11,11 @@ import mpmath
 import numpy as np
 import pytest
 import sympy as sp
-from catalogue import BUILT_IN
+from catalogue import BUILT_IN, is_misread
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
-from harness.explain.as_read import misread_by
 from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, compare_terms, coordinate_names
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism, load_system
@@ -70,14 +69,6 @@ def load(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = 
         return engine.load(mechanism, mechanism.joints, mechanism.gravity)
     file = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format)
     return engine.load(parse_model(file.path, change(file.text), subject.format), mechanism.joints, mechanism.gravity)
-
-
-def is_misread(subject: Subject, mechanism: Mechanism) -> bool:
-    """Whether its reader is known to make another mechanism of the file."""
-    if subject.format == EQUATIONS:
-        return False
-    file = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format)
-    return bool(misread_by(file, mechanism.gravity, subject.engine, BUILT_IN)[1].applied)
 
 
 def judged(
