@@ -10,11 +10,22 @@ import numpy as np
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Indices = np.ndarray[Any, np.dtype[np.int64]]
+_NO_COLUMNS = np.empty((0, 0))
+
+
+def no_columns() -> Array:
+    """The default of an array that a record of ``Rows`` may do without."""
+    return _NO_COLUMNS
 
 
 @dataclass(frozen=True)
 class Rows:
-    """A record of arrays, and of such records, that have the same first axis."""
+    """A record of arrays, and of such records, that have the same first axis; what nobody gives has no columns."""
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            if getattr(self, one.name) is _NO_COLUMNS:
+                object.__setattr__(self, one.name, np.empty((len(self), 0)))
 
     def __len__(self) -> int:
         return len(getattr(self, fields(self)[0].name))

@@ -22,7 +22,7 @@ from harness.files.findings import LeftOut
 from harness.files.left_out import Declared, left_out_of_mjcf, left_out_of_urdf
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.mjcf.reading import read_tree as read_mjcf
-from harness.files.tree import Joint, SpringDampers, Tree
+from harness.files.tree import Actuator, ForceLimits, Joint, SpringDampers, Tree
 from harness.files.urdf.reading import UrdfReader
 from harness.library import TEMPLATE_SUFFIX
 
@@ -44,6 +44,7 @@ class Meaning:
         passed_over: what no model of a mechanism may say, in the order in which it was found.
         floating_base: name of the free joint that was put under the root of a URDF; "" for none.
         declared: elements that are left out and bear on the motion, but limits, friction and equalities.
+        actuators: of the file, which the tree leaves out. force_limits: as of ``Tree``.
     """
 
     format: str
@@ -55,6 +56,8 @@ class Meaning:
     spring_dampers: SpringDampers
     floating_base: str = ""
     declared: tuple[Declared, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+    force_limits: ForceLimits = ()
 
     @cached_property
     def moving(self) -> tuple[Joint, ...]:
@@ -104,6 +107,8 @@ def read(document: Document, *, floating_base: bool = False, compile_meshes: Com
             that makes bodies by the rules of one engine alone.
     """
     source, base = Source(document), ""
+    actuators: tuple[Actuator, ...] = ()
+    force_limits: ForceLimits = ()
     if (format := _format(source)) == "urdf":
         refuse_irregular_files(source)
         reader = UrdfReader(source)
@@ -113,6 +118,9 @@ def read(document: Document, *, floating_base: bool = False, compile_meshes: Com
     elif floating_base:
         source.refuse(source.root, "is an MJCF, which says itself which body floats; leave the floating base out, or write a <freejoint/>")
     else:
-        tree, equalities, spring_dampers = read_mjcf(source, compile_meshes)
+        read_file = read_mjcf(source, compile_meshes)
+        tree, equalities, spring_dampers = read_file.tree, read_file.equalities, read_file.spring_dampers
+        actuators, force_limits = read_file.actuators, read_file.force_limits
         left_out, declared = left_out_of_mjcf(source, tree)
-    return Meaning(format, tree, equalities, left_out, tuple(source.passed_over), tuple(source.unread), spring_dampers, base, declared)
+    passed_over, unread = tuple(source.passed_over), tuple(source.unread)
+    return Meaning(format, tree, equalities, left_out, passed_over, unread, spring_dampers, base, declared, actuators, force_limits)

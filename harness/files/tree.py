@@ -322,9 +322,56 @@ class SpringDampers:
     dampers: bool = True
 
 
+# Ranges of forces by the names of joints.
+ForceLimits = tuple[tuple[str, tuple[Fraction, Fraction]], ...]
+# A number of a file, and whether it counts with its own sign (1) or the other one (-1).
+Signed = tuple[int, Fraction]
+
+
+@dataclass(frozen=True)
+class Actuator(_Placed):
+    """What drives a robot by a control: a force along a length, which is that of a joint, a fixed tendon, or the axes of a site.
+
+    Its force is gain * input + bias, in ``force_range``; gain and bias are c0 + c1 length + c2 velocity each. The input is the control, in
+    ``control_range``, and the activation of one with ``dynamics``.
+
+    Attributes:
+        kind: the tag. name: "" for none. number: among the actuators of the file, from 0.
+        joints: (name, multiple) whose sum of multiples of positions is the length but for the gear. site: body and frame, "" for none.
+        gear: (6,), of which a single joint and a tendon take the first, a ball joint three, and a free joint and a site all.
+        in_parent: whether the gear of a ball or free joint is along the axes of its parent.
+        damping_ratio: from which the damping follows by the inertia of what is driven; 0 where the file gives the damping.
+        why_not: why its force is not read; "" where it is.
+    """
+
+    kind: str
+    name: str
+    line: int
+    number: int
+    joints: tuple[tuple[str, Fraction], ...] = ()
+    site: tuple[str, Pose] | None = None
+    gear: tuple[Fraction, ...] = ()
+    in_parent: bool = False
+    gain: tuple[Signed, ...] = ()
+    bias: tuple[Signed, ...] = ()
+    dynamics: str = "none"
+    control_range: tuple[Fraction, Fraction] | None = None
+    activation_range: tuple[Fraction, Fraction] | None = None
+    force_range: tuple[Fraction, Fraction] | None = None
+    damping_ratio: Fraction = Fraction(0)
+    why_not: str = ""
+    place: Place | None = None
+
+    @property
+    def has_activation(self) -> bool:
+        return self.dynamics != "none"
+
+
 @dataclass(frozen=True)
 class Tree(_Placed):
     """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
+
+    ``actuators`` are those that act, and ``force_limits`` the ranges [N or N m] of what they do together on joints.
 
     With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
     factor, so that the masses of all bodies sum to it.
@@ -337,6 +384,8 @@ class Tree(_Placed):
     total_mass: Fraction | None = None
     place: Place | None = None
     bounds: Bounds | None = None
+    actuators: tuple[Actuator, ...] = ()
+    force_limits: ForceLimits = ()
 
     @property
     def joints(self) -> tuple[Joint, ...]:

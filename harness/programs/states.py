@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array, Rows
+from harness.arrays import Array, Rows, no_columns
 
 DEFAULT_RATES = (-10.0, 10.0)
 # Applied forces reach what would give a coordinate alone this acceleration [1/s^2, or m/s^2].
@@ -16,12 +16,17 @@ DEFAULT_ACCELERATION = 100.0
 
 @dataclass(frozen=True)
 class States(Rows):
-    """n states of a mechanism: q of shape (n, nq), v and tau (n, nv), and time (n,) [s]."""
+    """n states of a mechanism: q of shape (n, nq), v and tau (n, nv), and time (n,) [s].
+
+    With actuators, ``control`` and ``activation`` (n, actuators of the file); 0 for those that have none.
+    """
 
     q: Array
     v: Array
     tau: Array
     time: Array
+    control: Array = field(default_factory=no_columns)
+    activation: Array = field(default_factory=no_columns)
 
     @classmethod
     def at(cls, q: Any, v: Any, tau: Any, time: Any = None) -> States:
@@ -30,10 +35,11 @@ class States(Rows):
         return cls(q, v, tau, np.zeros(len(q)) if time is None else np.atleast_1d(np.asarray(time, dtype=np.float64)))
 
     def as_json(self, index: int) -> dict[str, list[float]]:
-        """One state as ``{"q", "v", "tau"}`` lists, which print exactly, with ``"time"`` where that is not 0."""
+        """One state as ``{"q", "v", "tau"}`` lists, which print exactly, with time, control and activation where these are not 0."""
         return {name: getattr(self[[index]], name).ravel().tolist() for name in self.named}
 
     @property
     def named(self) -> tuple[str, ...]:
         """The parts that say which states these are: a mechanism that does not feel time has all of them at time 0."""
-        return ("q", "v", "tau", "time") if self.time.any() else ("q", "v", "tau")
+        driving = tuple(name for name in ("control", "activation") if getattr(self, name).any())
+        return ("q", "v", "tau", *(("time",) if self.time.any() else ()), *driving)

@@ -32,7 +32,7 @@ from harness.programs.program import StraightLineProgram, right_hand_side
 from harness.programs.states import DEFAULT_RATES, States
 from harness.trees.bodies.spatial import FileProgram, parameter_name
 from harness.trees.nodes import kinematics
-from harness.trees.recursion import recursion_program
+from harness.trees.recursion import actuation, recursion_program
 from harness.trees.robot import Robot, tree_of
 from harness.trees.rows import Row, equations_of_rows, rows_in, rows_of, untied
 from harness.trees.world_motion import World, in_world
@@ -110,6 +110,7 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
         equations_mathml="",
         derivation_seconds=time.perf_counter() - started,
         robot=robot,
+        actuation=actuation(robot.tree, robot.joints),
     )
 
 

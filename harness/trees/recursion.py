@@ -18,8 +18,10 @@ from dataclasses import dataclass
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Coupling, Joint, Pose, Spring, Tree
 from harness.programs.derivatives import along
+from harness.programs.mechanisms.actuation import Actuation
 from harness.programs.program import upper_triangle
 from harness.programs.terms import Matrix, Term, Vector, cross, length
+from harness.trees.actuators import actuation_of, driven
 from harness.trees.bodies.rigid import Spatial, power, spatial
 from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, placed
 from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
@@ -44,6 +46,15 @@ def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body
     return nodes.builder.written(outputs)
 
 
+def actuation(tree: Tree, joints: Sequence[str]) -> Actuation | None:
+    """What each state gives to the parameters of ``recursion_program``; None for a tree without actuators."""
+    if not tree.actuators:
+        return None
+    nodes = kinematics(tree, joints)
+    equations_of_motion(nodes)
+    return actuation_of(nodes, driven(nodes, generalised))
+
+
 def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]], list[Line]]:
     """The terms of the equations of motion by their names, and the lengths on which springs and dampers act."""
     velocities, lines = _velocities(nodes), list[Line]()
@@ -51,7 +62,7 @@ def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]]
         "mass": mass_matrix(nodes),
         "velocity": _velocity_terms(nodes, velocities),
         "gravity": _gravity_terms(nodes),
-        "passive": _passive_forces(nodes, velocities, lines),
+        "passive": _passive_forces(nodes, velocities, lines) + driven(nodes, generalised).forces,
     }
     return outputs, lines
 
@@ -84,8 +95,8 @@ def _velocities(nodes: Kinematics) -> list[Spatial]:
     return found
 
 
-def _generalised(nodes: Kinematics, forces: Sequence[Spatial]) -> Vector:
-    """The generalised forces that hold the given forces on the nodes."""
+def generalised(nodes: Kinematics, forces: Sequence[Spatial]) -> Vector:
+    """The generalised forces of the given forces on the nodes."""
     found, carried = nodes.builder.zeros(nodes.nv), list(forces)
     for number in reversed(range(len(nodes.nodes))):
         node = nodes.nodes[number]
@@ -108,7 +119,7 @@ def _velocity_terms(nodes: Kinematics, velocities: Sequence[Spatial]) -> Vector:
         moment, momentum = node.rigid.momentum((angular, linear))
         gyroscopic = spatial(cross(angular, moment) + cross(linear, momentum), cross(angular, momentum))
         forces.append(node.rigid.momentum(accelerations[-1]) + gyroscopic)
-    return _generalised(nodes, forces)
+    return generalised(nodes, forces)
 
 
 def _upward(nodes: Kinematics) -> list[Spatial]:
@@ -121,7 +132,7 @@ def _upward(nodes: Kinematics) -> list[Spatial]:
 
 
 def _gravity_terms(nodes: Kinematics) -> Vector:
-    return _generalised(nodes, [node.rigid.momentum(one) for node, one in zip(nodes.nodes, _upward(nodes), strict=True)])
+    return generalised(nodes, [node.rigid.momentum(one) for node, one in zip(nodes.nodes, _upward(nodes), strict=True)])
 
 
 def mass_matrix(nodes: Kinematics) -> list[Term]:
@@ -154,7 +165,7 @@ def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: lis
             if node >= 0:
                 force = turn.T @ ((builder.number(sign) * tension) * along)
                 on_nodes[node] = on_nodes[node] + spatial(cross(arm, force), force)
-    return found + _generalised(nodes, on_nodes)
+    return found + generalised(nodes, on_nodes)
 
 
 def _end(nodes: Kinematics, body: str, pose: Pose, velocities: Sequence[Spatial]) -> tuple[int, Vector, Vector, Vector, Matrix]:

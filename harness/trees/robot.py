@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,10 +29,11 @@ from harness.files.left_out import Declared
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.reading import EXPECTED, Meaning, read
-from harness.files.tree import WORLD, Given, Joint, SpringDampers, Tree
+from harness.files.tree import WORLD, Actuator, ForceLimits, Given, Joint, SpringDampers, Tree
 from harness.files.urdf.kinds import BALL_CONSTRAINT
 from harness.programs.evaluation import mass_matrix
 from harness.trees import recursion
+from harness.trees.actuators import moment_of
 from harness.trees.bodies.inertias import impossible_inertias, total_mass
 from harness.trees.nodes import standing
 
@@ -60,6 +62,7 @@ class Robot:
         equalities: points that meet and joints that are coupled, as engines may hold them besides the tree; a joint that mimics another
             is one, and follows the other in the tree.
         declared: elements that no equation of motion holds and that bear on the motion, but limits, friction and equalities.
+        actuators: of the file, none of which acts in the tree. force_limits: as of ``Tree``.
     """
 
     path: Path
@@ -72,6 +75,8 @@ class Robot:
     floating_base: str = ""
     equalities: tuple[Equality, ...] = ()
     declared: tuple[Declared, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+    force_limits: ForceLimits = ()
 
     @property
     def bodies(self) -> int:
@@ -176,6 +181,8 @@ def _robot(path: Path, meaning: Meaning) -> Robot:
         floating_base=meaning.floating_base,
         # No engine's reader reads Drake's constraints, which are among what is left out.
         declared=meaning.declared,
+        actuators=meaning.actuators,
+        force_limits=meaning.force_limits,
         equalities=tuple(one for one in meaning.equalities if one.kind != BALL_CONSTRAINT),
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:
@@ -207,6 +214,36 @@ def with_spring_dampers(tree: Tree, asked: SpringDampers) -> Tree:
         )
 
     return replace(tree, bodies=tuple(replace(body, joints=tuple(map(changed, body.joints))) for body in tree.bodies))
+
+
+def with_actuators(robot: Robot, numbers: Iterable[int]) -> Robot:
+    """The robot on which the actuators of these numbers act; damping that follows from an inertia is rounded to float64.
+
+    The damping of a servo of ratio z is 2 z sqrt(kp m), with m = 1 / (J M^-1 J') at the reference.
+    Source: MuJoCo documentation, XML reference, ``actuator/position``, dampratio.
+    """
+    import flint
+
+    chosen = [robot.actuators[number] for number in numbers]
+    if any(one.damping_ratio for one in chosen):
+        with flint.ctx.workprec(_BITS):
+            chosen = [_damped(robot.tree, one) if one.damping_ratio else one for one in chosen]
+    return replace(robot, tree=replace(robot.tree, actuators=tuple(chosen), force_limits=robot.force_limits))
+
+
+def _damped(tree: Tree, actuator: Actuator) -> Actuator:
+    import flint
+
+    nodes = standing(tree)
+    outputs = {"mass": recursion.mass_matrix(nodes), "moment": moment_of(nodes, actuator, recursion.generalised)}
+    values = nodes.builder.evaluated(outputs, _BITS)
+    moment = flint.arb_mat([[value] for value in values["moment"]])
+    mobility = (moment.transpose() * mass_matrix(values["mass"], nodes.nv).inv() * moment)[0, 0]
+    (sign, stiffness), ratio = actuator.gain[0], flint.arb(float(actuator.damping_ratio))
+    damping = 2 * ratio * (sign * float(stiffness) / mobility).sqrt()
+    assert actuator.place is not None
+    own = Given(float(damping), actuator.place, f"damping of actuator {actuator.number} by dampratio")
+    return replace(actuator, bias=(*actuator.bias[:2], (-1, own)))
 
 
 def _inertias(tree: Tree) -> dict[str, Any]:

@@ -210,10 +210,10 @@ def near(mechanism: DeclaredMechanism, states: States) -> States:
             inverse = np.linalg.pinv(np.where(usable[:, None, None], jacobian, 0.0), rcond=_SINGULAR)
             step = -np.einsum("nij,nj->ni", inverse, np.where(usable[:, None], residual, 0.0))
             shorter = np.minimum(1.0, _LONGEST / np.maximum(np.linalg.norm(step, axis=1), _LONGEST))
-            at = States(_turned(mechanism, at.q, step * shorter[:, None]), at.v, at.tau, at.time)
+            at = replace(at, q=_turned(mechanism, at.q, step * shorter[:, None]))
     arrived = usable & (np.abs(residual).max(axis=1, initial=0.0) <= _ARRIVED)
     q = np.where(arrived[:, None], at.q, states.q)
-    return _moved(mechanism, States(q, states.v, states.tau, states.time), arrived, 1.0)
+    return _moved(mechanism, replace(states, q=q), arrived, 1.0)
 
 
 def _turned(mechanism: Mechanism, q: Array, step: Array) -> Array:
@@ -244,4 +244,4 @@ def _moved(mechanism: DeclaredMechanism, states: States, chosen: Flags, share: f
             amount = width * 10 ** random.uniform(*_WITHIN_WIDTH) if width and random.random() < 0.5 else 10 ** random.uniform(*_ANYWHERE)
             q[[state]] = _turned(mechanism, q[[state]], amount * random.uniform(-1.0, 1.0, (1, mechanism.nv)))
             v[state] += 10 ** random.uniform(*_OF_RATES) * reach * random.uniform(-1.0, 1.0, mechanism.nv)
-    return States(q, v, states.tau, states.time)
+    return replace(states, q=q, v=v)

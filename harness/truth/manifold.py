@@ -154,7 +154,7 @@ def closed(mechanism: Mechanism, states: States) -> States:
             continue
         q[index, positions] = [nearest_float64(ball) for ball in found.positions]
         v[index, rates] = [nearest_float64(ball) for ball in found.rates]
-    return States(q, v, states.tau, states.time)
+    return replace(states, q=q, v=v)
 
 
 def enclosed(mechanism: Mechanism, q: Array, v: Array) -> Enclosure | None:

@@ -87,6 +87,17 @@ def writings(element: etree._Element, name: str) -> Iterator[Written]:
         yield from _in_class(element, str(element.get("class") or childclass_of(element) or MAIN), name)
 
 
+def layers(element: etree._Element) -> list[etree._Element]:
+    """The elements of default classes that bear on ``element``, the outermost class first, and itself behind them."""
+    classes, found = _classes(element.getroottree().getroot()), [element]
+    chain = [str(element.get("class") or childclass_of(element) or MAIN)]
+    for one in chain:
+        if one in classes:
+            found = [part for part in classes[one].elements if _default_tag(part) == _default_tag(element)] + found
+            chain += [around for around in classes[one].around if around not in chain]
+    return found
+
+
 def childclass_of(element: etree._Element) -> str | None:
     """The childclass of the innermost ancestor that names one."""
     return next((name for ancestor in element.iterancestors() if (name := ancestor.get("childclass"))), None)
@@ -119,6 +130,7 @@ class _Class:
     """A default class: the name of the one ``around`` it, if any, and its writings by (tag, attribute)."""
 
     around: tuple[str, ...] = ()
+    elements: list[etree._Element] = field(default_factory=list)
     given: dict[tuple[str, str], list[Written]] = field(default_factory=dict)
 
 
@@ -128,10 +140,12 @@ def _classes(root: etree._Element) -> dict[str, _Class]:
     """The default classes of a file by name; a name that stands twice is one class, and what comes later goes first."""
     classes: dict[str, _Class] = {}
     for default in (default for section in root.iterchildren("default") for default in section.iter("default")):
+        elements = [part for part in default.iterchildren("*") if part.tag != "default"]
         parts = [(part, *written) for part in default.iterchildren("*") for written in part.attrib.items()]
         for name in _names(default):
             known = classes.setdefault(name, _Class())
             known.around = _names(default.getparent())[-1:]
+            known.elements += elements
             for part, attribute, text in parts:
                 key = _DEFAULT_TAG.get(part.tag, part.tag), attribute
                 longer = [written for written in known.given.get(key, []) if len(written.text.split()) > len(text.split())]

@@ -64,12 +64,12 @@ class ElementsBetween:
             [element for world in source.root.iterchildren("worldbody") for element in world.iter(*tags)]
             for tags in (("site",), JOINTS, ("body",))
         )
-        self._sites, self._joints, self._bodies = map(_by_name, (sites, joints, holders))
+        self.sites, self._joints, self._bodies = map(_by_name, (sites, joints, holders))
         self._tendons = _by_name(source.root.iterfind("tendon/*"))
         self._singles = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
         self._floating = tuple((body.name, body.start) for body in bodies if any(joint.kind is JointKind.FREE for joint in body.joints))
 
-    def _at(self, site: etree._Element) -> tuple[str, Pose]:
+    def at(self, site: etree._Element) -> tuple[str, Pose]:
         """The body of a site, and its place there."""
         return self._name(next(site.iterancestors("body", "worldbody"))), self._attributes.pose(site)
 
@@ -105,7 +105,7 @@ class ElementsBetween:
         elif lower < 0:
             what, advice = "leaves its springlength to the reader", "write it"
         else:
-            first, second = (self._at(self._sites[self._source.resolve(part, "site", self._sites)]) for part in path)
+            first, second = (self.at(self.sites[self._source.resolve(part, "site", self.sites)]) for part in path)
             return Spring((first, second), lower, stiffness, damping, place)
         self._source.unread.append(Unread(place, f"{describe(tendon)} {what}", advice))
         return None
@@ -161,7 +161,7 @@ class ElementsBetween:
 
     def _sites_of(self, element: etree._Element) -> tuple[tuple[str, str], Pose, Pose]:
         """The bodies of the two sites that a constraint names, and their places there."""
-        (one, first), (other, second) = (self._at(self._named(element, name, self._sites)) for name in ("site1", "site2"))
+        (one, first), (other, second) = (self.at(self._named(element, name, self.sites)) for name in ("site1", "site2"))
         return (one, other), first, second
 
     def _named(self, element: etree._Element, attribute: str, known: Elements) -> etree._Element:
@@ -197,7 +197,7 @@ class ElementsBetween:
             return Sum(name, tuple((self._single(part, "joint"), self._source.number(part, "coef", None)) for part in parts))
         if any(part.tag != "site" for part in parts):
             raise _NotRead(_ALONG_PATH)
-        return Polygon(name, tuple(self._at(self._named(part, "site", self._sites)) for part in parts))
+        return Polygon(name, tuple(self.at(self._named(part, "site", self.sites)) for part in parts))
 
 
 def _note_what_is_always_on(source: Source, attributes: Attributes) -> None:

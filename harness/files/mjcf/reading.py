@@ -13,7 +13,8 @@ Modeling, section Frame orientations.
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from lxml import etree
@@ -23,10 +24,11 @@ from harness.files.document.source import Numbers, Source, not_negative, not_zer
 from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
 from harness.files.equalities import Equality
 from harness.files.joint_kinds import JointKind
+from harness.files.mjcf.actuators import ActuatorReader
 from harness.files.mjcf.attributes import JOINTS, KINDS, REPEATED, Attributes, inside, is_on, resolved_text
 from harness.files.mjcf.between import ElementsBetween
 from harness.files.mjcf.inertias import CompileMeshes, Inertias
-from harness.files.tree import ORIGIN, WORLD, Body, Given, Joint, SpringDampers, Tree, Vector, vector
+from harness.files.tree import ORIGIN, WORLD, Actuator, Body, ForceLimits, Given, Joint, SpringDampers, Tree, Vector, vector
 
 # What MuJoCo takes without an option.
 GRAVITY = (0.0, 0.0, -9.81)
@@ -35,8 +37,24 @@ MOST_FILES = 100
 _MAKERS = ("attach", "composite", "flexcomp")
 
 
-def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> tuple[Tree, tuple[Equality, ...], SpringDampers]:
-    """The tree of an MJCF, the equalities that are no part of it, and joints whose stiffness and damping follow from their inertia.
+@dataclass(frozen=True)
+class MjcfMeaning:
+    """What an MJCF states.
+
+    Attributes:
+        tree: without what follows. spring_dampers: joints whose stiffness and damping follow from their inertia.
+        force_limits: as of ``Tree``.
+    """
+
+    tree: Tree
+    equalities: tuple[Equality, ...]
+    spring_dampers: SpringDampers
+    actuators: tuple[Actuator, ...]
+    force_limits: ForceLimits
+
+
+def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> MjcfMeaning:
+    """The tree of an MJCF, and what is no part of it.
 
     Included files and replicas are put into its elements, in place.
 
@@ -56,7 +74,12 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> tu
     between, inertias = ElementsBetween(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
     tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, source.place(source.root), inertias.bounds)
-    return tree, between.equalities(), SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
+    dampers = SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
+    tendons = {str(one.get("name")): one for one in source.root.iterfind("tendon/*") if one.get("name")}
+    driving = ActuatorReader(source, attributes, between, tree.joints, tendons)
+    actuators = driving.actuators()
+    limits = tuple(driving.force_limits(reader.elements_of(tree.joints))) if actuators else ()
+    return MjcfMeaning(tree, between.equalities(), dampers, actuators, limits)
 
 
 def _refuse_other_frames(source: Source, attributes: Attributes) -> None:
@@ -139,6 +162,11 @@ class _MjcfReader:
                 self._source.refuse(element, f"{describe(element)} repeats the name of line {line}; give each its own")
             self._names[element] = name
         return self._names[element]
+
+    def elements_of(self, joints: Sequence[Joint]) -> dict[str, etree._Element]:
+        """The elements of joints by their names."""
+        names = {joint.name for joint in joints}
+        return {name: element for element, name in self._names.items() if element.tag in JOINTS and name in names}
 
     def _joint(self, element: etree._Element) -> Joint:
         name, place, attributes = self.name(element), self._source.place(element), self.attributes

@@ -114,6 +114,7 @@ class Mechanism:
             rates of its range, over a few positions [N or N m]; 0 where nothing is to be held; () where nobody asked.
         attitudes: for each ball or free joint, the place of its first angle among the coordinates; its
             rotation takes four numbers (w, x, y, z) of q and three of v.
+        actuation: an ``Actuation``, what each state gives to actuators, whose forces are among the passive ones too; None without any.
         constraints: what ties the coordinates, whose forces are among the passive ones of the program; None for a tree.
         program: the equations of motion; see ``harness.programs.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
@@ -150,6 +151,7 @@ class Mechanism:
     moving_loads: tuple[float, ...] = ()
     energies_text: str = ""
     constraints: Constraints | None = None
+    actuation: Any = None
 
     @property
     def handed_to_engines(self) -> Any:
@@ -206,7 +208,8 @@ class Mechanism:
         """Equal for mechanisms with equal equations, constraints, joints and parameter values."""
         programs = tuple(program.key for program in (self.program, *self.other_charts, *self.charts_in_body))
         constraints = None if self.constraints is None else self.constraints.key
-        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints
+        actuation = None if self.actuation is None else self.actuation.key
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints, actuation
 
     def float64(self) -> MechanismKernel:
         """The evaluator of accelerations, terms and derivatives in float64; what it compiles stays in the process."""
@@ -223,9 +226,10 @@ class Mechanism:
         return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values.T]))
 
     def parameters_at(self, states: States) -> Array:
-        """(n, number of parameters) at each state: the same ones, but for what a law of constraints takes from the state."""
+        """(n, number of parameters) at each state: the same ones, but for what actuators and a law of constraints take from the state."""
         own = np.array(self.parameter_values, dtype=np.float64)
-        return np.broadcast_to(own, (len(states), len(own)))
+        parameters: Array = np.broadcast_to(own, (len(states), len(own)))
+        return parameters if self.actuation is None else np.asarray(self.actuation.parameters_at(parameters, states))
 
     def to_json(self) -> str:
         """JSON that ``from_json`` turns back into an equal mechanism."""
