@@ -41,13 +41,16 @@ class LoadedFile:
         self.couplings = None if couplings is None else couplings[self.v_columns]
         self.joints = self.found if couplings is None else request.leaders
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        """(n, velocities of ``joints``) at states over the joints of the request, with what the harness supplies."""
-        run = self.prepare(q, v, tau)
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        """(n, velocities of ``joints``) at states over the joints of the request, with what the harness supplies.
+
+        ``driving``: as of ``EngineQuestion``.
+        """
+        run = self.prepare(q, v, tau, *driving)
         run.compute()
         return run.accelerations()
 
-    def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
+    def prepare(self, q: Array, v: Array, tau: Array, *driving: Array) -> EngineRun:
         """The same states in the engine's own conventions, ready to be computed any number of times."""
         raise NotOffered("the states of this engine are converted one after the other")
 
@@ -95,7 +98,7 @@ class LoadedFile:
 
 
 class EngineRun:
-    """States in an engine's own conventions: q, v and forces, (n, ...) each, which ``evaluate`` gives the accelerations of, one by one.
+    """States in an engine's own conventions: q, v, forces and more, (n, ...) each, which ``evaluate`` gives accelerations of, one by one.
 
     ``in_file`` takes accelerations of a joint from the engine's conventions to those of the request.
 
@@ -106,7 +109,7 @@ class EngineRun:
     def __init__(
         self,
         loaded: LoadedFile,
-        own: tuple[Array, Array, Array],
+        own: tuple[Array, ...],
         evaluate: Callable[..., Array],
         in_file: Callable[[AskedJoint, Array], Array],
     ) -> None:

@@ -115,16 +115,18 @@ class Aid:
 
 @dataclass(frozen=True)
 class Held:
-    """Equalities of a file that an engine is to hold.
+    """Equalities of a file that an engine is to hold, and actuators that are to act.
 
     Attributes:
         kinds: the tags of all of them, in the order of the file. switched_on: numbers of those that act; no other does.
         to_the_end: whether the engine's solver goes on until nothing changes, and not as far as the file says.
+        actuators: numbers of those that act, among all of the file; no other does.
     """
 
     kinds: tuple[str, ...]
     switched_on: tuple[int, ...]
     to_the_end: bool = False
+    actuators: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,12 +208,16 @@ def spread(leaders: Sequence[AskedJoint], joints: Sequence[AskedJoint], states: 
 
 @dataclass(frozen=True)
 class EngineQuestion:
-    """A request with the states at which the engine answers: (n, nq), (n, nv), (n, nv) over the joints of the request."""
+    """A request with the states at which the engine answers: (n, nq), (n, nv), (n, nv) over the joints of the request.
+
+    ``driving`` holds the controls and the activations, (n, actuators of the file) each, where actuators act; () where none do.
+    """
 
     request: Request
     q: Array
     v: Array
     tau: Array
+    driving: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True)

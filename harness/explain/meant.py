@@ -156,10 +156,11 @@ def _following(joint: AskedJoint, other: AskedJoint) -> AskedJoint:
 
 
 def question_of(found: Meant, stance: Stance, held: Held | None = None) -> EngineQuestion:
-    """Question to a plain or aided engine about a file, with the equalities that it is to hold."""
+    """Question to a plain or aided engine about a file, with the equalities that it is to hold and the actuators that act."""
     asked = replace(request_of(found.robot, stance), held=held)
     states = spread(found.robot, found.states, asked.joints)
-    return EngineQuestion(asked, states.q, states.v, states.tau)
+    driving = (states.control, states.activation) if held is not None and held.actuators else ()
+    return EngineQuestion(asked, states.q, states.v, states.tau, driving)
 
 
 def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:
@@ -167,7 +168,7 @@ def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States
     by_name = {joint.name: joint for joint in asked_joints(robot.tree)}
     own = asked_joints(robot.tree, robot.joints)
     q, v, tau = request.spread(own, [by_name[joint.name] for joint in joints], (states.q, states.v, states.tau))
-    return States(q, v, tau, np.zeros(len(states)))
+    return States(q, v, tau, np.zeros(len(states)), states.control, states.activation)
 
 
 # Changes of accelerations

@@ -240,7 +240,8 @@ def _damped(tree: Tree, actuator: Actuator) -> Actuator:
     moment = flint.arb_mat([[value] for value in values["moment"]])
     mobility = (moment.transpose() * mass_matrix(values["mass"], nodes.nv).inv() * moment)[0, 0]
     (sign, stiffness), ratio = actuator.gain[0], flint.arb(float(actuator.damping_ratio))
-    damping = 2 * ratio * (sign * float(stiffness) / mobility).sqrt()
+    # What drives nothing needs no damping.
+    damping = 2 * ratio * (sign * float(stiffness) / mobility).sqrt() if mobility != 0 else flint.arb(0)
     assert actuator.place is not None
     own = Given(float(damping), actuator.place, f"damping of actuator {actuator.number} by dampratio")
     return replace(actuator, bias=(*actuator.bias[:2], (-1, own)))

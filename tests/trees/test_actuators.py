@@ -15,8 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.arrays import Array
-from harness.comparison.robot_library import robot_at
+from harness.comparison.robot_library import ask_engine, robot_at
+from harness.engines.request import Held
+from harness.explain.meant import Meant, question_of
 from harness.files.tree import Given
+from harness.library import Stance
 from harness.programs.states import States
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import Robot, read_robot, with_actuators
@@ -118,6 +121,20 @@ def test_all_at_once_reach_their_ranges(tmp_path: Path) -> None:
     parameters = mechanism.parameters_at(states)
     for clamp in mechanism.actuation.clamps:
         assert set(parameters[:, clamp.share].tolist()) == {0.0, 1.0}
+
+
+def test_an_engine_is_asked_with_actuators(tmp_path: Path) -> None:
+    """With those that are switched on alone, at the controls of the states."""
+    path = written(tmp_path, *EACH)
+    robot = read_robot(path)
+    for numbers in ((), (0, 9, 12), tuple(range(len(EACH)))):
+        own = with_actuators(robot, numbers)
+        mechanism = mechanism_of(own)
+        states = sample(mechanism, STATES, SEED)
+        states = states if mechanism.actuation is None else mechanism.actuation.controlled(states)
+        truth = ReferenceKernel(mechanism).evaluate(states)
+        answers = ask_engine("mujoco", question_of(Meant(own, states, truth), Stance.PLAIN, Held((), (), actuators=numbers)))
+        assert worst(compare(truth, answers.of(robot.joints), factorises=True)) <= AGREEMENT
 
 
 numbers = st.floats(-20, 20).map(lambda value: round(value, 3))

@@ -143,7 +143,9 @@ class ActuatorReader:
             return found
         if not is_servo:
             return found if not made.damping_ratio else replace(found, bias=(*found.bias[:2], (1, ratio)))
-        return replace(found, damping_ratio=ratio, bias=(*found.bias[:2], _ZERO))
+        if sign * stiffness < 0:
+            raise _NotRead("has a damping ratio beside a negative stiffness")
+        return replace(found, damping_ratio=ratio if stiffness else Fraction(0), bias=(*found.bias[:2], _ZERO))
 
     # What it drives.
 

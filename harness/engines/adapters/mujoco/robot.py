@@ -24,7 +24,7 @@ from harness.arrays import Array
 from harness.engines.adapters.mujoco.compiled import compiled
 from harness.engines.adapters.mujoco.model import MujocoModel, step
 from harness.engines.adapters.mujoco.urdf import supplied, turn_of
-from harness.engines.adapters.mujoco.versions import compiling, delete, fill_mass_matrix, stages_off
+from harness.engines.adapters.mujoco.versions import compiling, delete, fill_mass_matrix, inputs_of, stages_off
 from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
@@ -52,6 +52,7 @@ def read(request: Request) -> MujocoFile:
         model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
         if request.held is not None:
             switch_on(model, request.held.kinds, request.held.switched_on)
+            drive(model, request.held.actuators)
             if request.held.to_the_end:
                 model.opt.iterations, model.opt.tolerance = _MOST_ITERATIONS, 0.0
     return MujocoFile(model, request, notes)
@@ -217,6 +218,13 @@ def switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
     model.eq_active0[list(numbers)] = 1
 
 
+def drive(model: Any, numbers: Sequence[int]) -> None:
+    """Let the actuators of these numbers act and no other, as two groups of which one is disabled."""
+    model.actuator_group[:] = 1
+    model.actuator_group[list(numbers)] = 0
+    model.opt.disableactuator = 1 << 1
+
+
 class MujocoFile(LoadedFile):
     """An ``MjModel`` with the joints of a request."""
 
@@ -224,7 +232,7 @@ class MujocoFile(LoadedFile):
     applies_springs = True
 
     def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
-        model.opt.disableflags |= stages_off(request.held is not None)
+        model.opt.disableflags |= stages_off(request.held is not None, request.held is not None and bool(request.held.actuators))
         model.opt.density = model.opt.viscosity = 0.0
         places = _places(model, request.joints)
         super().__init__(request, places)
@@ -243,7 +251,7 @@ class MujocoFile(LoadedFile):
         q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
         return q, v
 
-    def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
+    def prepare(self, q: Array, v: Array, tau: Array, *driving: Array) -> EngineRun:
         q, v, tau = _in_the_world(self.request.joints, q, v, tau)
         model, data, is_coupled = self.model, mujoco.MjData(self.model), self.couplings is not None
         # Joints that the request does not name are where they stand by default.
@@ -252,18 +260,28 @@ class MujocoFile(LoadedFile):
         configuration[:, positions], velocity[:, velocities] = q[:, self.q_columns], v[:, self.v_columns]
         force[:, velocities] = tau[:, self.v_columns]
         accelerations: Array = data.qacc
+        inputs = self._inputs(len(q), driving)
         qpos, qvel, applied, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart
 
-        def evaluate(q: Array, v: Array, force: Array) -> Array:
+        def evaluate(q: Array, v: Array, force: Array, control: Array, activation: Array) -> Array:
             # A solver that starts from the last answer would make this one depend on it.
             qpos[:], qvel[:], applied[:], warm_start[:] = q, v, force, 0.0
+            data.ctrl[:], data.act[:] = control, activation
             mujoco.mj_forward(model, data)
             if not is_coupled:
                 return accelerations
             fill_mass_matrix(model, data, mass := np.empty((model.nv, model.nv)))
             return self.of_leaders(mass, data.qfrc_passive + data.qfrc_applied - data.qfrc_bias)
 
-        return EngineRun(self, (configuration, velocity, force), evaluate, _from_the_world)
+        return EngineRun(self, (configuration, velocity, force, *inputs), evaluate, _from_the_world)
+
+    def _inputs(self, count: int, driving: Sequence[Array]) -> list[Array]:
+        """Controls and activations, (n, ...) each, in MuJoCo's places; zeros without ``driving``."""
+        found = [np.zeros((count, size)) for size in (self.model.nu, self.model.na)]
+        for own, given, places in zip(found, driving, inputs_of(self.model, self.model.nu), strict=False):
+            known = np.flatnonzero(places[: given.shape[1]] >= 0)
+            own[:, places[known]] = given[:, known]
+        return found
 
 
 def _in_the_world(joints: Sequence[AskedJoint], q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:

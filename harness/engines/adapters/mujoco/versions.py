@@ -83,12 +83,18 @@ def require_declared_steps() -> None:
         raise NotOffered(f"no rules of integrators are declared for MuJoCo {mujoco.mj_versionString()}")
 
 
-def stages_off(holds_constraints: bool) -> int:
-    """The bits that switch off all stages but passive forces, and the constraints of a file where it holds some."""
+def stages_off(holds_constraints: bool, drives: bool = False) -> int:
+    """The bits that switch off all stages but passive forces, the constraints of a file where it holds some, and actuators that drive."""
     flags = mujoco.mjtDisableBit
     unused = (flags.mjDSBL_LIMIT, flags.mjDSBL_FRICTIONLOSS) if holds_constraints else (flags.mjDSBL_CONSTRAINT,)
-    off = (*unused, flags.mjDSBL_CONTACT, flags.mjDSBL_ACTUATION, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
+    unused = unused if drives else (*unused, flags.mjDSBL_ACTUATION)
+    off = (*unused, flags.mjDSBL_CONTACT, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
     return sum(int(one) for one in off)
+
+
+def inputs_of(model: Any, count: int) -> tuple[Any, Any]:
+    """The places of the control and of the activation of each actuator, (count,), -1 for none; each had one control before 4.0."""
+    return getattr(model, "actuator_ctrladr", np.arange(count)), model.actuator_actadr
 
 
 def flag(stage: str) -> int:
