@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import costs
 import pytest
+from browser import CHROMIUM, Browser
 from catalogue import BUILT_IN, MODELLED, PLAIN, REPRESENTATIVE, REPRESENTATIVE_ROBOTS, ROBOTS, VARIANTS
 from hypothesis import HealthCheck, settings
 from rooms import PACKAGE, REPOSITORY
@@ -109,6 +110,14 @@ def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
     drawing = ("plots", "trend_plots", "plots_of", "hard_plots")
     for place in (*(f"charts.{name}" for name in drawing), "benchmark_charts.plots", "benchmark_charts.plots_of"):
         monkeypatch.setattr(f"harness.report.{place}", lambda summary, system="": {})
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium, which is no Python package")
+    with Browser() as found:
+        yield found
 
 
 @pytest.fixture(scope="session")

@@ -158,7 +158,8 @@ class Engine:
         with KeptArithmetic() as arithmetic:
             try:
                 loaded = self.read(question.request)
-                found = loaded.forward_dynamics(question.q, question.v, question.tau, *question.driving)
+                ask = loaded.driven_dynamics if question.driving else loaded.forward_dynamics
+                found = ask(question.q, question.v, question.tau, *question.driving)
             except Refused as refusal:
                 return EngineAnswers(refusal=str(refusal))
         if arithmetic.left:

@@ -41,16 +41,21 @@ class LoadedFile:
         self.couplings = None if couplings is None else couplings[self.v_columns]
         self.joints = self.found if couplings is None else request.leaders
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
-        """(n, velocities of ``joints``) at states over the joints of the request, with what the harness supplies.
+    def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        """``forward_dynamics`` with the actuators of the request at controls and activations; ``driving``: as of ``EngineQuestion``.
 
-        ``driving``: as of ``EngineQuestion``.
+        Raises:
+            Refused: the harness cannot ask the engine with actuators.
         """
-        run = self.prepare(q, v, tau, *driving)
+        raise Refused("the harness does not ask it with actuators")
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        """(n, velocities of ``joints``) at states over the joints of the request, with what the harness supplies."""
+        run = self.prepare(q, v, tau)
         run.compute()
         return run.accelerations()
 
-    def prepare(self, q: Array, v: Array, tau: Array, *driving: Array) -> EngineRun:
+    def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
         """The same states in the engine's own conventions, ready to be computed any number of times."""
         raise NotOffered("the states of this engine are converted one after the other")
 

@@ -90,7 +90,7 @@ class StateByState(LoadedFile):
             forces -= pull.tension * pull.gradient
         return forces
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array, *_driving: Array) -> Array:
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         tau = tau + self.supplied(q, v)
         q, v, tau = q[:, self.q_columns], v[:, self.v_columns], tau[:, self.v_columns]
         return np.array([self._at(*state) for state in zip(q, v, tau, strict=True)]).reshape(len(q), -1)

@@ -330,14 +330,14 @@ Signed = tuple[int, Fraction]
 
 @dataclass(frozen=True)
 class Actuator(_Placed):
-    """What drives a robot by a control: a force along a length, which is that of a joint, a fixed tendon, or the axes of a site.
+    """A force that a control drives, along a length, which is that of a joint, a fixed tendon, or the axes of a site.
 
     Its force is gain * input + bias, in ``force_range``; gain and bias are c0 + c1 length + c2 velocity each. The input is the control, in
     ``control_range``, and the activation of one with ``dynamics``.
 
     Attributes:
         kind: the tag. name: "" for none. number: among the actuators of the file, from 0.
-        joints: (name, multiple) whose sum of multiples of positions is the length but for the gear. site: body and frame, "" for none.
+        joints: (name, multiple) whose sum of multiples of positions is the length but for the gear. site: body and frame, None for none.
         gear: (6,), of which a single joint and a tendon take the first, a ball joint three, and a free joint and a site all.
         in_parent: whether the gear of a ball or free joint is along the axes of its parent.
         damping_ratio: from which the damping follows by the inertia of what is driven; 0 where the file gives the damping.

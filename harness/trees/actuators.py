@@ -35,7 +35,7 @@ class _Clamped:
 
 @dataclass
 class Driven:
-    """What actuators do.
+    """The forces of the actuators of a tree.
 
     Attributes:
         forces: (nv,) generalised. clamped: what ranges hold, each before those that it is part of.
@@ -126,7 +126,7 @@ def moment_of(nodes: Kinematics, actuator: Actuator, generalised: Generalised) -
 
 
 def actuation_of(nodes: Kinematics, own: Driven) -> Actuation:
-    """Where the numbers of each state stand among the parameters of what was written, and what their ranges hold."""
+    """The places of the numbers of each state among the parameters of what was written, and the program of what their ranges hold."""
     written: FileProgram = nodes.builder.written({CLAMPED: [one.raw for one in own.clamped]})
     columns = {value.key: column for column, value in enumerate(written.parameters)}
     actuators = nodes.tree.actuators

@@ -32,7 +32,7 @@ from harness.programs.program import StraightLineProgram, right_hand_side
 from harness.programs.states import DEFAULT_RATES, States
 from harness.trees.bodies.spatial import FileProgram, parameter_name
 from harness.trees.nodes import kinematics
-from harness.trees.recursion import actuation, recursion_program
+from harness.trees.recursion import actuated_program, recursion_program
 from harness.trees.robot import Robot, tree_of
 from harness.trees.rows import Row, equations_of_rows, rows_in, rows_of, untied
 from harness.trees.world_motion import World, in_world
@@ -81,7 +81,7 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
     """
     started = time.perf_counter()
     joints = [robot.joint(name) for name in robot.joints]
-    recursion = recursion_program(robot.tree, robot.joints)
+    recursion, actuation = actuated_program(robot.tree, robot.joints)
     has_free = any(joint.kind == JointKind.FREE for joint in joints)
     in_body = (recursion_program(robot.tree, robot.joints, linear_velocity_in_body=True).program,) if has_free else ()
     ranges = [bounds for joint in joints for bounds in _ranges(joint)]
@@ -110,7 +110,7 @@ def mechanism_of(robot: Robot) -> RobotMechanism:
         equations_mathml="",
         derivation_seconds=time.perf_counter() - started,
         robot=robot,
-        actuation=actuation(robot.tree, robot.joints),
+        actuation=actuation,
     )
 
 

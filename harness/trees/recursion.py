@@ -46,13 +46,12 @@ def recursion_program(tree: Tree, joints: Sequence[str], linear_velocity_in_body
     return nodes.builder.written(outputs)
 
 
-def actuation(tree: Tree, joints: Sequence[str]) -> Actuation | None:
-    """What each state gives to the parameters of ``recursion_program``; None for a tree without actuators."""
-    if not tree.actuators:
-        return None
+def actuated_program(tree: Tree, joints: Sequence[str]) -> tuple[FileProgram, Actuation | None]:
+    """``recursion_program``, and the parameters of it that each state has of its own; None for a tree without actuators."""
     nodes = kinematics(tree, joints)
-    equations_of_motion(nodes)
-    return actuation_of(nodes, driven(nodes, generalised))
+    outputs, _ = equations_of_motion(nodes)
+    own = actuation_of(nodes, driven(nodes, generalised)) if tree.actuators else None
+    return nodes.builder.written(outputs), own
 
 
 def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]], list[Line]]:

@@ -6,11 +6,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from browser import CHROMIUM, DRAWN, Browser
+from browser import DRAWN, Browser
 from report.test_page import SHOWN, SYSTEMS, sites
 from support import harness
 
@@ -18,14 +17,6 @@ from harness.report import write
 
 AXE = os.environ.get("HARNESS_AXE")
 GRAVE = ("serious", "critical")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium, which is no Python package")
-    with Browser() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

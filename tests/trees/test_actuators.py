@@ -137,6 +137,16 @@ def test_an_engine_is_asked_with_actuators(tmp_path: Path) -> None:
         assert worst(compare(truth, answers.of(robot.joints), factorises=True)) <= AGREEMENT
 
 
+def test_an_engine_that_is_asked_without_actuators_answers_nothing(tmp_path: Path) -> None:
+    """Where it is to be driven; an answer without them would be judged as one with them."""
+    own, mechanism, states = driven(read_robot(written(tmp_path, EACH[7])))
+    found = Meant(own, states, ReferenceKernel(mechanism).evaluate(states))
+    asked = question_of(found, Stance.PLAIN, Held((), (), actuators=(0,)))
+    answers = ask_engine("pinocchio", asked)
+    assert answers.refusal == "the harness does not ask it with actuators" and not answers.accelerations
+    assert not ask_engine("pinocchio", replace(asked, driving=())).refusal
+
+
 numbers = st.floats(-20, 20).map(lambda value: round(value, 3))
 positive = st.floats(0.01, 20).map(lambda value: round(value, 3))
 
@@ -228,14 +238,24 @@ def test_a_planted_fault_is_seen(name: str, tmp_path: Path) -> None:
 
 
 def test_the_rule_of_damping_ratios_before_3_15_is_seen(tmp_path: Path) -> None:
-    """Up to MuJoCo 3.13.0 the inertia was the sum of M_jj / J_j^2."""
+    """Up to MuJoCo 3.13.0 the damping was 2 z sqrt(k sum_j M_jj / J_j^2), which takes M for the inverse of M^-1."""
     path = written(tmp_path, EACH[1])
     own, _, states = driven(read_robot(path))
     (actuator,) = own.tree.actuators
     sign, damping = actuator.bias[2]
     assert isinstance(damping, Given)
-    other = Given(1.1 * damping, damping.place, damping.attribute)
-    tree = replace(own.tree, actuators=(replace(actuator, bias=(*actuator.bias[:2], (sign, other))),))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, unit, columns = mujoco.MjData(model), np.eye(model.nv), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    for column, along in zip(columns, unit, strict=True):
+        mujoco.mj_mulM(model, data, column, along)
+    moment = np.zeros(model.nv)
+    moment[:2] = 1.5, -2.0
+    of_today = 2 * math.sqrt(7 / (moment @ np.linalg.solve(columns, moment)))
+    assert float(damping) == pytest.approx(of_today, rel=1e-12)
+    of_old = 2 * math.sqrt(7 * (columns.diagonal()[:2] / moment[:2] ** 2).sum())
+    old = Given(of_old, damping.place, damping.attribute)
+    tree = replace(own.tree, actuators=(replace(actuator, bias=(*actuator.bias[:2], (sign, old))),))
     truth = ReferenceKernel(mechanism_of(replace(own, tree=tree))).evaluate(states)
     assert worst(compare(truth, answered(path, own, states), factorises=True)) > 10 * AGREEMENT
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -279,7 +279,7 @@ def children(element: etree._Element, *tags: str) -> Iterator[etree._Element]:
     return (child for child in element.iterchildren("*") if literal_tag(child) in tags)
 
 
-def unresolved(element: etree._Element, attribute: str, known: Elements) -> str:
+def unresolved(element: etree._Element, attribute: str, known: Collection[str]) -> str:
     """The complaint about an attribute that is missing, or names nothing of ``known``."""
     name = element.get(attribute)
     if name is None:

@@ -15,10 +15,10 @@ from fractions import Fraction
 
 from lxml import etree
 
-from harness.files.document.source import Elements, Numbers, Source, unresolved
+from harness.files.document.source import Elements, Numbers, Source
 from harness.files.document.xml import describe
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.attributes import Attributes, is_on, layers, resolved_text
+from harness.files.mjcf.attributes import Attributes, NotRead, is_on, layers, named, resolved_text
 from harness.files.mjcf.between import ElementsBetween
 from harness.files.tree import Actuator, Given, Joint, Pose, Signed
 
@@ -28,10 +28,6 @@ _GEAR = 6
 _ZERO: Signed = (1, Fraction(0))
 _RANGES = ("ctrl", "act", "force")
 _UNREAD_KIND = "is of a kind that is not read"
-
-
-class _NotRead(Exception):
-    """What of an actuator is not read; the message says it."""
 
 
 @dataclass
@@ -81,32 +77,32 @@ class ActuatorReader:
         known = Actuator(str(element.tag), str(element.get("name") or ""), line, number, place=place)
         try:
             return self._read(element, known)
-        except _NotRead as problem:
+        except NotRead as problem:
             return replace(known, why_not=str(problem))
 
     def _read(self, element: etree._Element, known: Actuator) -> Actuator:
         if element.tag not in _MEANINGS:
-            raise _NotRead(_UNREAD_KIND)
+            raise NotRead(_UNREAD_KIND)
         if not is_on(self._source.root, "actuation") or resolved_text(element, "group", "0") in self._groups:
-            raise _NotRead("is switched off in the file")
+            raise NotRead("is switched off in the file")
         for attribute in ("delay", "nsample", "actdim"):
             if resolved_text(element, attribute):
-                raise _NotRead(f"has {attribute}, which is not read")
+                raise NotRead(f"has {attribute}, which is not read")
         if resolved_text(element, "actearly") == "true":
-            raise _NotRead("has actearly, by which its force depends on the time step")
+            raise NotRead("has actearly, by which its force depends on the time step")
         made = _General()
         for layer in layers(element):
             self._apply(layer, made)
         if made.dynamics not in _DYNAMICS:
-            raise _NotRead(f"has dyntype {made.dynamics!r}, which is not read")
+            raise NotRead(f"has dyntype {made.dynamics!r}, which is not read")
         if {made.gain_type, made.bias_type} - set(_FORCES):
-            raise _NotRead(f"has gaintype {made.gain_type!r} and biastype {made.bias_type!r}, which are not read")
+            raise NotRead(f"has gaintype {made.gain_type!r} and biastype {made.bias_type!r}, which are not read")
         gain = (*made.gain[:1], _ZERO, _ZERO) if made.gain_type == "fixed" else tuple(made.gain)
         bias = tuple(made.bias) if made.bias_type == "affine" else (_ZERO,) * 3
         found = replace(self._driving(element, known), gain=gain, bias=bias, dynamics=made.dynamics)
         found = self._damped(element, found, made)
         if found.joints and self._joints[found.joints[0][0]].kind is JointKind.BALL and _feels_length(found):
-            raise _NotRead("feels the length of a ball joint, which is not read")
+            raise NotRead("feels the length of a ball joint, which is not read")
         self._inherit(element, found, made)
         clamps = is_on(self._source.root, "clampctrl")
         ranges = {name: self._range(name, made) for name in _RANGES}
@@ -117,7 +113,7 @@ class ActuatorReader:
         return bounds if self._is_limited(made.limited.get(name, "auto"), bounds) else None
 
     def _apply(self, element: etree._Element, made: _General) -> None:
-        """What an element, of a default class or the actuator's own, makes of the general actuator."""
+        """Change the general actuator as an element, of a default class or the actuator's own, says."""
         for name in _RANGES:
             if f"{name}range" in element.attrib:
                 low, high = self._source.numbers(element, f"{name}range", (0, 0))
@@ -125,7 +121,7 @@ class ActuatorReader:
             made.limited[name] = str(element.get(f"{name}limited", made.limited.get(name, "auto")))
         tag = str(element.tag)
         if tag not in _MEANINGS:
-            raise _NotRead(f"takes defaults of <{tag}>, which is not read")
+            raise NotRead(f"takes defaults of <{tag}>, which is not read")
         if tag != "general":
             if made.kind not in ("general", tag):
                 # The numbers of one shortcut are none of another's; the ranges are.
@@ -144,7 +140,7 @@ class ActuatorReader:
         if not is_servo:
             return found if not made.damping_ratio else replace(found, bias=(*found.bias[:2], (1, ratio)))
         if sign * stiffness < 0:
-            raise _NotRead("has a damping ratio beside a negative stiffness")
+            raise NotRead("has a damping ratio beside a negative stiffness")
         return replace(found, damping_ratio=ratio if stiffness else Fraction(0), bias=(*found.bias[:2], _ZERO))
 
     # What it drives.
@@ -154,27 +150,27 @@ class ActuatorReader:
         one = Fraction(1)
         for attribute in ("joint", "jointinparent"):
             if attribute in element.attrib:
-                name = _named(element, attribute, dict.fromkeys(self._joints, element))
+                name = named(element, attribute, self._joints)
                 return replace(known, joints=((name, one),), gear=gear, in_parent=attribute == "jointinparent")
         if "tendon" in element.attrib:
-            name = _named(element, "tendon", self._tendons)
+            name = named(element, "tendon", self._tendons)
             tendon = self._tendons[name]
             if tendon.tag != "fixed":
-                raise _NotRead(f"drives {describe(tendon)}, which is no fixed tendon")
+                raise NotRead(f"drives {describe(tendon)}, which is no fixed tendon")
             if resolved_text(tendon, "actuatorfrcrange"):
-                raise _NotRead(f"drives {describe(tendon)}, whose actuatorfrcrange is not read")
+                raise NotRead(f"drives {describe(tendon)}, whose actuatorfrcrange is not read")
             terms = tuple((str(part.get("joint")), self._source.number(part, "coef", None)) for part in tendon.iterchildren("joint"))
             if any(name not in self._joints or not self._joints[name].kind.is_single for name, _ in terms):
-                raise _NotRead(f"drives {describe(tendon)}, which is not of hinges and slides")
+                raise NotRead(f"drives {describe(tendon)}, which is not of hinges and slides")
             return replace(known, joints=terms, gear=gear)
         if "site" in element.attrib and "refsite" not in element.attrib:
             return replace(known, site=self._site(element), gear=gear)
         what = next((name for name in ("refsite", "cranksite", "body") if name in element.attrib), "nothing that is known")
-        raise _NotRead(f"drives by {what}, which is not read")
+        raise NotRead(f"drives by {what}, which is not read")
 
     def _site(self, element: etree._Element) -> tuple[str, Pose]:
         sites = self._between.sites
-        return self._between.at(sites[_named(element, "site", sites)])
+        return self._between.at(sites[named(element, "site", sites)])
 
     def _inherit(self, element: etree._Element, found: Actuator, made: _General) -> None:
         """Give a servo the range of what it drives, as ``inheritrange`` says."""
@@ -182,7 +178,7 @@ class ActuatorReader:
             return
         bounds = self._joints[found.joints[0][0]].limits if found.joints and "joint" in element.attrib else None
         if bounds is None:
-            raise _NotRead("has inheritrange, and drives no joint with a range")
+            raise NotRead("has inheritrange, and drives no joint with a range")
         factor = math.pi / 180 if self._joints[found.joints[0][0]].in_degrees else 1.0
         low, high = (float(bound) * factor for bound in bounds)
         mean, radius = 0.5 * (high + low), 0.5 * (high - low) * float(made.inherited)
@@ -256,13 +252,6 @@ def _cylinder(source: Source, element: etree._Element, made: _General) -> None:
         diameter = float(source.number(element, "diameter", None))
         made.gain[0] = 1, Given(math.pi / 4 * diameter * diameter, source.place(element), "area by diameter")
     made.dynamics, made.gain_type, made.bias_type = "filter", "fixed", "affine"
-
-
-def _named(element: etree._Element, attribute: str, known: Elements) -> str:
-    """What an attribute names; an engine that knows no such thing refuses the file itself."""
-    if element.get(attribute) not in known:
-        raise _NotRead(f"is not read: {unresolved(element, attribute, known)}")
-    return str(element.get(attribute))
 
 
 def _feels_length(actuator: Actuator) -> bool:

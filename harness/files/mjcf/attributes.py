@@ -7,14 +7,14 @@ Source: MuJoCo documentation, Modeling, sections Default settings and Frame orie
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import NamedTuple
 
 from lxml import etree
 
-from harness.files.document.source import Check, Numbers, Source, Unread
+from harness.files.document.source import Check, Numbers, Source, Unread, unresolved
 from harness.files.document.xml import describe, shorten
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, vector
@@ -47,6 +47,21 @@ _ACTUATORS = (
 _DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon", **dict.fromkeys(_ACTUATORS, "actuator")}
 _UNITS = {"x": vector((1, 0, 0)), "y": vector((0, 1, 0)), "z": vector((0, 0, 1))}
 _LETTERS = 3
+
+
+class NotRead(Exception):
+    """An element speaks of what is not there, or has no meaning here; the message says of what."""
+
+
+def named(element: etree._Element, attribute: str, known: Collection[str]) -> str:
+    """The name in an attribute, of something known; an engine that knows no such thing refuses the file itself.
+
+    Raises:
+        NotRead: it is not known.
+    """
+    if element.get(attribute) not in known:
+        raise NotRead(f"is not read: {unresolved(element, attribute, known)}")
+    return str(element.get(attribute))
 
 
 def is_on(root: etree._Element, stage: str) -> bool:

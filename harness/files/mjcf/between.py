@@ -17,7 +17,7 @@ from typing import TypeVar
 
 from lxml import etree
 
-from harness.files.document.source import Elements, Source, Unread, one_sign, unresolved
+from harness.files.document.source import Elements, Source, Unread, one_sign
 from harness.files.document.xml import describe
 from harness.files.equalities import (
     POLYNOMIAL,
@@ -35,7 +35,7 @@ from harness.files.equalities import (
     Weld,
 )
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.attributes import JOINTS, Attributes, is_on, resolved, resolved_text
+from harness.files.mjcf.attributes import JOINTS, Attributes, NotRead, is_on, named, resolved, resolved_text
 from harness.files.tree import WORLD, Body, Coupling, Given, Placement, Pose, Quaternion, Spring, vector
 
 # Of a weld: a quaternion of zero stands for the orientation at the reference.
@@ -49,10 +49,6 @@ _WITHOUT_IT = "compare a copy without it"
 _TO_THE_TARGET = "write gear^2 times that into its joint or tendon"
 
 _Coupled = TypeVar("_Coupled", str, Tendon)
-
-
-class _NotRead(Exception):
-    """An equality speaks of what is not there, or not read; the message says of what."""
 
 
 class ElementsBetween:
@@ -134,7 +130,7 @@ class ElementsBetween:
         try:
             if element.tag in readers:
                 says, why_not, softness = readers[str(element.tag)](element), "", _softness(self._attributes, element)
-        except _NotRead as problem:
+        except NotRead as problem:
             says, why_not = None, str(problem)
         if isinstance(says, TendonLinkage) and any(isinstance(tendon, Polygon) for tendon in says.tendons):
             why_not = _ALONG_PATH
@@ -161,25 +157,20 @@ class ElementsBetween:
 
     def _sites_of(self, element: etree._Element) -> tuple[tuple[str, str], Pose, Pose]:
         """The bodies of the two sites that a constraint names, and their places there."""
-        (one, first), (other, second) = (self.at(self._named(element, name, self.sites)) for name in ("site1", "site2"))
+        (one, first), (other, second) = (self.at(self.sites[named(element, name, self.sites)]) for name in ("site1", "site2"))
         return (one, other), first, second
-
-    def _named(self, element: etree._Element, attribute: str, known: Elements) -> etree._Element:
-        if element.get(attribute) not in known:
-            raise _NotRead(f"is not read: {unresolved(element, attribute, known)}")
-        return known[str(element.get(attribute))]
 
     def _body(self, element: etree._Element, attribute: str) -> str:
         if element.get(attribute, WORLD) == WORLD:
             return WORLD
-        return self._name(self._named(element, attribute, self._bodies))
+        return self._name(self._bodies[named(element, attribute, self._bodies)])
 
     def _single(self, element: etree._Element, attribute: str) -> str:
         """The hinge or slide that an attribute names."""
-        self._named(element, attribute, self._joints)
+        named(element, attribute, self._joints)
         joint = str(element.get(attribute))
         if joint not in self._singles:
-            raise _NotRead(f"couples joint {joint!r}, which is no hinge or slide")
+            raise NotRead(f"couples joint {joint!r}, which is no hinge or slide")
         return joint
 
     def _coupled(
@@ -191,13 +182,13 @@ class ElementsBetween:
         return tied, leader, self._attributes.numbers(element, "polycoef", POLYNOMIAL)
 
     def _length(self, element: etree._Element, attribute: str) -> Tendon:
-        tendon = self._named(element, attribute, self._tendons)
+        tendon = self._tendons[named(element, attribute, self._tendons)]
         name, parts = str(tendon.get("name")), list(tendon.iterchildren("*"))
         if tendon.tag == "fixed":
             return Sum(name, tuple((self._single(part, "joint"), self._source.number(part, "coef", None)) for part in parts))
         if any(part.tag != "site" for part in parts):
-            raise _NotRead(_ALONG_PATH)
-        return Polygon(name, tuple(self.at(self._named(part, "site", self.sites)) for part in parts))
+            raise NotRead(_ALONG_PATH)
+        return Polygon(name, tuple(self.at(self.sites[named(part, "site", self.sites)]) for part in parts))
 
 
 def _note_what_is_always_on(source: Source, attributes: Attributes) -> None:
@@ -259,6 +250,6 @@ def _rest(attributes: Attributes, tendon: etree._Element) -> tuple[Given, Given]
 def _softness(attributes: Attributes, element: etree._Element) -> SolverParameters:
     time, ratio = map(float, attributes.numbers(element, "solref", SOLREF))
     if complaint := one_sign((time, ratio)):
-        raise _NotRead(f'has solref="{time:g} {ratio:g}" with its default class, which {complaint}')
+        raise NotRead(f'has solref="{time:g} {ratio:g}" with its default class, which {complaint}')
     least, most, width, midpoint, power = map(float, attributes.numbers(element, "solimp", SOLIMP))
     return SolverParameters((time, ratio), (least, most, width, midpoint, power))

@@ -39,7 +39,7 @@ _MAKERS = ("attach", "composite", "flexcomp")
 
 @dataclass(frozen=True)
 class MjcfMeaning:
-    """What an MJCF states.
+    """The statements of an MJCF.
 
     Attributes:
         tree: without what follows. spring_dampers: joints whose stiffness and damping follow from their inertia.

@@ -1,4 +1,4 @@
-"""What each state gives to the actuators of a mechanism: their inputs, and on which side of its range each of their forces lies.
+"""Numbers of actuators that each state has of its own: their inputs, and on which side of its range each of their forces lies.
 
 A force in its range is ``share`` times what it would be, and a constant: 1 and 0 inside, 0 and the bound beyond. On which side a state
 lies is proved by bounds of the force. Where half an ulp of what the force is made of leads across, it counts as inside, where data

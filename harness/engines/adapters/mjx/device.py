@@ -156,7 +156,7 @@ class MjxFile(LoadedFile):
         self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True)
         self.notes = compiled.notes
 
-    def prepare(self, q: Array, v: Array, tau: Array, *_driving: Array) -> MjxRun:
+    def prepare(self, q: Array, v: Array, tau: Array) -> MjxRun:
         return MjxRun(self._compiled.prepare(q, v, tau), self._on_device)
 
 

@@ -251,6 +251,11 @@ class MujocoFile(LoadedFile):
         q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
         return q, v
 
+    def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        run = self.prepare(q, v, tau, *driving)
+        run.compute()
+        return run.accelerations()
+
     def prepare(self, q: Array, v: Array, tau: Array, *driving: Array) -> EngineRun:
         q, v, tau = _in_the_world(self.request.joints, q, v, tau)
         model, data, is_coupled = self.model, mujoco.MjData(self.model), self.couplings is not None

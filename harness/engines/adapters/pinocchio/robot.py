@@ -82,7 +82,7 @@ class PinocchioFile(LoadedFile):
                     raise NotOffered(f"joint {spring.joint!r} with a spring stands in q as the cosine and sine of its position")
                 yield spring
 
-    def prepare(self, q: Array, v: Array, tau: Array, *_driving: Array) -> EngineRun:
+    def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
         model, data, asked = self.model, self.model.createData(), {joint.name: joint for joint in self.found}
         tau, own_v = tau + self.supplied(q, v), v.copy()
         for joint in self.found:
