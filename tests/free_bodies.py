@@ -18,8 +18,9 @@ import flint
 import numpy as np
 
 from harness.files.equalities import Equality
+from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Given, Tree
+from harness.files.tree import Tree
 from harness.programs.kernels import BallKernel
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.terms import Term, Vector, cross, vector

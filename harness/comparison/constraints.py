@@ -17,8 +17,9 @@ from harness.comparison.equalities import truth_with
 from harness.comparison.quantities import ROUNDING, difference_of
 from harness.explain.meant import Meant, largest_change
 from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage
+from harness.files.given import Place
 from harness.files.left_out import Declared
-from harness.files.tree import Joint, Place
+from harness.files.tree import Joint
 from harness.results.comparison import FileDifference
 from harness.results.table import counted
 from harness.trees.robot import Robot

@@ -18,7 +18,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.explain.meant import Meant, effects_of_numbers, reference_of
-from harness.files.tree import MOMENTS, SPACE, WORLD, Body, Given, Inertia, Joint, Place, Placement, Quaternion, Vector
+from harness.files.given import MOMENTS, SPACE, Given, Place, Placement, Quaternion, Vector
+from harness.files.tree import WORLD, Body, Inertia, Joint
 from harness.results.comparison import FileDifference
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.canonical import CanonicalNode, Mass, canonical

@@ -19,7 +19,8 @@ from harness.comparison.matching import Matching, SameStates, locked, match, ren
 from harness.comparison.quantities import difference_of, differences_of_nodes, place_text
 from harness.explain.changes.readings import freed, with_joints, with_tree
 from harness.explain.meant import Meant, change, columns_of, effects_of_numbers, read_as, reference_of, worst
-from harness.files.tree import MOMENTS, Body, Given, Inertia, Joint, Tree
+from harness.files.given import MOMENTS, Given
+from harness.files.tree import Body, Inertia, Joint, Tree
 from harness.results.comparison import FileDifference, LockedJoint, PairRecord, names_apart
 from harness.results.table import number_text
 from harness.trees.bodies.spatial import parameter_name

@@ -13,9 +13,10 @@ from harness.arrays import Array
 from harness.engines.coordinates import cross_matrix, multiplied, rotations
 from harness.engines.request import Aid, AskedJoint, BodyInertia, JointForces, Request, in_columns
 from harness.files.facts import JointSpring, PointSpring, in_radians
+from harness.files.given import Axes, Direction, Placement, Pose, Quaternion, Turn
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, meaning_of
-from harness.files.tree import WORLD, Axes, Direction, Placement, Pose, Quaternion, Spring, Tree, Turn
+from harness.files.tree import WORLD, Spring, Tree
 
 # Orientation as a unit quaternion (w, x, y, z), and origin [m].
 Frame = tuple[tuple[float, ...], tuple[float, ...]]
@@ -134,7 +135,7 @@ def _position(placement: Placement) -> Array:
 
 
 def _rotation(part: Turn | Quaternion | Axes | Direction) -> Array:
-    """The matrix (3, 3) of one rotation, as ``harness.files.tree`` defines it."""
+    """The matrix (3, 3) of one rotation, as ``harness.files.given`` defines it."""
     if isinstance(part, Turn):
         angle = math.radians(part.angle) if part.in_degrees else float(part.angle)
         skew = cross_matrix(_unit(_floats(part.axis)))

@@ -17,7 +17,7 @@ from harness.explain.fit import best_change
 from harness.explain.meant import Meant, reference_of
 from harness.explain.search import Tried
 from harness.explain.textbook_side import TextbookSide, search_parameters
-from harness.files.tree import Given, Place
+from harness.files.given import Given, Place
 from harness.results.table import error_text
 from harness.trees.bodies.inertias import impossible_inertias
 from harness.trees.bodies.spatial import parameter_name

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from harness.files.tree import Place, Pose
+from harness.files.given import Place, Pose
 
 # What MuJoCo takes for attributes that a constraint leaves out.
 SOLREF = (0.02, 1.0)

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from harness.files.document.source import Unread
-from harness.files.tree import WORLD, Joint, Pose, Quaternion, Spring, Tree
+from harness.files.given import Pose, Quaternion
+from harness.files.tree import WORLD, Joint, Spring, Tree
 
 Point = tuple[float, float, float]
 UNTURNED = (1.0, 0.0, 0.0, 0.0)

@@ -14,8 +14,9 @@ from lxml import etree
 from harness.files.document.source import Source
 from harness.files.document.xml import describe, literal_tag
 from harness.files.findings import LeftOut
+from harness.files.given import Place
 from harness.files.mjcf.attributes import JOINTS, Attributes, resolved_text
-from harness.files.tree import WORLD, Place, Tree
+from harness.files.tree import WORLD, Tree
 from harness.files.urdf.beside import FORCES_WITHOUT_AXIS, UNREAD_ROTORS, has_rotor
 from harness.files.urdf.kinds import BALL_CONSTRAINT, FIXED, JOINT_TAGS, LIMITED, POINT_SPRING
 from harness.files.urdf.reading import DAMPING_OF_SEVERAL

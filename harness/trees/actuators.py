@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Actuator, Given, Signed
+from harness.files.tree import Actuator, Signed
 from harness.programs.mechanisms.actuation import Actuation, Clamp
 from harness.programs.terms import Term, Vector, cross
 from harness.trees.bodies.rigid import Spatial, spatial

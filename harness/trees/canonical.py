@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.files.tree import WORLD, Body, Direction, Joint, Placement
+from harness.files.given import Direction, Placement
+from harness.files.tree import WORLD, Body, Joint
 from harness.programs.terms import Term
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Weights, about_centre, joined

@@ -21,9 +21,10 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.files.equalities import Equality, Rows
+from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
-from harness.files.tree import Given, Joint, Tree
+from harness.files.tree import Joint, Tree
 from harness.programs.evaluation import mass_matrix, solved
 from harness.programs.mechanisms.applied_forces import forces_of
 from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program

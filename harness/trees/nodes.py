@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from harness.files.given import Direction, Placement
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import WORLD, Body, Direction, Joint, Placement, Tree
+from harness.files.tree import WORLD, Body, Joint, Tree
 from harness.programs.terms import Term, Vector, cross, vector
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Rigid, Spatial, Weights, joined, power, spatial

@@ -15,8 +15,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from harness.files.given import Pose
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Coupling, Joint, Pose, Spring, Tree
+from harness.files.tree import Coupling, Joint, Spring, Tree
 from harness.programs.derivatives import along
 from harness.programs.mechanisms.actuation import Actuation
 from harness.programs.program import upper_triangle

@@ -24,12 +24,13 @@ from harness.errors import InvalidModel
 from harness.files.document.xml import Document, read_any
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
+from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
 from harness.files.left_out import Declared
 from harness.files.mjcf.inertias import CompileMeshes
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.reading import EXPECTED, Meaning, read
-from harness.files.tree import WORLD, Actuator, ForceLimits, Given, Joint, SpringDampers, Tree
+from harness.files.tree import WORLD, Actuator, ForceLimits, Joint, SpringDampers, Tree
 from harness.files.urdf.kinds import BALL_CONSTRAINT
 from harness.programs.evaluation import mass_matrix
 from harness.trees import recursion

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from harness.files.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
-from harness.files.tree import WORLD, Pose, Tree
+from harness.files.given import Pose
+from harness.files.tree import WORLD, Tree
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL
 from harness.programs.terms import Matrix, Term, Vector, cross, dot, sqrt, vector
 from harness.trees.bodies.rigid import Spatial, power, spatial

@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from harness.files.tree import WORLD, Pose, Tree
+from harness.files.given import Pose
+from harness.files.tree import WORLD, Tree
 from harness.programs.terms import Matrix, Term, Vector, cross, length
 from harness.trees.bodies.rigid import Lump, Spatial, spatial
 from harness.trees.bodies.spatial import Frame, placed

@@ -8,7 +8,7 @@ import pytest
 from comparison.robots import meant_by
 
 from harness.comparison.sameness import hold_against
-from harness.files.tree import Given, Place
+from harness.files.given import Given, Place
 from harness.trees.robot import read_robot
 
 # Its inertia stands behind quarter turns, which rounding leaves inexact.

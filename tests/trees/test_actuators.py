@@ -18,7 +18,7 @@ from harness.arrays import Array
 from harness.comparison.robot_library import ask_engine, robot_at
 from harness.engines.request import Held
 from harness.explain.meant import Meant, question_of
-from harness.files.tree import Given
+from harness.files.given import Given
 from harness.library import Stance
 from harness.programs.states import States
 from harness.trees.mechanism import RobotMechanism, mechanism_of

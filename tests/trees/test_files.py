@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.files.tree import Given
+from harness.files.given import Given
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import LeftOut, Robot, read_robot
 from harness.truth.compare import compare

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.files.tree import Solid, vector
+from harness.files.given import vector
+from harness.files.tree import Solid
 from harness.trees.bodies.rigid import mass_and_moments
 from harness.trees.bodies.spatial import FileBuilder
 

@@ -15,9 +15,10 @@ from packaging.specifiers import SpecifierSet
 from harness.environments import split_name
 from harness.explain.changes.readings import NEWEST
 from harness.files.equalities import Equality, Linkage, Meeting, Sum, TendonLinkage
+from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import ConstraintLaw, InverseWeight
-from harness.files.tree import WORLD, Body, Given, Tree
+from harness.files.tree import WORLD, Body, Tree
 
 # IsNullPose and mjEPS of MuJoCo's compiler.
 _NO_SHIFT, _NO_COMPONENT = Fraction(1e-6), Fraction(1e-14)

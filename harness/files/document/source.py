@@ -20,7 +20,7 @@ from lxml import etree
 
 from harness.errors import InvalidModel
 from harness.files.document.xml import Document, describe, irregular, literal_tag, shorten
-from harness.files.tree import Given, Place
+from harness.files.given import Given, Place
 from harness.library import nearest
 
 UNIT_TOLERANCE = 1e-6

@@ -17,10 +17,11 @@ from lxml import etree
 
 from harness.files.document.source import Elements, Numbers, Source
 from harness.files.document.xml import describe
+from harness.files.given import Given, Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import Attributes, NotRead, is_on, layers, named, resolved_text
 from harness.files.mjcf.between import ElementsBetween
-from harness.files.tree import Actuator, Given, Joint, Pose, Signed
+from harness.files.tree import Actuator, Joint, Signed
 
 _DYNAMICS = ("none", "integrator", "filter", "filterexact")
 _FORCES = ("none", "fixed", "affine")

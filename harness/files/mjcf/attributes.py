@@ -16,8 +16,8 @@ from lxml import etree
 
 from harness.files.document.source import Check, Numbers, Source, Unread, unresolved
 from harness.files.document.xml import describe, shorten
+from harness.files.given import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, vector
 
 # Kinds of joints by their names in MJCF, in the order of its reference.
 KINDS = {kind.value: kind for kind in (JointKind.HINGE, JointKind.SLIDE, JointKind.BALL, JointKind.FREE)}

@@ -34,9 +34,10 @@ from harness.files.equalities import (
     TendonLinkage,
     Weld,
 )
+from harness.files.given import Given, Placement, Pose, Quaternion, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import JOINTS, Attributes, NotRead, is_on, named, resolved, resolved_text
-from harness.files.tree import WORLD, Body, Coupling, Given, Placement, Pose, Quaternion, Spring, vector
+from harness.files.tree import WORLD, Body, Coupling, Spring
 
 # Of a weld: a quaternion of zero stands for the orientation at the reference.
 _AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)

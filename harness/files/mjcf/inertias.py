@@ -17,8 +17,9 @@ from lxml import etree
 
 from harness.files.document.source import Source, not_negative, positive
 from harness.files.document.xml import describe
+from harness.files.given import ORIGIN, Direction, Given, Placement, Quaternion, vector
 from harness.files.mjcf.attributes import JOINTS, Attributes, inside, resolved, resolved_text
-from harness.files.tree import ORIGIN, Body, Bounds, Direction, Given, Inertia, Placement, Quaternion, Solid, vector
+from harness.files.tree import Body, Bounds, Inertia, Solid
 
 # Sizes that each takes, and those that it takes beside two points.
 _SIZES = {"sphere": (1, 0), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": (3, 1), "box": (3, 1)}

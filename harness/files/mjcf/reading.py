@@ -23,12 +23,13 @@ from harness.errors import InvalidModel
 from harness.files.document.source import Numbers, Source, not_negative, not_zero, refuse_irregular_files
 from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
 from harness.files.equalities import Equality
+from harness.files.given import ORIGIN, Given, Vector, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.actuators import ActuatorReader
 from harness.files.mjcf.attributes import JOINTS, KINDS, REPEATED, Attributes, inside, is_on, resolved_text
 from harness.files.mjcf.between import ElementsBetween
 from harness.files.mjcf.inertias import CompileMeshes, Inertias
-from harness.files.tree import ORIGIN, WORLD, Actuator, Body, ForceLimits, Given, Joint, SpringDampers, Tree, Vector, vector
+from harness.files.tree import WORLD, Actuator, Body, ForceLimits, Joint, SpringDampers, Tree
 
 # What MuJoCo takes without an option.
 GRAVITY = (0.0, 0.0, -9.81)

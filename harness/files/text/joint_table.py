@@ -14,11 +14,12 @@ from harness.errors import InvalidModel
 from harness.files.document.xml import literal_tag, parse_document, read_text
 from harness.files.equalities import Equality, Linkage, Meeting, TendonLinkage
 from harness.files.facts import point_of
+from harness.files.given import Given, Place, Placement, numbers_in
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import ORIENTATIONS
 from harness.files.model_file import ROOT_TAGS, ModelFile, PointSpring, meaning_of
 from harness.files.text.scan import Element, all_elements
-from harness.files.tree import Body, Given, Joint, Place, Placement, numbers_in
+from harness.files.tree import Body, Joint
 from harness.library import Library
 
 _NOWHERE = "(0 0 0)"

@@ -10,10 +10,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+from harness.files.given import Place, Placement, numbers_in
 from harness.files.mjcf.attributes import ORIENTATIONS
 from harness.files.model_file import ModelFile, meaning_of
 from harness.files.text.scan import Element, all_elements, innermost
-from harness.files.tree import Body, Inertia, Joint, Place, Placement, Spring, Tree, numbers_in
+from harness.files.tree import Body, Inertia, Joint, Spring, Tree
 
 GRAVITY, JOINT, ANCHOR, AXIS, FRAME = "gravity", "joint", "anchor", "axis", "frame"
 ARMATURE, DAMPING, STIFFNESS, SPRING_REFERENCE = "armature", "damping", "stiffness", "spring reference"

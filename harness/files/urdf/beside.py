@@ -19,8 +19,9 @@ from lxml import etree
 from harness.files.document.source import Elements, Numbers, Source, children, not_negative, positive, unresolved
 from harness.files.document.xml import describe, literal_tag, shorten
 from harness.files.equalities import Equality, Linkage, Meeting
+from harness.files.given import Given, Placement, Pose, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import WORLD, Given, Joint, Placement, Pose, Spring, vector
+from harness.files.tree import WORLD, Joint, Spring
 from harness.files.urdf.kinds import BALL_CONSTRAINT, POINT_SPRING, SINGLE_AXIS, needs_axis
 
 MIMIC = "mimic"

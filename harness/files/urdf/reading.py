@@ -18,8 +18,9 @@ from lxml import etree
 from harness.files.document.source import Source, children, not_negative, not_zero
 from harness.files.document.xml import MAXIMUM_DEPTH, describe, literal_tag
 from harness.files.equalities import Equality
+from harness.files.given import Given, Placement, Pose, Turn, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Placement, Pose, Tree, Turn, vector
+from harness.files.tree import WORLD, Body, Inertia, Joint, Tree
 from harness.files.urdf.beside import Beside
 from harness.files.urdf.kinds import DRAKE_JOINT, JOINT_TAGS, LIMITED, kind_of, needs_axis
 

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from harness.files.findings import Impossible
-from harness.files.tree import ORIGIN, WORLD, Body, Bounds, Inertia, Place, Placement, Tree, vector
+from harness.files.given import ORIGIN, Place, Placement, vector
+from harness.files.tree import WORLD, Body, Bounds, Inertia, Tree
 from harness.trees.bodies.rigid import Weights, about_centre, joined, square
 from harness.trees.bodies.spatial import FileBuilder
 

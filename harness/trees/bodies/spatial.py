@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from harness.files.tree import ORIGIN, Axes, Direction, Given, Placement, Pose, Quaternion, Turn
-from harness.files.tree import Vector as Numbers
+from harness.files.given import ORIGIN, Axes, Direction, Given, Placement, Pose, Quaternion, Turn
+from harness.files.given import Vector as Numbers
 from harness.programs.kernels import BallKernel
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.terms import Builder, Matrix, Number, Term, Vector, cos, cross, matrix, sin, sqrt, vector

@@ -41,8 +41,8 @@ from harness.engines.adapters.pinocchio.versions import (
 )
 from harness.files.equalities import Equality, Meeting, Weld
 from harness.files.facts import UNTURNED, point_of, turn_of
+from harness.files.given import Pose
 from harness.files.model_file import ModelFile
-from harness.files.tree import Pose
 
 ACCURATE = Solver()
 

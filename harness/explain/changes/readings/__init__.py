@@ -23,7 +23,8 @@ from packaging.specifiers import SpecifierSet
 from harness.arrays import Array
 from harness.environments import split_name
 from harness.files.document.xml import read_any
-from harness.files.tree import WORLD, Body, Given, Inertia, Joint, Place, Pose, Solid, Tree
+from harness.files.given import Given, Place, Pose
+from harness.files.tree import WORLD, Body, Inertia, Joint, Solid, Tree
 from harness.registry import declared
 from harness.results.readings import page_of
 from harness.results.table import grouped

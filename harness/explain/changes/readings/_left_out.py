@@ -6,8 +6,9 @@ from dataclasses import replace
 from fractions import Fraction
 
 from harness.explain.changes.readings import Law, freed, law, moving, with_bodies, with_inertias, with_joints, without_bodies
+from harness.files.given import Given, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Given, Inertia, Solid, Tree, vector
+from harness.files.tree import Body, Inertia, Solid, Tree
 from harness.trees.robot import Robot
 
 # Remedies of several engines.

@@ -7,7 +7,8 @@ from fractions import Fraction
 import numpy as np
 
 from harness.explain.changes.readings import _left_out, computed, element_at, law, matrix_of, readings_of, with_inertias, with_joints
-from harness.files.tree import Body, Given, Inertia, Tree, vector
+from harness.files.given import Given, vector
+from harness.files.tree import Body, Inertia, Tree
 from harness.trees.robot import Robot
 
 # Of the sphere [kg/m^3], and its mass where the file's is none [kg].

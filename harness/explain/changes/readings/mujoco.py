@@ -16,8 +16,9 @@ from harness.explain.changes.readings import (
     with_inertias,
     with_joints,
 )
+from harness.files.given import Given, Placement, Turn, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Bounds, Given, Inertia, Joint, Placement, Solid, Tree, Turn, vector
+from harness.files.tree import Body, Bounds, Inertia, Joint, Solid, Tree
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 

@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 from harness.explain.changes.readings import _left_out, law, readings_of, with_joints
+from harness.files.given import vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Joint, vector
+from harness.files.tree import Joint
 
 _BOTH, _URDF, _MJCF = ("urdf", "mjcf"), ("urdf",), ("mjcf",)
 _NO_FORCE = "and aba.hxx, which has no such force"

@@ -7,7 +7,8 @@ rotation: that of the reading has the identity, which is what the engine compute
 from dataclasses import replace
 
 from harness.explain.changes.readings import element_at, law, readings_of, with_poses
-from harness.files.tree import Placement, Tree
+from harness.files.given import Placement
+from harness.files.tree import Tree
 from harness.trees.robot import Robot
 
 _ANGLES = 3

@@ -27,10 +27,11 @@ from harness.explain.changes.readings import (
     without_bodies,
 )
 from harness.files.document.xml import read_any
+from harness.files.given import ORIGIN, Given, Placement, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import KINDS, childclass_of, of_class, resolved, resolved_text
 from harness.files.reading import EXPECTED
-from harness.files.tree import ORIGIN, WORLD, Body, Given, Inertia, Joint, Placement, Solid, Tree, vector
+from harness.files.tree import WORLD, Body, Inertia, Joint, Solid, Tree
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot, robot_in
 

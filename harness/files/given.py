@@ -1,0 +1,163 @@
+"""Numbers of a model file, exactly as they stand there, and the placements that are made of them.
+
+Every number of a file is a ``Given``: the float64 that its decimals mean, and the place where they stand. Arithmetic with it gives
+plain fractions, which stand nowhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Self
+
+Vector = tuple[Fraction, Fraction, Fraction]
+ORIGIN: Vector = (Fraction(0), Fraction(0), Fraction(0))
+SPACE, MOMENTS = ("x", "y", "z"), ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+# Names of the numbers of an attribute that holds several.
+_COMPONENTS = {
+    **dict.fromkeys(("xyz", "pos", "axis", "gravity"), SPACE),
+    "rpy": ("roll", "pitch", "yaw"),
+    "quat": ("w", *SPACE),
+    "fullinertia": MOMENTS,
+    "diaginertia": MOMENTS[:3],
+}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place of something in a file: the line (1-based) of its element, the number of that element in its file, and its tag."""
+
+    path: Path
+    line: int
+    element: int = 0
+    tag: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}"
+
+    def within(self, path: Path) -> str:
+        """ "line 3" in that file, "inner.xml:3" in another, which it includes."""
+        return f"line {self.line}" if self.path == path else f"{self.path.name}:{self.line}"
+
+
+class Given(Fraction):
+    """A number of a file: exactly the float64 that is read, its place, its attribute there and its number in that.
+
+    Two of equal ``key`` are one number of the file, of which elements made from others, or of one class, have a share each.
+    """
+
+    __slots__ = ("attribute", "index", "place")
+
+    place: Place
+    attribute: str
+    index: int
+
+    def __new__(cls, value: float | Fraction, place: Place, attribute: str, index: int = 0) -> Self:
+        self = super().__new__(cls, value)
+        self.place, self.attribute, self.index = place, attribute, index
+        return self
+
+    @property
+    def key(self) -> tuple[Place, str, int]:
+        return self.place, self.attribute, self.index
+
+    @property
+    def component(self) -> str:
+        """The name of the number in its attribute, as "y" or "ixz"; "" for the only one."""
+        names = _COMPONENTS.get(self.attribute, ())
+        return names[self.index] if self.index < len(names) else f"[{self.index}]" if self.index else ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (Fraction(self.numerator, self.denominator), self.place, self.attribute, self.index)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        return self
+
+
+class Placed:
+    """A part of a tree, which knows the place of its element and of each of its quantities."""
+
+    place: Place | None
+
+    @property
+    def places(self) -> Mapping[str, Place]:
+        """The place of each quantity, by the name of its field; that of the element where the file does not give the quantity."""
+        found = {}
+        for one in fields(self):  # type: ignore[arg-type]
+            given = next(numbers_in(getattr(self, one.name)), None)
+            place = self.place if given is None else given.place
+            if place is not None:
+                found[one.name] = place
+        return found
+
+
+def numbers_in(value: object) -> Iterator[Given]:
+    """The numbers of the file in a quantity; none of parts that have places of their own."""
+    if isinstance(value, Given):
+        yield value
+    elif isinstance(value, tuple):
+        for part in value:
+            yield from numbers_in(part)
+    elif isinstance(value, Turn | Quaternion | Axes | Direction | Placement):
+        for part in fields(value):
+            yield from numbers_in(getattr(value, part.name))
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A rotation about an axis of any length by an angle [rad, or degrees]."""
+
+    axis: Vector
+    angle: Fraction
+    in_degrees: bool = False
+
+
+@dataclass(frozen=True)
+class Quaternion:
+    """A rotation by a quaternion (w, x, y, z) of any length but 0."""
+
+    components: tuple[Fraction, ...]
+
+
+@dataclass(frozen=True)
+class Axes:
+    """A rotation by the new x axis, and the new y axis as far as it is square to that."""
+
+    x: Vector
+    y: Vector
+
+
+@dataclass(frozen=True)
+class Direction:
+    """The least rotation that turns the z axis into a direction, from the point ``start`` to the point ``end``."""
+
+    end: Vector
+    start: Vector = ORIGIN
+
+
+# Rotations about the axes that those before have turned.
+Rotation = tuple[Turn | Quaternion | Axes | Direction, ...]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A frame in another: its origin [m], which is the middle between two points where ``other_end`` is given, and its orientation."""
+
+    position: Vector = ORIGIN
+    rotation: Rotation = ()
+    other_end: Vector | None = None
+
+
+# Frames one in the other, the outermost first.
+Pose = tuple[Placement, ...]
+
+
+def vector(numbers: Sequence[float | Fraction]) -> Vector:
+    """Three numbers of a file, exactly."""
+    x, y, z = (number if isinstance(number, Fraction) else Fraction(number) for number in numbers)
+    return x, y, z
