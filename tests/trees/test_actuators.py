@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.arrays import Array
-from harness.comparison.robot_library import ask_engine, robot_at
+from harness.comparison.robot_library import ask_engine
 from harness.engines.request import Held
 from harness.explain.meant import Meant, question_of
 from harness.files.given import Given
@@ -28,7 +28,6 @@ from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
 from harness.verdict import AGREEMENT
 
-SUITE = Path(mujoco.__file__).parents[1] / "dm_control" / "suite"
 SEED, STATES = 7, 24
 BODIES = """
 <body><joint name="a" axis="0 1 0" actuatorfrcrange="-5 5"/><inertial pos=".5 0 0" mass="1" diaginertia=".1 .1 .1"/>
@@ -276,13 +275,3 @@ def test_the_rule_of_damping_ratios_before_3_15_is_seen(tmp_path: Path) -> None:
 def test_what_is_not_read_is_told_with_its_line(actuator: str, why: str, tmp_path: Path) -> None:
     (found,) = read_robot(written(tmp_path, actuator)).actuators
     assert why in found.why_not and found.line == 8
-
-
-@pytest.mark.parametrize("name", ["acrobot", "cartpole", "cheetah", "finger", "hopper", "manipulator", "quadruped", "walker"])
-def test_robots_of_others(name: str) -> None:
-    """All of their actuators are read or told, and MuJoCo agrees on what is read."""
-    pytest.importorskip("dm_control")
-    path = SUITE / f"{name}.xml"
-    robot = robot_at(path)
-    assert any(not one.why_not for one in robot.actuators)
-    assert worst(judged(path, robot)) <= AGREEMENT

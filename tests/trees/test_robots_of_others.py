@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from support_robots import by_mujoco, by_pinocchio, only_single_axes
+from trees.test_actuators import judged, worst
 
 from harness.comparison.robot_library import robot_at
 from harness.errors import InvalidModel
@@ -17,6 +18,7 @@ from harness.trees.mechanism import mechanism_of
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
+from harness.verdict import AGREEMENT
 
 pytestmark = [pytest.mark.nightly, pytest.mark.robots]
 
@@ -66,3 +68,15 @@ def test_a_robot_is_read_as_its_engine_compiles_it_or_refused_by_name(path: Path
         return
     assert truth.certified.all()
     assert compare(truth, answers).backward_error.max() < ALLOWED[robot.format]
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in robots() if path.suffix == ".xml"] or [None], ids=lambda path: path.name if path else "none"
+)
+def test_mujoco_agrees_with_the_actuators_of_a_robot_that_are_read(path: Path | None) -> None:
+    assert path is not None, "no robots are installed; install the extra: pip install 'rigid-body-harness[robots]'"
+    robot = robot_at(path)
+    # One has no joint: its task adds them.
+    if robot.joints:
+        assert all(one.why_not or one.gain for one in robot.actuators)
+        assert worst(judged(path, robot)) <= AGREEMENT
