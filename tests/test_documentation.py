@@ -16,6 +16,9 @@ from documents import DOCS, PAGES, Block, Page, blocks, shell, shown
 from rooms import REPOSITORY
 from support import harness
 
+from benchmarks.page import PAGE
+from benchmarks.suites.commands import COMMANDS, name_of
+
 sys.path.insert(0, str(DOCS / "hooks"))
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -110,10 +113,8 @@ def test_a_docstring_that_names_a_section_of_numerics_names_one() -> None:
 
 
 def test_the_costs_are_of_the_commands_that_are_measured() -> None:
-    from command_costs import COMMANDS, PAGE
-
     measured = re.findall(r"^\| `harness (.*?)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert measured == [command.removesuffix(" --out {out}") for command in COMMANDS], "measure anew: python docs/hooks/command_costs.py"
+    assert measured == [name_of(command).removeprefix("commands/") for command in COMMANDS], "measure anew: python -m benchmarks commands"
 
 
 # Commands

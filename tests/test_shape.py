@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -207,6 +208,20 @@ def test_inheritance_across_modules_is_followed(tmp_path: Path) -> None:
     (workers / "first.py").write_text("class A: ...\nclass B(A): ...\n")
     (workers / "second.py").write_text("from harness.workers import first\nclass A(first.B): ...\nclass C(A): ...\n")
     assert deep_classes(modules(tmp_path / "harness")) == ["harness.workers.second.C"]
+
+
+# The top level
+
+FOLDERS = {"benchmarks", "docs", "harness", "mjcf", "reports", "tests", "urdf"}
+FILES = {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "README.md", "SECURITY.md"}
+SETTINGS = {"action.yml", "constraints.txt", "mkdocs.yml", "pyproject.toml"}
+
+
+def test_the_top_level_has_these_folders_and_the_usual_files() -> None:
+    listing = subprocess.check_output(["git", "ls-files"], cwd=REPOSITORY, text=True).splitlines()
+    found = {name.partition("/")[0] for name in listing}
+    assert {name for name in found if not name.startswith(".")} == FOLDERS | FILES | SETTINGS
+    assert [name for name in listing if name.startswith("reports/")] == ["reports/README.md"]
 
 
 # The loop of the cross-check

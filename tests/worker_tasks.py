@@ -156,16 +156,6 @@ def lose_worker(lost: str, times: int, note: object) -> int:
     return deaths
 
 
-def sleep_and_answer(seconds: float, sent: bytes, size: int, note: object) -> bytes:
-    time.sleep(seconds)
-    return bytes(size)
-
-
-def run_in_thread(session: str, number: int, time_limit: float, task: Any) -> tuple[Any, None, None]:
-    """Instead of the way through a process of its own."""
-    return task.function(*task.arguments, print), None, None
-
-
 def fill_memory(note: object) -> None:
     """Hold more and more, as a program that is asked for too much does."""
     held = []

@@ -1,0 +1,77 @@
+"""Commands as a user starts them, with all of their processes: those of docs/reference/costs.md, from a warm cache, and first checks."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from benchmarks.benchmark import Benchmark, Measure
+from benchmarks.processes import cpu_seconds
+
+ARM, ROBOTS = "harness/robots/arm.urdf", "harness/robots"
+# Commands by what they stand for; {out} is a folder that goes away.
+COMMANDS = {
+    "list": "mechanisms and engines",
+    "list cases": "other names",
+    "show double_pendulum": "equations and models",
+    f"compare {ARM}": "a robot with 6 degrees of freedom",
+    f"compare {ARM} harness/robots/arm.xml": "two files of it",
+    f"compare {ARM} --steps 100": "the gap between two motions",
+    f"check {ARM}": "the same robot at searched states",
+    f"survey {ROBOTS} --out {{out}}": "five robots' files",
+    "check double_pendulum": "2 degrees of freedom, all quick quantities",
+    "check double_pendulum --quantity accelerations": "accelerations alone",
+    "check puma_560": "6 degrees of freedom",
+    "check double_pendulum --quantity reactions": "what joints transmit",
+    "check double_pendulum --quantity derivatives": "both kinds of derivatives",
+    "diagnose double_pendulum": "a sound mechanism",
+    "search double_pendulum --subject mujoco/mjcf --no-keep": "worst states of one engine",
+    "bench double_pendulum": "cost against error",
+    "faults double_pendulum --kind axis": "one kind of planted faults",
+}
+# Beside what every check imports.
+BESIDE, IMPORTS = "what every check imports", "sympy, heyoka, mujoco, pinocchio, hypothesis, flint, lxml.etree"
+MOST = {"list": 0.4, "check double_pendulum": 3.1}
+# A mechanism with three degrees of freedom and an empty cache.
+FIRST_CHECKS, MOST_OF_A_FIRST = ("arm_3r", "cart_double_pendulum", "gyroscope_gimbals"), 5.5
+# Every mechanism: 20 s on two processors where the imports take 1.3.
+WHOLE, MOST_OF_THE_WHOLE = "check", 60.0
+ROUNDS = 5
+
+
+def benchmarks() -> Iterator[Benchmark]:
+    for command in COMMANDS:
+        most = MOST.get(command, float("inf"))
+        yield Benchmark(name_of(command), partial(warm, command), BESIDE, most, ROUNDS)
+    for name in FIRST_CHECKS:
+        yield Benchmark(f"commands/first check {name}", partial(first, name), BESIDE, MOST_OF_A_FIRST, ROUNDS, warm=False)
+    yield Benchmark(name_of(WHOLE), partial(warm, WHOLE), BESIDE, MOST_OF_THE_WHOLE, rounds=1)
+
+
+def name_of(command: str) -> str:
+    """The name of the benchmark of a command."""
+    return f"commands/{command.removesuffix(' --out {out}')}"
+
+
+def imports() -> float:
+    """CPU seconds of what every check imports."""
+    return cpu_seconds("-c", BESIDE, cwd=Path.cwd())
+
+
+def warm(command: str) -> tuple[Measure, Measure]:
+    def measure() -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            return cpu_seconds("-m", "harness", *command.format(out=folder).split(), cwd=Path.cwd())
+
+    return measure, imports
+
+
+def first(name: str) -> tuple[Measure, Measure]:
+    def measure() -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            cache = {"HARNESS_CACHE": folder, "HEYOKA_CACHE_DIR": f"{folder}/machine_code"}
+            return cpu_seconds("-m", "harness", "check", name, cwd=Path.cwd(), **cache)
+
+    return measure, imports
