@@ -19,6 +19,9 @@ from harness.arrays import Array
 from harness.files.facts import JointSpring, PointSpring
 from harness.files.joint_kinds import JointKind
 
+# Of engines that no URDF tells theirs.
+GRAVITY = (0.0, 0.0, -9.81)
+
 
 @dataclass(frozen=True)
 class AskedJoint:
@@ -161,6 +164,11 @@ class Request:
         """The joints that move by themselves, in columns of their own."""
         by_name = {joint.name: joint for joint in self.joints}
         return in_columns([by_name[name] for name in self.moving])
+
+    @property
+    def gravity(self) -> tuple[float, ...]:
+        """(3,) [m/s^2] for an engine that must be told: the file's where that is supplied, else what its user would say for a URDF."""
+        return GRAVITY if self.aid is None else tuple(self.aid.gravity.tolist())
 
     @property
     def couplings(self) -> Array | None:

@@ -22,8 +22,6 @@ from harness.engines.reading import captured_standard_error, elements_of, moving
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
 
-_GRAVITY = (0.0, 0.0, -9.81)
-
 
 class IdyntreeModel(StateByState):
     """An iDynTree ``Model``."""
@@ -36,7 +34,7 @@ class IdyntreeModel(StateByState):
         self._base = FloatingBase(request, sorted(offsets, key=lambda name: offsets[name]), root)
         super().__init__(request, self._base.places, self._base.width)
         self._model = model
-        self._gravity = np.array(_GRAVITY if request.aid is None else request.aid.gravity, dtype=float)
+        self._gravity = np.array(request.gravity)
         self._computations = idyntree.KinDynComputations()
         self._computations.loadRobotModel(model)
         self._computations.setFrameVelocityRepresentation(idyntree.MIXED_REPRESENTATION)

@@ -34,7 +34,6 @@ from harness.engines.reading import (
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
 
-_GRAVITY = (0.0, 0.0, -9.81)
 # pybullet.URDF_USE_INERTIA_FROM_FILE.
 _INERTIAS_OF_FILE = 2
 _NOTHING = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
@@ -54,7 +53,7 @@ class PybulletModel(StateByState):
         super().__init__(request, {info[1].decode(): place for place, info in enumerate(moving)}, len(moving))
         self._indices, self._links = [info[0] for info in moving], {info[12].decode(): info[0] for info in infos}
         self._q, self._v = [0.0] * self.width, [0.0] * self.width
-        self._gravity = tuple(_GRAVITY if request.aid is None else request.aid.gravity.tolist())
+        self._gravity = request.gravity
 
     def _ask(self, function: str, *arguments: Any, **further: Any) -> Any:
         """What a function of PyBullet answers in the server of the body."""

@@ -26,6 +26,7 @@ from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, NotOffered, Unsupported
 from harness.engines.adapters.mujoco import robot
 from harness.engines.adapters.mujoco.model import MujocoModel
+from harness.engines.adapters.mujoco.versions import keep_what_is_on
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.request import Refused, Request
 from harness.files.model_file import ModelFile
@@ -195,17 +196,3 @@ def load(file: ModelFile, joints: Sequence[str], in_float64: bool) -> MjxModel:
         return MjxModel(model, joints, in_float64)
     except NotImplementedError as error:
         raise Unsupported(f"MJX: {error}") from error
-
-
-def keep_what_is_on(model: Any) -> None:
-    """Have what is switched off of springs and dampers weigh nothing, and both switched on: MJX leaves out both where one is off.
-
-    Source: mujoco/mjx/_src/passive.py, ``passive``; https://github.com/google-deepmind/mujoco/pull/3440.
-    """
-    flags = mujoco.mjtDisableBit
-    for flag, kind in ((flags.mjDSBL_SPRING, "stiffness"), (flags.mjDSBL_DAMPER, "damping")):
-        if model.opt.disableflags & flag:
-            for owner in ("jnt", "dof", "tendon"):
-                if hasattr(model, f"{owner}_{kind}"):
-                    getattr(model, f"{owner}_{kind}")[:] = 0.0
-            model.opt.disableflags &= ~int(flag)

@@ -103,6 +103,20 @@ def flag(stage: str) -> int:
     return int(getattr(flags, f"mjDSBL_{stage.upper()}", None) or flags.mjDSBL_PASSIVE)
 
 
+def keep_what_is_on(model: Any) -> None:
+    """Have what is switched off of springs and dampers weigh nothing, and both switched on: MJX leaves out both where one is off.
+
+    Source: mujoco/mjx/_src/passive.py, ``passive``; https://github.com/google-deepmind/mujoco/pull/3440.
+    """
+    flags = mujoco.mjtDisableBit
+    for bit, kind in ((flags.mjDSBL_SPRING, "stiffness"), (flags.mjDSBL_DAMPER, "damping")):
+        if model.opt.disableflags & bit:
+            for owner in ("jnt", "dof", "tendon"):
+                if hasattr(model, f"{owner}_{kind}"):
+                    getattr(model, f"{owner}_{kind}")[:] = 0.0
+            model.opt.disableflags &= ~int(bit)
+
+
 def _without_unknown_flags(file: ModelFile) -> str:
     unknown = {flag: what for flag, what in _FLAGS.items() if not hasattr(mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}")}
     if not unknown:
