@@ -15,7 +15,7 @@ import pytest
 _PROPERTY = "processor seconds"
 
 
-def _seconds() -> float:
+def processor_seconds() -> float:
     """Processor seconds of this process, of those that it has waited for, and of those that it has begun."""
     this = psutil.Process()
     total = 0.0
@@ -28,7 +28,7 @@ def _seconds() -> float:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    item.stash[_STARTED] = _seconds()
+    item.stash[_STARTED] = processor_seconds()
     return (yield)
 
 
@@ -39,7 +39,7 @@ _STARTED = pytest.StashKey[float]()
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
     report = yield
     if call.when == "teardown":
-        report.user_properties.append((_PROPERTY, _seconds() - item.stash[_STARTED]))
+        report.user_properties.append((_PROPERTY, processor_seconds() - item.stash[_STARTED]))
     return report
 
 

@@ -1,133 +1,149 @@
 """Mutants of the product, run against the tests that cover the changed line: which mistakes would no test see?
 
-    python tests/mutation.py tests/truth harness/truth/compare.py harness/truth/blocks.py --count 60 --seed 0
+    python tests/mutation.py harness/truth harness/programs/terms.py --tests tests/truth --tests "-m ci tests/truth" --count 60
 
-The tests are run once with coverage. Each mutant is one change of one module in a copy of the package: a comparison, an operator, a
-constant, a word of logic, a returned value, or a call that is left out. Its line chooses the tests, whose functions alone are run, until
-one fails. A mutant that takes ten times the processor seconds of all tests together has failed too. Exit status 1 where fewer than
-``--least`` percent are killed.
+Each ``--tests`` is what pytest is given, and a stage: what survives the tests of one is tried on those of the next. The tests of a stage
+are run once with coverage; those that fail or are skipped without any mutant are not asked. A mutant is one change of one module in a copy
+of the repository. A test that failed for it in an earlier run comes first, then those that cover its line, the cheapest first, then those
+that run anything of its module, as far as ``--budget`` allows.
+
+A mutant is killed where a test fails, where tests use far more processor time than without it, where they crash, or where they or the
+module cannot be imported. Where pytest cannot be asked (statuses 3 to 5) or waits without end, nothing is known, and it counts as alive.
+
+Everything is kept in the folder ``--results``: a run that was cut off goes on where it was. No cache answers for a mutant: entries of some
+caches (points of Sobol, answers of a night) are not named after the sources that made them, so each mutant has an empty ``HARNESS_CACHE``.
+Machine code is named after all that it is made from: each mutant starts with a copy of what the first stage compiled.
+
+Survivors that no test can tell from the product stand in ``equivalent_mutants.toml`` with their reason. Exit status 1 where fewer than
+``--least`` percent of the others are killed.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
-import copy
-import os
-import random
-import resource
-import shutil
-import subprocess
+import json
 import sys
-import tempfile
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import partial
+import tomllib
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from coverage import CoverageData
+import mutants
+from mutant_runs import Copy, Recording, digest, recorded
 from rooms import REPOSITORY
 
-COMPARISONS = {ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
-COMPARISONS |= {ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}
-OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult, ast.MatMult: ast.Add}
-LOGIC = {ast.And: ast.Or, ast.Or: ast.And}
-# Processor seconds of one mutant's tests, as a multiple of what all tests took.
-SECONDS = 10
+EQUIVALENT = Path(__file__).with_name("equivalent_mutants.toml")
 
 
-@dataclass(frozen=True)
-class Mutant:
-    """One change of a module: where, in words, and the whole text with it."""
-
-    path: Path
-    line: int
-    words: str
-    text: str
-
-
-def _changes(node: ast.AST) -> Iterator[Callable[[], None]]:
-    """What may be changed in a node, each a function that does it."""
-    if isinstance(node, ast.Compare) and type(node.ops[0]) in COMPARISONS:
-        yield lambda: node.ops.__setitem__(0, COMPARISONS[type(node.ops[0])]())
-    elif isinstance(node, ast.BinOp | ast.AugAssign) and type(node.op) in OPERATORS:
-        yield lambda: setattr(node, "op", OPERATORS[type(node.op)]())
-    elif isinstance(node, ast.BoolOp):
-        yield lambda: setattr(node, "op", LOGIC[type(node.op)]())
-    elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
-        yield lambda: setattr(node, "value", not node.value)
-    elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        yield lambda: setattr(node, "value", node.value + 1)
-    elif isinstance(node, ast.Return | ast.Expr) and not isinstance(node.value, ast.Constant | None):
-        yield lambda: setattr(node, "value", ast.Constant(None))
-
-
-def mutants(path: Path) -> list[Mutant]:
-    """Every mutant of a module; annotations and docstrings are left alone."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    places = [number for number, node in enumerate(ast.walk(tree)) if any(True for _ in _changes(node))]
+def main(arguments: list[str] | None = None) -> int:
+    asked = _arguments().parse_args(arguments)
+    repository, results = asked.repository.resolve(), asked.results.resolve()
+    modules = [path for given in asked.modules for path in _modules(given.resolve())]
+    recordings = [recorded(repository, results, tests, modules) for tests in asked.tests]
+    chosen, of = mutants.sample(modules, asked.count, asked.seed)
+    log, sources = results / "mutants.jsonl", digest(repository, asked.tests, asked.budget)
+    known = _resumed(log)
+    equivalent = _equivalent(asked.equivalent)
     found = []
-    for place in places:
-        changed = copy.deepcopy(tree)
-        node = list(ast.walk(changed))[place]
-        before = ast.unparse(node)
-        for change in _changes(node):
-            change()
-            found.append(Mutant(path, node.lineno, f"{before}  ->  {ast.unparse(node)}", ast.unparse(changed)))  # type: ignore[attr-defined]
-    return found
+    with Copy(repository, recordings[0].machine_code) as copy:
+        for number, mutant in enumerate(chosen, 1):
+            name = digest(mutant.text)
+            before = known.get(name, {})
+            if before.get("sources") != sources:
+                place = {"module": str(mutant.path.relative_to(repository)), "line": mutant.line, "change": mutant.words}
+                place |= {"was": mutant.was, "became": mutant.became}
+                verdict = _verdict(copy, mutant, recordings, before.get("test"), asked.budget)
+                before = {"mutant": name, **place, **verdict, "sources": sources}
+                with log.open("a", encoding="utf-8") as stream:
+                    print(json.dumps(before), file=stream, flush=True)
+            found.append(before)
+            print(f"{number:4} of {len(chosen)}  {_in_words(before, equivalent)}", flush=True)
+    return _conclude(found, equivalent, of, asked)
 
 
-def _pytest(root: Path, *arguments: str, seconds: float = 0, coverage: bool = False) -> int:
-    """The exit status of pytest in a copy of the repository; a mutant may take so many processor seconds, if any are said."""
-    run = ["-m", "coverage", "run", "--data-file", str(root / "coverage"), "-m", "pytest"] if coverage else ["-m", "pytest"]
-    limit = partial(resource.setrlimit, resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 1)) if seconds else None
-    words = [sys.executable, *run, "-n", "0", "-q", "-x", "-p", "no:cacheprovider", "--hypothesis-profile=ci", *arguments]
-    environment = os.environ | {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"}
-    return subprocess.run(
-        words, cwd=root, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=limit
-    ).returncode
+def _verdict(copy: Copy, mutant: mutants.Mutant, recordings: Iterable[Recording], killer: str | None, budget: float) -> dict[str, Any]:
+    """What tests make of a mutant: its verdict, with the test that failed and what it said, or how many were tried."""
+    tried: set[str] = set()
+    unknown = ""
+    stages = [recording.tests_of(mutant.path, None if mutant.at_import else mutant.line) for recording in recordings]
+    stages = [*({test: stage[test] for test in stage if test == killer} for stage in stages), *stages]
+    with copy.with_text(mutant.path, mutant.text):
+        for stage in stages:
+            if left := {test: seconds for test, seconds in stage.items() if test not in tried}:
+                run = copy.run(left, budget)
+                tried |= run.asked
+                if run.killed:
+                    return {"verdict": "killed", "how": run.how, "test": run.test, "said": run.said}
+                unknown = unknown or run.how
+    if unknown:
+        return {"verdict": "unknown", "how": unknown, "tried": len(tried)}
+    return {"verdict": "survives" if tried else "no test runs it", "tried": len(tried)}
 
 
-def main() -> int:
+def _conclude(found: list[dict[str, Any]], equivalent: dict[tuple[str, str, str], str], of: int, asked: argparse.Namespace) -> int:
+    """Print the survivors and the sum; the exit status."""
+    killed = [one for one in found if one["verdict"] == "killed"]
+    alive = [one for one in found if one["verdict"] != "killed"]
+    explained = [one for one in alive if _key(one) in equivalent]
+    print()
+    for one in sorted(alive, key=lambda one: (one["module"], one["line"])):
+        print(_in_words(one, equivalent))
+    counted = Counter(one["how"] for one in killed)
+    print(", ".join(f"{count} {how}" for how, count in counted.most_common()))
+    share = 100 * len(killed) / max(len(found) - len(explained), 1)
+    told = f"without {len(explained)} that no test can tell from the product, {share:.1f} %"
+    of_all = 100 * len(killed) / max(len(found), 1)
+    print(f"{len(killed)} of {len(found)} mutants killed, {of_all:.1f} %; {told}; seed {asked.seed}, of {of} mutants")
+    wrong = [one for one in killed if _key(one) in equivalent]
+    for one in wrong:
+        print(f"{one['module']}:{one['line']}: stands in {asked.equivalent.name}, and {one['test']} kills it: delete the entry")
+    return int(bool(wrong) or share < asked.least)
+
+
+def _in_words(one: dict[str, Any], equivalent: dict[tuple[str, str, str], str]) -> str:
+    beside = {
+        "killed": f"{one.get('how')}: {one.get('test')}",
+        "unknown": str(one.get("how")),
+        "survives": f"{one.get('tried')} tests tried",
+    }.get(one["verdict"], "")
+    reason = f"; equivalent: {equivalent[_key(one)]}" if one["verdict"] != "killed" and _key(one) in equivalent else ""
+    return f"{one['module']}:{one['line']}: {one['verdict']} ({beside})  {' '.join(one['change'].split())}{reason}"
+
+
+def _key(one: dict[str, Any]) -> tuple[str, str, str]:
+    return one["module"], one["was"], one["became"]
+
+
+def _equivalent(path: Path) -> dict[tuple[str, str, str], str]:
+    """Reasons why no test can tell a mutant from the product, by module and the line without and with it."""
+    entries = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", []) if path.exists() else []
+    return {_key(entry): entry["reason"] for entry in entries}
+
+
+def _modules(given: Path) -> list[Path]:
+    return sorted(given.rglob("*.py")) if given.is_dir() else [given]
+
+
+def _resumed(log: Path) -> dict[str, dict[str, Any]]:
+    """The last line of each mutant in a log, of which an unfinished line is cut off."""
+    text = log.read_text(encoding="utf-8") if log.exists() else ""
+    log.write_text(text[: text.rfind("\n") + 1], encoding="utf-8")
+    return {one["mutant"]: one for one in map(json.loads, log.read_text(encoding="utf-8").splitlines())}
+
+
+def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tests", help="tests, as pytest takes them")
-    parser.add_argument("modules", nargs="+", type=Path)
+    parser.add_argument("modules", nargs="+", type=Path, help="modules, or folders of them")
+    parser.add_argument("--tests", action="append", required=True, metavar="WORDS", help="a stage: what pytest is given")
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--least", type=float, default=90.0, metavar="PERCENT")
-    asked = parser.parse_args()
-    every = [mutant for path in asked.modules for mutant in mutants(path)]
-    chosen = random.Random(asked.seed).sample(every, min(asked.count, len(every)))
-    with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder)
-        for name in ("harness", "tests"):
-            shutil.copytree(REPOSITORY / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
-        for path in REPOSITORY.iterdir():
-            if path.name not in ("harness", "tests", ".git"):
-                (root / path.name).symlink_to(path)
-        if _pytest(root, asked.tests, "-m", "not nightly", coverage=True):
-            raise SystemExit(f"{asked.tests} fails without any mutant")
-        subprocess.run([sys.executable, "-m", "coverage", "combine", "-q", "--data-file", str(root / "coverage")], cwd=root, check=True)
-        children = resource.getrusage(resource.RUSAGE_CHILDREN)
-        seconds = SECONDS * (children.ru_utime + children.ru_stime)
-        data = CoverageData(str(root / "coverage"))
-        data.read()
-        killed = 0
-        for mutant in chosen:
-            place = root / mutant.path.resolve().relative_to(REPOSITORY)
-            contexts = data.contexts_by_lineno(str(place)).get(mutant.line, [])
-            names = sorted({name.rpartition(".")[2] for name in contexts if name})
-            original = place.read_text(encoding="utf-8")
-            place.write_text(mutant.text, encoding="utf-8")
-            # What runs while the tests are collected has no context: all of them decide then.
-            picked = ["-k", " or ".join(names)] if names else []
-            dies = bool(contexts) and _pytest(root, asked.tests, "-m", "not nightly", *picked, seconds=seconds) != 0
-            place.write_text(original, encoding="utf-8")
-            killed += dies
-            if not dies:
-                print(f"{mutant.path}:{mutant.line}: {'survives' if contexts else 'no test runs'}  {mutant.words}", flush=True)
-    print(f"{killed} of {len(chosen)} mutants killed, {100 * killed / max(len(chosen), 1):.0f} %; of {len(every)}, seed {asked.seed}")
-    return int(killed < asked.least / 100 * len(chosen))
+    parser.add_argument("--budget", type=float, default=60.0, metavar="SECONDS", help="of a processor, for one mutant's tests of one stage")
+    parser.add_argument("--results", type=Path, default=REPOSITORY / ".mutation", metavar="FOLDER")
+    parser.add_argument("--repository", type=Path, default=REPOSITORY, help=argparse.SUPPRESS)
+    parser.add_argument("--equivalent", type=Path, default=EQUIVALENT, help=argparse.SUPPRESS)
+    return parser
 
 
 if __name__ == "__main__":

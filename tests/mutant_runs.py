@@ -1,0 +1,253 @@
+"""Runs of pytest for ``mutation.py``: once with coverage and without a mutant, then with each mutant in a copy of the repository."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import resource
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import covering
+from coverage import CoverageData
+
+TESTS = Path(__file__).resolve().parent
+# What a mutant may take: so many times the processor seconds of its tests without it, and as many to start. Waiting is something else.
+TIMES, STARTING, WAITING = 4, 30, 10
+# Of pytest: tests failed, and their collection was broken off.
+FAILED, BROKEN_OFF = 1, 2
+IGNORED = shutil.ignore_patterns("__pycache__", ".mypy_cache", ".ruff_cache", ".git", ".venv", ".mutation")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What tests made of a mutant.
+
+    Attributes:
+        asked: node ids of those that pytest was given. test: the one that failed, or at which pytest ended. said: what it said.
+    """
+
+    asked: set[str]
+    killed: bool = False
+    how: str = ""
+    test: str | None = None
+    said: str = ""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The tests of a stage without any mutant: processor seconds of those that passed, and what lines each runs."""
+
+    root: Path
+    repository: Path
+
+    @property
+    def machine_code(self) -> Path:
+        """The folder of what the tests compiled."""
+        return self.root / "machine_code"
+
+    @cached_property
+    def seconds(self) -> dict[str, float]:
+        outcomes = [json.loads(line) for line in (self.root / "outcomes").read_text(encoding="utf-8").splitlines()]
+        return {one["test"]: one["seconds"] for one in outcomes if one["outcome"] == "passed"}
+
+    @cached_property
+    def _data(self) -> CoverageData:
+        data = CoverageData(str(self.root / "coverage"))
+        data.read()
+        return data
+
+    def tests_of(self, path: Path, line: int | None) -> dict[str, float]:
+        """Seconds of tests, the likeliest to see a change first: those that run its line, none where that runs at import, by what they
+        cost; then those that run anything of its module, or lie in a file that names it."""
+        module, by_line = _module(path, self.repository), self._by_line(path)
+        naming = {file for file in {_file(test) for test in self.seconds} if module in _text(self.repository / file)}
+        covering = self._passed(by_line.get(line, []) if line else [])
+        touching = self._passed({test for test in self.seconds if _file(test) in naming}.union(*by_line.values()))
+        return {test: self.seconds[test] for test in [*in_order(covering), *in_order(touching)]}
+
+    def _by_line(self, path: Path) -> dict[int, list[str]]:
+        measured = [name for name in self._data.measured_files() if name.endswith(f"/{_in_package(path)}")]
+        return self._data.contexts_by_lineno(measured[0]) if measured else {}
+
+    def _passed(self, tests: Iterable[str]) -> dict[str, float]:
+        return {test: self.seconds[test] for test in tests if test in self.seconds}
+
+
+def recorded(repository: Path, results: Path, tests: str, modules: list[Path]) -> Recording:
+    """The recording of a stage; made anew where modules that are to be changed are others than those that it was made of.
+
+    Raises:
+        SystemExit: pytest could not run the tests.
+    """
+    root = results / digest(tests)[:12]
+    made_of = root / "made_of.json"
+    sources = {_in_package(path): digest(path.read_text(encoding="utf-8")) for path in modules}
+    if made_of.exists() and sources.items() <= json.loads(made_of.read_text()).items():
+        return Recording(root, repository)
+    shutil.rmtree(root, ignore_errors=True)
+    root.mkdir(parents=True)
+    with Copy(repository) as copy:
+        status = copy.pytest(shlex.split(tests), root, "-m", "coverage", "run", "--data-file", str(root / "coverage"))
+        if status not in (0, FAILED):
+            raise SystemExit(f"pytest {tests}: status {status} without any mutant; {root / 'output'} says why")
+        combine = [sys.executable, "-m", "coverage", "combine", "-q", "--data-file", str(root / "coverage")]
+        subprocess.run(combine, cwd=copy.root, check=True, env=copy.environment)
+        (root / "machine_code").mkdir()
+        for file in (copy.root / ".cache" / "machine_code").glob("*"):
+            shutil.copy(file, root / "machine_code")
+        every = {_in_package(path): digest(path.read_text(encoding="utf-8")) for path in (repository / "harness").rglob("*.py")}
+    made_of.write_text(json.dumps(every))
+    return Recording(root, repository)
+
+
+@dataclass
+class Copy:
+    """A copy of a repository in which one module at a time is another.
+
+    Attributes:
+        machine_code: the folder that a run begins with a copy of, None for none.
+    """
+
+    repository: Path
+    machine_code: Path | None = None
+    _stack: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+
+    def __enter__(self) -> Copy:
+        self.root = Path(self._stack.enter_context(tempfile.TemporaryDirectory())).resolve()
+        for path in self.repository.iterdir():
+            if path.name in ("harness", "tests"):
+                shutil.copytree(path, self.root / path.name, ignore=IGNORED)
+            elif path.name not in IGNORED(str(self.repository), [path.name]):
+                (self.root / path.name).symlink_to(path)
+        hook = self.root / ".hook"
+        hook.mkdir()
+        (hook / "sitecustomize.py").write_text("import covering\n\ncovering.save_in_killed_processes()\n")
+        search = os.pathsep.join(map(str, (self.root, hook, TESTS)))
+        self.environment = os.environ | {"PYTHONPATH": search, "HARNESS_CACHE": str(self.root / ".cache")}
+        self.environment.pop("HEYOKA_CACHE_DIR", None)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stack.close()
+
+    @contextlib.contextmanager
+    def with_text(self, path: Path, text: str) -> Iterator[None]:
+        place = self.root / path.relative_to(self.repository)
+        original = place.read_bytes()
+        place.write_text(text, encoding="utf-8")
+        self._changed = _module(path, self.repository)
+        try:
+            yield
+        finally:
+            place.write_bytes(original)
+
+    def run(self, tests: Mapping[str, float], budget: float) -> Run:
+        """Run tests of which the processor seconds are known, in their order, until one fails; as many as the budget allows."""
+        chosen = [test for test, sum_ in zip(tests, accumulate(tests.values()), strict=True) if sum_ <= budget] or list(tests)[:1]
+        with tempfile.TemporaryDirectory() as folder:
+            results = Path(folder)
+            (results / "order").write_text("\n".join(chosen), encoding="utf-8")
+            (results / "arguments").write_text("\n".join(chosen), encoding="utf-8")
+            limit = TIMES * sum(tests[test] for test in chosen) + STARTING
+            try:
+                status = self.pytest(["-x", f"@{results / 'arguments'}"], results, seconds=limit)
+            except subprocess.TimeoutExpired:
+                return Run(set(chosen), how="waits without end")
+            outcomes = [json.loads(line) for line in _text(results / "outcomes").splitlines()]
+            last = outcomes[-1] if outcomes else {}
+            how = self._how(status, _text(results / "output"))
+        known = status in (0, FAILED, BROKEN_OFF) or status < 0 or how == "module cannot be imported"
+        return Run(set(chosen), status != 0 and known, how, last.get("test"), last.get("words", ""))
+
+    def _how(self, status: int, output: str) -> str:
+        if status in (-signal.SIGXCPU, -signal.SIGKILL):
+            return "processor limit"
+        if status < 0:
+            return f"crash by {signal.Signals(-status).name}"
+        if status in (0, FAILED, BROKEN_OFF):
+            return {0: "", FAILED: "test fails", BROKEN_OFF: "tests cannot be collected"}[status]
+        loads = subprocess.run([sys.executable, "-c", f"import {self._changed}"], cwd=self.root, env=self.environment, capture_output=True)
+        if loads.returncode:
+            return "module cannot be imported"
+        lines = output.strip().splitlines() or [""]
+        return f"pytest ended with status {status}: {lines[-1]}"
+
+    def pytest(self, arguments: list[str], results: Path, *before: str, seconds: float | None = None) -> int:
+        """The exit status of pytest, of which ``results`` gets the output and a line for each test.
+
+        Raises:
+            TimeoutExpired: it waits much longer than it may work.
+        """
+        cache = self.root / ".cache"
+        shutil.rmtree(cache, ignore_errors=True)
+        if self.machine_code is not None:
+            shutil.copytree(self.machine_code, cache / "machine_code")
+        words = [sys.executable, *(before or ()), "-m", "pytest", "-p", "covering", "-n", "0", "-q", "-p", "no:cacheprovider"]
+        words += ["--basetemp", str(self.root / ".temporary"), "--hypothesis-profile=ci", *arguments]
+        environment = {**self.environment, covering.OUTCOMES: str(results / "outcomes")}
+        if (results / "order").exists():
+            environment[covering.ORDER] = str(results / "order")
+        limit = partial(resource.setrlimit, resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5)) if seconds else None
+        with (
+            (results / "output").open("wb") as output,
+            subprocess.Popen(
+                words, cwd=self.root, env=environment, stdout=output, stderr=output, preexec_fn=limit, start_new_session=True
+            ) as process,
+        ):
+            try:
+                return process.wait(WAITING * seconds if seconds else None)
+            finally:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+
+
+def in_order(seconds: Mapping[str, float]) -> list[str]:
+    """Node ids, cheapest first; of those that cost about the same, the ones in a file together, as they share fixtures."""
+    return sorted(seconds, key=lambda test: (round(math.log10(max(seconds[test], 0.01))), _file(test)))
+
+
+def digest(*values: Any) -> str:
+    """A name of values; of a folder that is a repository, of the package and the tests in it."""
+    found = hashlib.sha256()
+    for value in values:
+        if isinstance(value, Path):
+            for path in sorted(file for room in ("harness", "tests") for file in (value / room).rglob("*") if file.suffix in _SOURCES):
+                found.update(f"{path.relative_to(value)}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+        else:
+            found.update(f"{value}\0".encode())
+    return found.hexdigest()[:24]
+
+
+_SOURCES = (".py", ".xml", ".urdf", ".toml", ".txt", ".html", ".js", ".json")
+
+
+def _in_package(path: Path) -> str:
+    """The path of a module from its package on, whatever repository or copy of it that lies in."""
+    parts = path.parts
+    return "/".join(parts[len(parts) - 1 - parts[::-1].index("harness") :])
+
+
+def _module(path: Path, repository: Path) -> str:
+    return ".".join(path.relative_to(repository).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _file(test: str) -> str:
+    return test.partition("::")[0]
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""

@@ -1,0 +1,185 @@
+"""Mutants that are planted in a small repository: one that no test can see, ones that are surely killed, and all that lies between."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import mutant_runs
+import mutants
+import mutation
+import pytest
+
+SETTINGS = """
+[tool.pytest.ini_options]
+pythonpath = ["tests"]
+addopts = ["--import-mode=importlib"]
+
+[tool.coverage.run]
+source_pkgs = ["harness"]
+patch = ["subprocess"]
+"""
+PRODUCT = '''"""A module."""
+
+LIMIT = 3
+TABLE = {1: "one"}[1]
+
+
+def doubled(x):
+    return 2 * x
+
+
+def counted(n):
+    while n > 0:
+        n -= 1
+    return n
+
+
+def said(x):
+    word = f"{x + 1} of {LIMIT}"
+    return word if (x is None) and word else x
+
+
+def elsewhere(x):
+    return -x
+
+
+def nowhere(x):
+    return x
+'''
+TESTS = """
+import subprocess
+import sys
+import time
+
+from harness.toy import LIMIT, counted, doubled, said
+
+def test_dear():
+    started = time.process_time()
+    while time.process_time() < started + 0.5:
+        pass
+    assert doubled(2) == 4
+
+def test_doubled():
+    assert doubled(3) == 6
+
+def test_counted():
+    counted(2)
+
+def test_said():
+    assert said(7) == 7
+
+def test_limit():
+    assert LIMIT == 3
+
+def test_elsewhere():
+    program = "from harness.toy import elsewhere; assert elsewhere(1) == -1"
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0
+
+def test_red():
+    assert doubled(1) == 3
+"""
+
+
+@pytest.fixture
+def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    written = {"pyproject.toml": SETTINGS, "harness/toy.py": PRODUCT, "tests/test_toy.py": TESTS}
+    for name, text in {"harness/__init__.py": "", "harness/pytest_plugin.py": "", **written}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(mutant_runs, "STARTING", 3)
+    return tmp_path
+
+
+def run(repository: Path, *further: str) -> tuple[int, dict[tuple[int, str], dict[str, Any]]]:
+    """The exit status, and the last verdict on each mutant by its line and what that becomes."""
+    module, results = repository / "harness" / "toy.py", repository / "results"
+    places = ["--repository", str(repository), "--results", str(results), "--equivalent", str(repository / "equivalent.toml")]
+    status = mutation.main([str(module), "--tests", "tests/test_toy.py", "--count", "99", *places, *further])
+    return status, {(one["line"], one["became"]): one for one in map(json.loads, (results / "mutants.jsonl").read_text().splitlines())}
+
+
+def explained(repository: Path, was: str, became: str) -> None:
+    """Have a mutant stand in the list of those that no test can tell from the product."""
+    entry = {"module": "harness/toy.py", "was": was, "became": became, "reason": "planted"}
+    lines = (f"{name} = {json.dumps(value)}\n" for name, value in entry.items())
+    (repository / "equivalent.toml").write_text("".join(["[[mutant]]\n", *lines]))
+
+
+@pytest.mark.ci
+def test_planted_mutants_have_the_fate_that_they_must_have(
+    repository: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, found = run(repository)
+    # No test looks at what ``counted`` returns or how far it counts, and nothing calls ``nowhere``.
+    alive = {(14, "return None"), (12, "while n > (1):"), (12, "while (n <= 0):"), (13, "n -= (2)"), (27, "return None")}
+    assert {place for place, one in found.items() if one["verdict"] == "survives"} == alive
+    assert {found[place]["verdict"] for place in found.keys() - alive} == {"killed"}
+    # The cheaper of the two tests that see it, and not the one that fails always.
+    surely = found[8, "return (2 / x)"]
+    assert surely["test"] == "tests/test_toy.py::test_doubled" and surely["said"].startswith("assert")
+    endless = found[13, "n += 1"]
+    assert endless["how"] == "processor limit" and endless["test"] == "tests/test_toy.py::test_counted"
+    assert {one["how"] for one in found.values() if one["line"] == 4} == {"module cannot be imported"}
+    assert found[3, "LIMIT = (4)"]["test"] == "tests/test_toy.py::test_limit"
+    assert found[23, "return (+x)"]["test"] == "tests/test_toy.py::test_elsewhere"
+    assert found[14, "return None"]["tried"] == 6
+    printed = capsys.readouterr().out
+    assert "harness/toy.py:14: survives (6 tests tried)  return n -> return None\n" in printed
+    assert "12 of 17 mutants killed, 70.6 %; without 0 that" in printed and status == 1
+
+    # A run that is cut off goes on; what a cut left of a line is made again.
+    log = repository / "results" / "mutants.jsonl"
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(lines[:-2]) + lines[-2][:20])
+    asked = []
+    ask = mutant_runs.Copy.run
+    monkeypatch.setattr(mutant_runs.Copy, "run", lambda *given: asked.append(list(given[1])) or ask(*given))
+    assert run(repository)[1] == found and 2 <= len(asked) <= 4
+
+    # With another test each is asked anew, first the test that killed it; a survivor that is explained does not count.
+    asked.clear()
+    (repository / "tests" / "test_toy.py").write_text(TESTS + "\ndef test_counted_down():\n    assert counted(0) == 0\n")
+    explained(repository, "n -= 1", "n -= (2)")
+    further = ("--tests", "tests/test_toy.py -k counted_down", "--least", "80")
+    status, again = run(repository, *further)
+    assert ["tests/test_toy.py::test_doubled"] in asked
+    assert [again[14, "return None"]["verdict"], again[27, "return None"]["verdict"]] == ["killed", "survives"]
+    printed = capsys.readouterr().out
+    assert "survives (7 tests tried)  1 -> 2; equivalent: planted\n" in printed
+    assert "14 of 17 mutants killed, 82.4 %; without 1 that no test can tell from the product, 87.5 %; seed 0, of 17 mutants\n" in printed
+    assert status == 0 and run(repository, *further, "--least", "90")[0] == 1
+    explained(repository, "return 2 * x", "return (2 / x)")
+    assert run(repository, *further)[0] == 1
+    assert "test_doubled kills it: delete the entry\n" in capsys.readouterr().out
+
+
+@pytest.mark.ci
+def test_what_is_no_answer_of_a_test_kills_nothing(repository: Path) -> None:
+    with mutant_runs.Copy(repository) as copy, copy.with_text(repository / "harness" / "toy.py", PRODUCT):
+        missing = copy.run({"tests/test_toy.py::test_of_old": 0.1}, 1.0)
+        assert not missing.killed and missing.how.startswith("pytest ended with status 4")
+        green = copy.run({"tests/test_toy.py::test_doubled": 0.1}, 1.0)
+        assert not green.killed and green.how == ""
+        # The budget is for the tests, of which the cheapest is asked always.
+        assert copy.run({"tests/test_toy.py::test_doubled": 5.0, "tests/test_toy.py::test_dear": 50.0}, 1.0).asked == {
+            "tests/test_toy.py::test_doubled"
+        }
+
+
+def test_a_mutant_is_another_tree_and_leaves_the_rest_of_the_text(tmp_path: Path) -> None:
+    module = tmp_path / "module.py"
+    module.write_text('"""é."""\nx = (1 + 2) * 3 ** 4  # kept\nword = f"{x + 1:3}"\n\n\ndef f(a=5):\n    return not (\n        a\n    )\n')
+    made = [mutants.made(place) for place in mutants.places(module)]
+    assert {one.words for one in made if one.line == 2} == {
+        "(1 + 2) * 3 ** 4  ->  (1 + 2) / 3 ** 4", "1 + 2  ->  1 - 2", "3 ** 4  ->  3 * 4",
+        "1  ->  2", "2  ->  3", "3  ->  4", "4  ->  5",
+    }  # fmt: skip
+    assert not any(one.line == 3 for one in made)
+    [powered] = [one for one in made if one.words == "3 ** 4  ->  3 * 4"]
+    assert powered.text == module.read_text().replace("3 ** 4", "(3 * 4)")
+    assert {(one.words, one.at_import) for one in made if one.line > 5} == {
+        ("5  ->  6", True), ("return not a  ->  return None", False), ("not a  ->  not not a", False),
+    }  # fmt: skip
+    assert [one.words for one in mutants.sample([module], 3, 7)[0]] == [one.words for one in mutants.sample([module], 3, 7)[0]]
