@@ -18,7 +18,6 @@ from __future__ import annotations
 import ast
 import difflib
 import fnmatch
-import importlib.metadata
 import importlib.util
 import os
 import re
@@ -240,6 +239,9 @@ def installed_libraries() -> dict[str, str]:
 
     Where two distributions offer one name, the one that comes first on Python's path has it.
     """
+    # Late, as in ``harness.version``.
+    import importlib.metadata
+
     found: dict[str, str] = {}
     for entry in importlib.metadata.entry_points(group=ENTRY_POINTS):
         found.setdefault(entry.name, entry.value)

@@ -1,7 +1,6 @@
 """The version of the harness, and those of installed packages."""
 
 import functools
-import importlib.metadata
 
 __version__ = "0.2.0"
 # What ``sys.platform`` may be; Pinocchio has no wheels for other systems.
@@ -15,4 +14,7 @@ def version_of(distribution: str) -> str:
     Raises:
         importlib.metadata.PackageNotFoundError: it is not installed.
     """
+    # It takes longer to import than most that a process of an engine has of the harness, and few of them ask.
+    import importlib.metadata
+
     return importlib.metadata.version(distribution)

@@ -77,6 +77,7 @@ class ModelFile:
         format: "mjcf" or "urdf".
         text: the content handed to the engine, exactly as read.
         joint_lines: joint that moves by itself to the line of its element, in document order.
+        joints: every joint to its kind and the name of the joint that carries it, "" for none; parents first.
         gravity_line: MJCF: line of the option with ``gravity``, else of an option, else of the root. URDF: None.
         root_line: line of the root element.
         force_elements: springs and dampers that the file declares; the harness adds them where a reader passes over them.
@@ -91,6 +92,7 @@ class ModelFile:
     format: str
     text: str
     joint_lines: Mapping[str, int]
+    joints: Mapping[str, tuple[JointKind, str]]
     gravity_line: int | None
     root_line: int
     force_elements: tuple[ForceElement, ...]
@@ -164,11 +166,13 @@ def _validated(path: Path, text: str, format: str) -> ModelFile:
     options = [*document.root.iterfind("option[@gravity]")] or [*document.root.iterfind("option")] or [document.root]
     of_mjcf = format == "mjcf"
     x, y, z = map(float, tree.gravity)
+    before = tree.joints_before
     return ModelFile(
         path=document.path,
         format=format,
         text=document.text,
         joint_lines={joint.name: joint.place.line for joint in in_order if joint.place and not joint.follows},
+        joints={joint.name: (joint.kind, before[joint.name]) for joint in tree.joints},
         gravity_line=document.lines[options[-1]] if of_mjcf else None,
         root_line=document.lines[document.root],
         force_elements=tuple(one for one in forces if not isinstance(one, Unread)),

@@ -103,8 +103,9 @@ def _public(found: object, is_wanted: Callable[[Any], bool]) -> tuple[dict[str, 
     kind: Any = type(found)
     methods, others = _names_of(kind)
     own = {name for name in getattr(found, "__dict__", {}) if not name.startswith("_")}
-    # What an object says that it has beside these, it makes when it is asked for it.
-    methods = [*methods, *{name for name in dir(found) if not name.startswith("_")} - own - {*methods, *others}]
+    if kind.__dir__ is not object.__dir__:
+        # What an object says that it has beside these, it makes when it is asked for it.
+        methods = [*methods, *{name for name in dir(found) if not name.startswith("_")} - own - {*methods, *others}]
     values = {}
     for name in {*others, *own}:
         with contextlib.suppress(Exception):

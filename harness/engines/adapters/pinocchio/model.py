@@ -23,11 +23,11 @@ from harness.engines.adapters.pinocchio.forces import ForceElements, places_of
 from harness.engines.adapters.pinocchio.quantities import PinocchioQuantities
 from harness.engines.adapters.pinocchio.solver import Solver
 from harness.engines.adapters.pinocchio.versions import armature, parent_joint, read_urdf, reasons, set_armature, states
-from harness.engines.tree_request import asked_joints
+from harness.engines.request import AskedJoint, in_columns
 from harness.errors import InvalidModel
 from harness.files.equalities import Linkage
 from harness.files.joint_kinds import JointKind
-from harness.files.model_file import JointDamper, JointSpring, ModelFile, meaning_of
+from harness.files.model_file import JointDamper, JointSpring, ModelFile
 
 _KINDS = {"JointModelSpherical": JointKind.BALL, "JointModelFreeFlyer": JointKind.FREE, "JointModelPlanar": JointKind.PLANAR}
 
@@ -64,7 +64,9 @@ class PinocchioModel(PinocchioQuantities):
     """A ``pinocchio.Model`` with the force elements and the constraints of its file, which are None where it has none."""
 
     def __init__(self, model: Any, joints: Sequence[str], file: ModelFile, mimics: MimicJoints | None = None) -> None:
-        elements = ForceElements(model, file.force_elements, places_of(model, asked_joints(meaning_of(file).tree)))
+        # What the file means is not asked for: to read it here takes longer than all else that a load does.
+        joints_of_file = in_columns([AskedJoint(name, kind, (), (), carrier=carrier) for name, (kind, carrier) in file.joints.items()])
+        elements = ForceElements(model, file.force_elements, places_of(model, joints_of_file))
         super().__init__(model, joints, elements, mimics or (LoopConstraints(model, file.constraints) if file.constraints else None))
         self._file = file
         # What both solve with.
