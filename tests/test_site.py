@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from browser import Browser
-from comparison.robots import record_of
+from comparison.robots import meant_by, record_of
 from documents import DOCS
 from rooms import REPOSITORY
 
@@ -19,6 +19,7 @@ from hook import fetched
 from pages import commands, findings, messages, schemas
 from pages.findings import effect_of, example_of
 
+from harness.comparison.switched_on import judge_switched_on
 from harness.explain.changes.readings import Reading, find_all
 from harness.results.readings import FELT
 
@@ -52,7 +53,8 @@ def test_an_example_is_what_the_installed_engine_does(page: str) -> None:
     if reading.versions:
         assert reading.name not in [one.name for one in record.readings]
     else:
-        assert record.explained and reading.name in [one.name for one in record.readings], record
+        switched_on = judge_switched_on(meant_by(path), reading.engine)
+        assert record.explained and reading.name in [one.name for one in (*record.readings, *switched_on.readings)], record
 
 
 def test_no_example_is_left_over() -> None:

@@ -88,7 +88,7 @@ class Toy(Engine):
     optional = True
     factorises_mass_matrix = True
     supplied = {"urdf": "dampers"}
-    why_no_equalities = "it has none"
+    why_off = {"equalities": "it has none"}
     call = {"urdf": "toy_engine.accelerate(q, v, tau)"}
 
     def read(self, request):

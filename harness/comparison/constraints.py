@@ -13,8 +13,8 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import zip_longest
 
-from harness.comparison.equalities import truth_with
 from harness.comparison.quantities import ROUNDING, difference_of
+from harness.comparison.switched_on import truth_with
 from harness.explain.meant import Meant, largest_change
 from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage
 from harness.files.given import Place

@@ -12,16 +12,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.comparison.collection import expected_outcomes
-from harness.comparison.equalities import judge_equalities
 from harness.comparison.judgement import judge, subject_of
 from harness.comparison.matching import refuse_unknown
 from harness.comparison.robot_library import ask_engine, engine_of, robot_at, robot_subjects
 from harness.comparison.sameness import hold_against
+from harness.comparison.switched_on import has_switches, judge_switched_on
 from harness.engines.request import EngineAnswers
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.explain.meant import STATES, Meant, meant, question_of
 from harness.library import Stance
-from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, PairRecord, SubjectRecord
+from harness.results.comparison import FileRecord, FilesComparison, PairRecord, SubjectRecord
+from harness.results.switched_on import SwitchedOnRecord
 from harness.study import Inquiry, Study, ask, call
 from harness.verdict import Verdict
 
@@ -72,7 +73,7 @@ class RobotComparison(Study):
         order = {str(path): place for place, path in enumerate(self.settings.paths)}
         self.found.files.sort(key=lambda file: order[file.path])
         self.found.subjects.sort(key=lambda one: (order[one.path], one.engine, one.aided))
-        self.found.equalities.sort(key=lambda one: (order[one.path], one.engine))
+        self.found.switched_on.sort(key=lambda one: (order[one.path], one.engine))
         return self.found
 
     @property
@@ -124,13 +125,13 @@ class RobotComparison(Study):
         if (entry := self._expected.get((path, record.subject))) is not None:
             record = replace(record, expected=entry.outcome, expected_reason=entry.reason)
         yield self.kept(f"{path.name} {record.subject}", FilesComparison(subjects=[record]))
-        if not failure and found.robot.equalities and found.certified is not None and stance == Stance.PLAIN and not answers.refusal:
-            outcome = yield from ask(call, judge_equalities, found, engine, affinity=path)
+        if not failure and has_switches(found.robot) and found.certified is not None and stance == Stance.PLAIN and not answers.refusal:
+            outcome = yield from ask(call, judge_switched_on, found, engine, affinity=path)
             held = outcome.value
             if failure := self.failure(outcome):
                 model_format = found.robot.format
-                held = EqualitiesRecord(path=str(path), engine=engine, format=model_format, parts=[], explained=False, message=failure)
-            yield self.kept(f"{path.name} {held.subject} with equalities", FilesComparison(equalities=[held]))
+                held = SwitchedOnRecord(path=str(path), engine=engine, format=model_format, parts=[], explained=False, message=failure)
+            yield self.kept(f"{path.name} {held.subject} with all on", FilesComparison(switched_on=[held]))
 
     def _held(self, first: Path, second: Path) -> Inquiry[None]:
         """The second file against the first."""

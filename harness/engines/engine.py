@@ -60,7 +60,8 @@ class Engine:
         call: the user's code for each format, on one line; none for an engine that no user's file is handed to.
         supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``FarLinks`` of accelerations.
-        why_no_equalities: why the call holds no equality of a file; "" for an engine that can be asked with some that are ``Held``.
+        why_off: why the call lets no elements of a kind act, by ``LeftOut.what``; none of a kind that it can be asked with, some of them
+            ``Held``.
         to_the_end: what its user sets so that its solver of equalities goes on until nothing changes; "" where nothing does that.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
@@ -83,7 +84,7 @@ class Engine:
     call: Mapping[str, str] = {}
     supplied: Mapping[str, str] = {}
     takes_inertias_about_tree = False
-    why_no_equalities = ""
+    why_off: Mapping[str, str] = {}
     to_the_end = ""
     why_no_constraints = ""
     reader = ""

@@ -19,7 +19,7 @@ from harness.programs.states import States
 from harness.storage import Kept
 from harness.trees.bodies.inertias import bounded
 from harness.trees.mechanism import mechanism_of
-from harness.trees.robot import Robot
+from harness.trees.robot import Robot, with_actuators
 from harness.truth.compare import Comparison, Flags
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 from harness.truth.sampling import sample
@@ -79,6 +79,16 @@ def read_as(original: Meant, robot: Robot, into: Callable[[States], States] = la
     if why := why_unread(robot, original.robot):
         return _unmoved(robot, len(original.states), why)
     return _certified(robot, into(spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))))
+
+
+def driven(meant: Meant) -> Meant:
+    """A robot with those of its actuators on that are read, at the same states with controls; the very same without any."""
+    numbers = [one.number for one in meant.robot.actuators if not one.why_not]
+    if not numbers:
+        return meant
+    robot = with_actuators(meant.robot, numbers)
+    actuation = reference_of(robot).mechanism.actuation
+    return _certified(robot, meant.states if actuation is None else actuation.controlled(meant.states))
 
 
 def why_unread(read: Robot, original: Robot) -> str:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# Elements that engines are asked with besides, by ``LeftOut.what``.
+EQUALITIES, ACTUATORS = "equalities", "actuators"
+SWITCHED_OFF = "is switched off in the file"
+
 
 @dataclass(frozen=True)
 class LeftOut:

@@ -13,7 +13,7 @@ from lxml import etree
 
 from harness.files.document.source import Source
 from harness.files.document.xml import describe, literal_tag
-from harness.files.findings import LeftOut
+from harness.files.findings import ACTUATORS, EQUALITIES, LeftOut
 from harness.files.given import Place
 from harness.files.mjcf.attributes import JOINTS, Attributes, resolved_text
 from harness.files.tree import WORLD, Tree
@@ -25,8 +25,8 @@ _CONTACTS, _VISUAL, _LIMITS, _FRICTION = "contacts", "visual geometry", "joint l
 
 # MJCF. What each is, and whether an engine that has it switched on could give other accelerations for it.
 _SECTIONS = {
-    "equality": ("equality constraints", True),
-    "actuator": ("actuators", True),
+    "equality": (EQUALITIES, True),
+    "actuator": (ACTUATORS, True),
     "deformable": ("deformable bodies", True),
     "sensor": ("sensors", False),
     "keyframe": ("keyframes", False),
@@ -67,7 +67,7 @@ _PATHS_READ = frozenset(
 
 Found = Iterator[tuple[str, bool, etree._Element]]
 # Of elements that are left out: told by the tree and its equalities, and of no bearing.
-_TOLD, _LOOKS = (_LIMITS, _FRICTION, "equality constraints"), ("class", "childclass", "group", "material", "name", "rgba", "user")
+_TOLD, _LOOKS = (_LIMITS, _FRICTION, EQUALITIES), ("class", "childclass", "group", "material", "name", "rgba", "user")
 _TARGETS = ("joint", "jointinparent", "tendon", "body", "site", "cranksite", "geom1", "geom2", "body1", "body2")
 
 

@@ -143,9 +143,9 @@ def _survey_cases(found: FilesComparison) -> Iterator[Case]:
         else:
             wrong = [] if one.explained else subject_lines(one) or [one.outcome]
             yield Case.of((SURVEY, one.path, name), wrong, outcome=outcome, replay=_replay(one.path))
-    for held in found.equalities:
-        wrong = [] if held.explained else [held.message or f"{held.verdict}, not explained"]
-        yield Case.of((SURVEY, held.path, f"{held.subject}, plain, with the file's equalities"), wrong, replay=_replay(held.path))
+    for held in found.switched_on:
+        wrong = [] if held.explained else [held.message or f"{held.verdict}, not explained", *held.rest]
+        yield Case.of((SURVEY, held.path, f"{held.subject}, all on that is judged"), wrong, replay=_replay(held.path))
 
 
 def _replay(path: str) -> str:

@@ -11,13 +11,14 @@ from harness.results.comparison import (
     SubjectRecord,
     names_apart,
 )
-from harness.results.conclusion import MORE, conclude, optimum_text
+from harness.results.conclusion import MORE, conclude
 from harness.results.detail import Detail
 from harness.results.gap import Gaps
 from harness.results.pair_conclusion import conclusions
 from harness.results.readings import MOST_LINES, by_effect, lines_text, reading_line
 from harness.results.records import Run
-from harness.results.table import Table, TableOf, counted, error_text, markdown_cell
+from harness.results.switched_on import switched_on_text, with_those_on
+from harness.results.table import Table, TableOf, counted, error_text, grouped, markdown_cell
 from harness.verdict import AGREEMENT
 
 # Said where every engine was asked and answered, and nothing is left to explain.
@@ -69,7 +70,7 @@ def sections(found: FilesComparison) -> Iterator[Section]:
     for file in found.files:
         own = found.of(file.path)
         if own:
-            yield Section(f"3. The engines on {names[file.path]}", [_subjects(own), *_readings(own), *_equalities(found, file)])
+            yield Section(f"3. The engines on {names[file.path]}", [_subjects(own), *_readings(own), *_switched_on(found, file)])
     yield Section("4. The rest", rest(found) or [NOTHING])
 
 
@@ -101,7 +102,7 @@ def robot_sections(found: FilesComparison, file: FileRecord) -> Iterator[Section
     if impossible:
         yield Section("What no body can have", impossible, "impossible")
     if own:
-        yield Section("Engines", [_subjects(own), *_readings(own), *_equalities(found, file)], "engines")
+        yield Section("Engines", [_subjects(own), *_readings(own), *_switched_on(found, file)], "engines")
 
 
 def render(run: Run, title: str, parts: Iterable[Section]) -> str:
@@ -192,12 +193,12 @@ def _reading_lines(subject: SubjectRecord) -> list[str]:
     ]
 
 
-def _equalities(found: FilesComparison, file: FileRecord) -> Iterator[str]:
-    """Lines on what each engine makes of the equalities of a file."""
-    for one in (record for record in found.equalities if record.path == file.path):
-        yield f"{one.subject}, plain, with the file's equalities: {optimum_text(one)}"
-        for kind, why_not in dict.fromkeys((part.kind, part.why_not) for part in one.parts):
-            alike = [part for part in one.parts if (part.kind, part.why_not) == (kind, why_not)]
+def _switched_on(found: FilesComparison, file: FileRecord) -> Iterator[str]:
+    """Lines on what each engine makes of a file with all on that is judged, and of each element alone."""
+    for one in found.switched_on_of(file.path):
+        yield f"{one.subject}: {with_those_on(one)}{switched_on_text(one)}"
+        yield from (f"  {reading_line(reading, MOST_LINES)}" for reading in by_effect(one.readings))
+        for (_, kind, why_not), alike in grouped(((part.what, part.kind, part.why_not), part) for part in one.parts).items():
             most = max(alike, key=lambda part: part.alone or 0.0)
             told = [f"{kind}, {len(alike)}, {lines_text([part.line for part in alike])}", f"not judged: it {why_not}" if why_not else ""]
             yield "  " + "; ".join(filter(None, [*told, most.moves and f"{'at most, ' if len(alike) > 1 else ''}{most.moves}"]))
@@ -225,10 +226,11 @@ def rest(found: FilesComparison, whole: bool = True) -> list[str]:
 
 
 def _unexplained(found: FilesComparison) -> Iterator[str]:
-    names = names_apart([*(one.path for one in found.equalities), *(one.path for one in found.subjects)])
-    for record in found.equalities:
+    names = names_apart([*(one.path for one in found.switched_on), *(one.path for one in found.subjects)])
+    for record in found.switched_on:
         if not record.explained:
-            yield f"{names[record.path]} {record.subject}, plain, with the file's equalities: {optimum_text(record)}"
+            yield f"{names[record.path]} {record.subject}: {with_those_on(record)}{switched_on_text(record)}"
+            yield from (f"  {sentence}" for sentence in record.rest)
     for subject in found.subjects:
         if not subject.explained:
             message = "" if subject.rest else f": {subject.message}"

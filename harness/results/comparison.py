@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
-from harness.results.readings import FELT, Effect, are_misread, share_text
+from harness.results.readings import FELT, Effect, are_misread
 from harness.results.records import StudyResult
-from harness.results.table import Cell, Column, error_text
+from harness.results.switched_on import SwitchedOnRecord
+from harness.results.table import Cell, Column, program_name
 from harness.verdict import Verdict
 
 
@@ -186,70 +187,6 @@ class SubjectRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EqualityPart:
-    """One equality of a file: its tag, and the largest change of qdd where an engine holds it alone, relative in the energy norm.
-
-    ``why_not``: why the engine's answer is not judged with it; "" where it is.
-    """
-
-    kind: str
-    line: int
-    why_not: str = ""
-    alone: float | None = None
-
-    @property
-    def moves(self) -> str:
-        """The effect in words, as the engine itself has it."""
-        if self.alone is None:
-            return ""
-        return f"alone it moves the engine's qdd by {share_text(self.alone)}" if self.alone > FELT else "alone it moves no acceleration"
-
-
-@dataclass(frozen=True, kw_only=True)
-class EqualitiesRecord:
-    """A plain engine on a file whose equalities it is told to hold, limits, contacts and friction still off.
-
-    Attributes:
-        verdict: against the optimum that the engine documents; "" where no answer is judged. message: why, where no part says it.
-        backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
-        departures: where the engine's program leaves the optimum that it documents, each with what it does; backward errors are then
-            against what it is known to compute.
-        to_the_end: backward error where the engine's solver goes on until nothing changes, asked where the file's settings end it too
-            early to agree; None elsewhere. remedy: what its user sets for that.
-    """
-
-    path: str
-    engine: str
-    format: str
-    parts: list[EqualityPart]
-    verdict: str = ""
-    explained: bool = True
-    backward_error: float | None = None
-    together: float | None = None
-    message: str = ""
-    title: str = ""
-    to_the_end: float | None = None
-    remedy: str = ""
-    departures: list[Effect] = field(default_factory=list)
-
-    @property
-    def program(self) -> str:
-        return program_name(self.engine, self.title)
-
-    @property
-    def subject(self) -> str:
-        return f"{self.engine}/{self.format}"
-
-    @property
-    def stops_early(self) -> str:
-        """Error that the solver leaves by stopping early, a clause behind the engine's name; "" where it does not."""
-        if self.to_the_end is None:
-            return ""
-        left = f"stops its solver {error_text(self.backward_error)} data roundoffs before the optimum that it documents"
-        return f"{left}, and {error_text(self.to_the_end)} where it goes on to the end"
-
-
-@dataclass(frozen=True, kw_only=True)
 class FileDifference:
     """One quantity that two files give otherwise.
 
@@ -321,12 +258,12 @@ class FilesComparison(StudyResult):
     files: list[FileRecord] = field(default_factory=list)
     subjects: list[SubjectRecord] = field(default_factory=list)
     pairs: list[PairRecord] = field(default_factory=list)
-    equalities: list[EqualitiesRecord] = field(default_factory=list)
+    switched_on: list[SwitchedOnRecord] = field(default_factory=list)
 
     @property
     def as_expected(self) -> bool:
         """True where an engine was asked about every file, every answer is as expected, and all files are one robot."""
-        answers = all(subject.as_expected for subject in self.subjects) and all(held.explained for held in self.equalities)
+        answers = all(subject.as_expected for subject in self.subjects) and all(one.explained for one in self.switched_on)
         return not self.unasked and answers and self.is_one_robot
 
     @property
@@ -344,11 +281,15 @@ class FilesComparison(StudyResult):
         """The subjects of a file."""
         return [subject for subject in self.subjects if subject.path == path]
 
+    def switched_on_of(self, path: str) -> list[SwitchedOnRecord]:
+        """The answers on a file with all on that is judged."""
+        return [one for one in self.switched_on if one.path == path]
+
     def among(self, names: Mapping[str, str]) -> FilesComparison:
         """Records of the files called ``names``, by their paths here, under these names, without pairs."""
         parts = {
             part: [replace(one, path=names[one.path]) for one in getattr(self, part) if one.path in names]
-            for part in ("files", "subjects", "equalities")
+            for part in ("files", "subjects", "switched_on")
         }
         return FilesComparison(**parts)
 
@@ -358,14 +299,8 @@ class FilesComparison(StudyResult):
             files=sorted(self.files, key=lambda file: file.path),
             subjects=sorted(self.subjects, key=lambda one: (one.path, one.engine, one.aided)),
             pairs=self.pairs,
-            equalities=sorted(self.equalities, key=lambda one: (one.path, one.engine)),
+            switched_on=sorted(self.switched_on, key=lambda one: (one.path, one.engine)),
         )
-
-
-def program_name(engine: str, title: str) -> str:
-    """ "MuJoCo" of mujoco, "MuJoCo 3.13.0" of mujoco@3.13.0; the name itself where there is no title."""
-    name, _, version = engine.partition("@")
-    return f"{title or name} {version}".rstrip()
 
 
 def names_apart(paths: Iterable[str]) -> dict[str, str]:

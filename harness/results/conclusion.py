@@ -10,11 +10,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord, names_apart
+from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord, names_apart
 from harness.results.detail import Detail
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_of_qdd, share_text
+from harness.results.switched_on import SwitchedOnRecord, stays_off, switched_on_sentences
 from harness.results.table import Table, counted, error_text, grouped, joined
-from harness.verdict import AGREEMENT, DEPARTS, Verdict
+from harness.verdict import AGREEMENT, Verdict
 
 # Rows of a file, and of each of several files; further ones are counted.
 MOST_ROWS, MOST_ROWS_OF_SEVERAL = 11, 3
@@ -55,15 +56,15 @@ def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -
         return f" cannot be read: {file.problem}.", ()
     subjects = [one for one in found.of(file.path) if not one.aided]
     if not subjects:
-        return f": no engine was asked{file.remark and f', for {file.remark}'}.", tuple(_facts(file, detail))
-    held = [one for one in found.equalities if one.path == file.path]
+        return f": no engine was asked{file.remark and f', for {file.remark}'}.", tuple(_facts(file, (), detail))
+    held = found.switched_on_of(file.path)
     subjects = sorted(subjects, key=lambda one: -_weight(one))
-    reasons = [
-        *filter(None, (_reason(one, file) for one in subjects)),
-        *(_reason_of_equalities(one) for one in held if not one.explained or one.stops_early or one.departures),
-    ]
-    sentences = [_who_agrees(subjects), *_with_remedy(reasons[:MOST_REASONS])]
-    rows = [*_rows(found.of(file.path), file, detail), *filter(None, map(_equalities, held)), *_facts(file, detail)]
+    on, left = switched_on_sentences(held, MOST_REASONS)
+    reasons = [*(_of_reading(one) for one in _of_what_is_on(held)), *filter(None, (_reason(one, file) for one in subjects))]
+    answers = [*on, f"{'With all of it off ' if on else ''}{_who_agrees(subjects)}"]
+    off = stays_off(file.left_out, held)
+    sentences = [*answers, *([f"Off: {joined(off)}"] if off else []), *_with_remedy(reasons[:MOST_REASONS])]
+    rows = [*_rows(found.of(file.path), held, file, detail), *left, *_facts(file, held, detail)]
     shown, others = at_most(rows, detail, most) if most else ([], "")
     return f": {'. '.join(sentences)}.", (*shown, *filter(None, [others]))
 
@@ -148,17 +149,20 @@ def _of_reading(reading: Effect) -> _Reason:
     return _Reason(reading.sentence, share_text(reading.size), reading.remedy)
 
 
-def _reason_of_equalities(record: EqualitiesRecord) -> _Reason:
-    return _Reason(f"With the file's equalities {record.program} {optimum_text(record)}")
+def _of_what_is_on(held: Sequence[SwitchedOnRecord]) -> list[Effect]:
+    """The readings of what is on that move accelerations, the largest first and each once."""
+    once = {one.sentence: one for one in by_effect(one for record in held for one in record.readings)}
+    return [one for one in once.values() if one.size is None or one.size > FELT]
 
 
-def _rows(subjects: Sequence[SubjectRecord], file: FileRecord, detail: Detail) -> Iterator[str]:
+def _rows(subjects: Sequence[SubjectRecord], held: Sequence[SwitchedOnRecord], file: FileRecord, detail: Detail) -> Iterator[str]:
     """Rows on the engines' readings of the file, the largest effect first, and on what no body can have."""
     plain = [one for one in subjects if not one.aided]
     # What was answered is not the user's own file.
     yield from (f"{one.program}: {note.partition(': ')[0]}" for one in plain for note in one.notes)
     # Versions of one engine have readings in common, and those are told once.
-    yield from reading_lines({reading.sentence: reading for one in plain for reading in one.readings}.values(), detail)
+    readings = [*(reading for one in plain for reading in one.readings), *(reading for one in held for reading in one.readings)]
+    yield from reading_lines({reading.sentence: reading for reading in readings}.values(), detail)
     agreeing = [one for one in plain if one.outcome == Verdict.AGREES and one.backward_error is not None and not one.readings]
     if agreeing:
         worst = error_text(max(one.backward_error or 0.0 for one in agreeing))
@@ -209,28 +213,7 @@ def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:
         yield f"{counted(len(named), 'inertia')} that no body can have: {', '.join([*shown, *filter(None, [others])])}"
 
 
-def _equalities(record: EqualitiesRecord) -> str:
-    return f"With the file's equalities {record.program} {optimum_text(record)}" if record.verdict else ""
-
-
-def optimum_text(record: EqualitiesRecord) -> str:
-    """Distance of an engine with the equalities of a file from the optimum that it documents, a clause behind its name."""
-    if not record.verdict:
-        return record.message or "is not judged"
-    remedy = f": {record.remedy}" if record.remedy else ""
-    if record.stops_early:
-        return f"{record.stops_early}{remedy}"
-    if record.departures and record.explained:
-        first, *more = by_effect(record.departures)
-        others = "".join(f", and {one.name} {share_text(one.size)}" for one in more)
-        moved = f"by {share_of_qdd(share_text(first.size))} ({first.concerned(FEW_LINES)}{others})"
-        return f"{DEPARTS} {moved}. {first.sentence}: {first.remedy}"
-    verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
-    moved = f", {share_of_qdd(share_text(record.together))} away from the file without them" if record.together else ""
-    return f"{verb} the optimum that it documents{moved}{remedy}"
-
-
-def _facts(file: FileRecord, detail: Detail) -> Iterator[str]:
+def _facts(file: FileRecord, held: Sequence[SwitchedOnRecord], detail: Detail) -> Iterator[str]:
     """Rows on what the file holds, and on what of it was not compared."""
     mimics = f" ({file.followers} of them mimic{'s' * (file.followers == 1)} another)" if file.followers else ""
     what = f"{file.bodies} bodies, {counted(file.joints, 'joint')}{mimics}, {file.degrees_of_freedom} degrees of freedom"
@@ -238,14 +221,16 @@ def _facts(file: FileRecord, detail: Detail) -> Iterator[str]:
     yield f"{what}, {file.total_mass:.6g} kg; {counted(file.states, 'state')}{undecided}"
     if file.base:
         yield file.base
+    judged = {what for record in held for what in record.judged}
+    left_out = [one for one in file.left_out if one.what not in judged]
     if detail == Detail.ALL:
         bearing = {True: "which would move it", False: "which moves nothing"}
         yield from (
-            f"Not compared: {one.what}, {len(one.lines)}, {lines_text(one.lines)}, {bearing[one.bears_on_motion]}" for one in file.left_out
+            f"Not compared: {one.what}, {len(one.lines)}, {lines_text(one.lines)}, {bearing[one.bears_on_motion]}" for one in left_out
         )
         return
-    felt = [f"{one.what} ({len(one.lines)})" for one in file.left_out if one.bears_on_motion]
-    others = sum(len(one.lines) for one in file.left_out if not one.bears_on_motion)
+    felt = [f"{one.what} ({len(one.lines)})" for one in left_out if one.bears_on_motion]
+    others = sum(len(one.lines) for one in left_out if not one.bears_on_motion)
     if felt or others:
         still = f"{counted(others, 'element')} that {'moves' if others == 1 else 'move'} nothing"
         yield f"Not compared: {', '.join([*felt, *([still] if others else [])])}"

@@ -8,12 +8,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from harness.results.comparison import FileRecord, FilesComparison, PairRecord, SubjectRecord
 from harness.results.conclusion import Conclusion
 from harness.results.pair_conclusion import conclude_pair
-from harness.results.readings import MOST_IN_CELL, explanation, share_text
-from harness.results.table import counted, first_of, grouped
+from harness.results.readings import MOST_IN_CELL, explanation, names_of, share_text
+from harness.results.switched_on import names_off
+from harness.results.table import counted, first_of, grouped, joined
 from harness.verdict import Verdict
 
 # Reasons in the line of an engine.
 MOST_COUNTED = 4
+# A relative change of accelerations that matters to users.
+MOVED = 0.01
 # What is said of so many robots, the gravest first; of one, and of several.
 _UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES = (
     ("{} cannot be read", "{} cannot be read"),
@@ -30,7 +33,22 @@ def conclude_survey(found: FilesComparison) -> Conclusion:
     """Answer of a survey of many robots, and a line for each engine."""
     counts = Counter(_state(found, file) for file in found.files)
     parts = [state[counts[state] > 1].format(counts[state]) for state in _ORDER if counts[state]]
-    return Conclusion(f"{counted(len(found.files), 'robot')}: {'; '.join(parts) or 'no file is one'}.", [*_engines(found)])
+    sentences = [f"{counted(len(found.files), 'robot')}: {'; '.join(parts) or 'no file is one'}", *_switched_on(found)]
+    return Conclusion(f"{'. '.join(sentences)}.", [*_engines(found)])
+
+
+def _switched_on(found: FilesComparison) -> Iterator[str]:
+    """Sentences on the answers with all on that is judged, and on what stays off, with the number of robots that have it."""
+    held = [one for one in found.switched_on if one.verdict]
+    if held:
+        whats = joined(list(dict.fromkeys(what for one in held for what in one.judged)))
+        agreeing = sum(one.explained and not (one.departures or one.stops_early) for one in held)
+        moved = len({one.path for one in held if (one.together or 0.0) > MOVED})
+        by = f"they move qdd by more than {share_text(MOVED)} on {counted(moved, 'robot')}"
+        yield f"With {whats} on, {agreeing} of {len(held)} answers agree with what the engine documents; {by}"
+    off = Counter(what for file in found.files for what in names_off(file.left_out, found.switched_on_of(file.path)))
+    if off:
+        yield f"Off: {', '.join(f'{what} ({count})' for what, count in off.most_common())}"
 
 
 def survey_summary(found: FilesComparison) -> str:
@@ -54,14 +72,15 @@ def _state(found: FilesComparison, file: FileRecord) -> tuple[str, str]:
     plain = [one for one in found.of(file.path) if not one.aided]
     if file.problem:
         return _UNREAD
-    held = [one for one in found.equalities if one.path == file.path]
+    held = found.switched_on_of(file.path)
     if not all(one.explained for one in plain) or not all(one.explained for one in held):
         return _UNEXPLAINED
     if file.remark and not plain:
         return _STILL
     if any(not one.is_answered for one in plain):
         return _REFUSED
-    return _OTHERWISE if any(one.verdict != Verdict.AGREES for one in plain) else _AGREES
+    is_otherwise = any(one.verdict != Verdict.AGREES for one in plain) or any(names_of((*one.readings, *one.departures)) for one in held)
+    return _OTHERWISE if is_otherwise else _AGREES
 
 
 def _engines(found: FilesComparison) -> Iterator[str]:
@@ -71,10 +90,6 @@ def _engines(found: FilesComparison) -> Iterator[str]:
         outcomes = Counter(one.outcome for one in own).most_common()
         said = [f"{outcome} {count}{_reasons([one for one in own if one.outcome == outcome])}" for outcome, count in outcomes]
         yield f"{program}: {'; '.join(said)}"
-    held = [one for one in found.equalities if one.verdict]
-    if held:
-        agreeing = sum(one.explained for one in held)
-        yield f"With the equalities of files, {agreeing} of {len(held)} answers agree with the optimum that the engine documents"
 
 
 def _reasons(subjects: Sequence[SubjectRecord]) -> str:

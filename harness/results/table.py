@@ -54,6 +54,18 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def number_of(number: int, nouns: str) -> str:
+    """ "1 equality", "6 actuators", of a noun in the plural."""
+    one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
+    return f"{number} {one if number == 1 else nouns}"
+
+
+def program_name(engine: str, title: str) -> str:
+    """ "MuJoCo" of mujoco, "MuJoCo 3.13.0" of mujoco@3.13.0; the name itself where there is no title."""
+    name, _, version = engine.partition("@")
+    return f"{title or name} {version}".rstrip()
+
+
 def plural(number: int, one: str, several: str) -> str:
     """The word that goes with a number."""
     return one if number == 1 else several

@@ -229,7 +229,7 @@ def with_actuators(robot: Robot, numbers: Iterable[int]) -> Robot:
     if any(one.damping_ratio for one in chosen):
         with flint.ctx.workprec(_BITS):
             chosen = [_damped(robot.tree, one) if one.damping_ratio else one for one in chosen]
-    return replace(robot, tree=replace(robot.tree, actuators=tuple(chosen), force_limits=robot.force_limits))
+    return replace(robot, tree=replace(robot.tree, actuators=tuple(chosen), force_limits=robot.force_limits if chosen else ()))
 
 
 def _damped(tree: Tree, actuator: Actuator) -> Actuator:

@@ -12,7 +12,6 @@ from harness.commands.frame.terminal import print_sections
 from harness.files.findings import Impossible, LeftOut
 from harness.report.comparison import told
 from harness.results.comparison import (
-    EqualitiesRecord,
     FileDifference,
     FileRecord,
     FilesComparison,
@@ -25,6 +24,7 @@ from harness.results.detail import Detail
 from harness.results.pair_conclusion import conclude_pair, summary
 from harness.results.readings import Effect, explanation, share_text
 from harness.results.survey_conclusion import conclude_survey, outcome_text
+from harness.results.switched_on import SwitchedOnPart, SwitchedOnRecord
 
 FILE = FileRecord(path="/robots/r.urdf", format="urdf", bodies=3, joints=2, degrees_of_freedom=2, total_mass=5.0, states=64)
 
@@ -101,14 +101,19 @@ def test_the_first_sentence_answers_whether_the_engines_agree(case: str) -> None
     assert summary(found) == conclude(found, file).sentence
 
 
-def test_equalities_that_nobody_explains_stand_in_the_first_sentence() -> None:
-    about: dict[str, Any] = {"path": FILE.path, "engine": "mujoco", "title": "MuJoCo", "format": "urdf", "parts": []}
-    wrong = EqualitiesRecord(**about, verdict="disagrees", explained=False, backward_error=1e9, together=0.5)
+def test_what_is_switched_on_stands_in_the_first_sentence_where_it_is_felt() -> None:
+    parts = [SwitchedOnPart(what="actuators", kind="motor", line=line) for line in (3, 4)]
+    about: dict[str, Any] = {"path": FILE.path, "engine": "mujoco", "title": "MuJoCo", "format": "urdf", "parts": parts}
+    wrong = SwitchedOnRecord(**about, verdict="disagrees", explained=False, backward_error=1e9, together=0.5)
     right = replace(wrong, verdict="agrees", explained=True, backward_error=2.0)
-    for record, is_first in ((wrong, True), (right, False)):
-        told = conclude(FilesComparison(files=[FILE], subjects=[AGREES], equalities=[record]), FILE)
-        assert ("1.00e+09 data roundoffs away from the optimum" in told.sentence) == is_first
-        assert any("the optimum that it documents, 50 % of qdd away" in str(row) for row in told.rows)
+    still = replace(right, together=1e-15)
+    apart = "what it documents, 50 % of qdd away from the file without them. With all of it off MuJoCo agrees with the file"
+    for record, said in ((wrong, f"is 1.00e+09 data roundoffs away from {apart}"), (right, f"agrees with {apart}")):
+        found = conclude(FilesComparison(files=[FILE], subjects=[AGREES], switched_on=[record]), FILE)
+        assert found.sentence.startswith(f"r.urdf: With the file's 2 actuators on MuJoCo {said}")
+    found = conclude(FilesComparison(files=[FILE], subjects=[AGREES], switched_on=[still]), FILE)
+    assert found.sentence.startswith("r.urdf: MuJoCo agrees with the file")
+    assert any(str(row).startswith("With the file's 2 actuators on MuJoCo agrees") for row in found.rows)
 
 
 def test_a_row_has_effect_lines_and_remedy() -> None:
@@ -230,8 +235,8 @@ def worst(path: str) -> FilesComparison:
         for aided in (False, True)
     ]
     subjects.append(subject("last", "Last", "unsupported", path=path, message="because " * 500))
-    held = [EqualitiesRecord(path=path, engine=f"engine{number}", format="urdf", parts=[], explained=False) for number in range(8)]
-    return FilesComparison(files=[file], subjects=subjects, equalities=held)
+    held = [SwitchedOnRecord(path=path, engine=f"engine{number}", format="urdf", parts=[], explained=False) for number in range(8)]
+    return FilesComparison(files=[file], subjects=subjects, switched_on=held)
 
 
 def printed(found: FilesComparison, detail: Detail, capsys: pytest.CaptureFixture[str]) -> list[str]:

@@ -134,7 +134,7 @@ def test_what_is_left_out_is_listed_with_its_lines() -> None:
     kinds = {one.what: one.bears_on_motion for one in read_robot(FILES / "quadruped.xml").left_out}
     assert {what for what, bears in kinds.items() if bears} == {
         "fluid",
-        "equality constraints",
+        "equalities",
         "contacts",
         "friction loss",
         "joint limits",

@@ -12,7 +12,7 @@ from typing import Any
 from harness.comparison.robot_library import engines_of_files, robot_at
 from harness.explain.as_read import effects, fold
 from harness.explain.changes.readings import Reading, find_all
-from harness.explain.meant import STATES, meant
+from harness.explain.meant import STATES, driven, meant
 from harness.results.readings import Effect, felt_text, page_of, share_of_qdd
 from pages.made import DOCS, REPOSITORY, Made, fenced, linked, literal, table
 
@@ -78,7 +78,7 @@ def effect_of(readings: Sequence[Reading]) -> Effect:
         ValueError: it does not apply to the example.
     """
     path, reading = example_of(readings)
-    robot = meant(robot_at(path), STATES, 0)
+    robot = driven(meant(robot_at(path), STATES, 0))
     found = effects(robot, fold(robot.robot, [reading]))
     if len(found) != 1:
         raise ValueError(f"{reading.engine}'s reading {reading.name!r} does not apply to {path}")

@@ -17,6 +17,7 @@ from lxml import etree
 
 from harness.files.document.source import Elements, Numbers, Source
 from harness.files.document.xml import describe
+from harness.files.findings import SWITCHED_OFF
 from harness.files.given import Given, Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import Attributes, NotRead, is_on, layers, named, resolved_text
@@ -85,7 +86,7 @@ class ActuatorReader:
         if element.tag not in _MEANINGS:
             raise NotRead(_UNREAD_KIND)
         if not is_on(self._source.root, "actuation") or resolved_text(element, "group", "0") in self._groups:
-            raise NotRead("is switched off in the file")
+            raise NotRead(SWITCHED_OFF)
         for attribute in ("delay", "nsample", "actdim"):
             if resolved_text(element, attribute):
                 raise NotRead(f"has {attribute}, which is not read")

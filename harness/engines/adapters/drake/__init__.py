@@ -23,6 +23,7 @@ from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
+from harness.files.findings import EQUALITIES
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 
@@ -187,7 +188,9 @@ class DrakeEngine(Engine):
         formats,
         "gravity, springs and rotor inertias of joints, and springs between points, are supplied from the file; dampers are its own",
     )
-    why_no_equalities = "it holds equalities in discrete time steps alone, and has no acceleration at a state with them"
+    why_off: Mapping[str, str] = {
+        EQUALITIES: "it holds equalities in discrete time steps alone, and has no acceleration at a state with them"
+    }
     why_no_constraints = "Drake holds constraints in discrete time steps alone, and has no acceleration at a state with them"
     call: Mapping[str, str] = {
         "urdf": f"{_PLANT}p.WeldFrames(p.world_frame(), p.GetFrameByName(ROOT)); {_ACCELERATIONS}",

@@ -17,6 +17,7 @@ from harness.engines import ConstraintLaw, Engine
 from harness.engines.adapters.mujoco import law
 from harness.engines.request import Request
 from harness.files.equalities import Equality
+from harness.files.findings import EQUALITIES
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class MjxEngine(Engine):
     reader = "mujoco"
     takes_inertias_about_tree = True
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
-    why_no_equalities = "the harness asks it without the file's equalities"
+    why_off: Mapping[str, str] = {EQUALITIES: "the harness asks it without the file's equalities"}
     call: Mapping[str, str] = {
         "mjcf": (
             "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; "

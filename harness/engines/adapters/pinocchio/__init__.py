@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 from harness.engines import Engine
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
+from harness.files.findings import EQUALITIES
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class PinocchioEngine(Engine):
         formats,
         "gravity, dampers, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file",
     )
-    why_no_equalities = "pin.aba holds no equality, whatever its readers make of it"
+    why_off: Mapping[str, str] = {EQUALITIES: "pin.aba holds no equality, whatever its readers make of it"}
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
         "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",

@@ -35,7 +35,7 @@ from harness.trees.robot import Robot
 _ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 # Newer than any version.
 NEWEST = "99999"
-_PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "place")
+_PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "actuators", "force_limits", "place")
 
 
 @dataclass(frozen=True)
@@ -252,8 +252,9 @@ def changed_parts(before: Tree, after: Tree) -> dict[tuple[str, ...], list[Place
     found: list[tuple[tuple[str, ...], Place | None]] = [((), _changed(before, after))]
     for one in before.bodies:
         found += _changed_in_body(one, others[one.name]) if one.name in others else [(("body", one.name), one.place)]
-    gone = [part for part in (*before.springs, *before.couplings) if part not in (*after.springs, *after.couplings)]
-    found += [(("spring", str(number)), part.place) for number, part in enumerate(gone)]
+    kept = (*after.springs, *after.couplings, *after.actuators)
+    gone = [part for part in (*before.springs, *before.couplings, *before.actuators) if part not in kept]
+    found += [(("force", str(number)), part.place) for number, part in enumerate(gone)]
     return grouped((part, place) for part, place in found if place is not None)
 
 

@@ -15,6 +15,7 @@ from harness.trees.robot import Robot
 ADD_DAMPING, ADD_SPRINGS, ADD_POINT_SPRINGS = "add -d v to tau", "add -k (q - q0) to tau", "add J' f of each spring to tau"
 ADD_TENDONS = "add coef times the force of the tendon to tau of each of its joints"
 ADD_ROTORS = "add the rotor inertias to the diagonal of M, and solve with that"
+DRIVE = "add J' f of each actuator to tau, f its force at the control"
 CARRY_WEIGHTS = "add J' f to tau for each of these bodies, f its share of the weight, upwards in its centre"
 LEAD = "reduce M and its bias to the joints that lead, G' M G and G' h, and solve with these"
 WRITE_INERTIA, POSSIBLE = "write an <inertial> into each of them", "write inertias that a body can have"
@@ -29,6 +30,7 @@ rotors = law("rotor inertias", "joints", supplied=True, each=with_joints)(lambda
 mimics = law("mimic joints", "joints", supplied=True, each=with_joints)(freed)
 point_springs = law("tendons", "tendons", supplied=True)(lambda robot: replace(robot.tree, springs=()))
 gravity_compensation = law("gravity compensation", "bodies", each=with_bodies)(lambda body: replace(body, gravity_compensation=_NOTHING))
+actuators = law("actuators", "actuators")(lambda robot: replace(robot.tree, actuators=(), force_limits=()))
 linear_tendons = law("tendons on joints", "tendons")(lambda robot: replace(robot.tree, couplings=()))
 
 

@@ -109,6 +109,11 @@ READINGS = readings_of(
                 "call plant.mutable_gravity_field().set_gravity_vector([0, 0, 0])",
                 _PARSER,
             ),
+            _left_out.actuators: (
+                "Drake's parser makes a motor of a joint a JointActuator, which drives by the plant's input alone, and no other actuator",
+                _left_out.DRIVE,
+                _PARSER,
+            ),
             _left_out.gravity_compensation: ("Drake's parser reads no gravcomp of bodies", _left_out.CARRY_WEIGHTS, _PARSER),
             _left_out.point_springs: (
                 "Drake's parser passes over tendons, with a warning",

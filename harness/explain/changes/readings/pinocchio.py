@@ -69,6 +69,11 @@ READINGS = readings_of(
             ),
         },
         _MJCF: {
+            _left_out.actuators: (
+                "pin.aba drives no actuator of an MJCF",
+                _left_out.DRIVE,
+                "Pinocchio documentation, aba, whose one input of forces is tau; parsers/mjcf/mjcf-graph.cpp, which reads no <actuator>",
+            ),
             _left_out.gravity_compensation: (
                 "Pinocchio has no gravity compensation of bodies",
                 _left_out.CARRY_WEIGHTS,

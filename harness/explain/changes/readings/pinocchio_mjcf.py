@@ -48,7 +48,7 @@ def _of_first_sections(robot: Robot) -> Tree:
     if _pass_over_sections(document.root):
         # Without compiled meshes, or without names that are used elsewhere, the rest is no robot.
         with contextlib.suppress(InvalidModel):
-            return robot_in(document).tree
+            return replace(robot_in(document).tree, actuators=robot.tree.actuators, force_limits=robot.tree.force_limits)
     return robot.tree
 
 

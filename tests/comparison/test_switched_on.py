@@ -1,4 +1,4 @@
-"""MuJoCo with a file's equalities is held against the optimum that it documents, whether the loops are closed or not."""
+"""MuJoCo with a file's equalities and actuators on is held against what it documents, whether loops are closed or not."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ from pathlib import Path
 
 import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
+from support import call_engines_here
 
-from harness.comparison import equalities
-from harness.comparison.equalities import judge_equalities
+from harness.comparison import switched_on
+from harness.comparison.switched_on import judge_switched_on
+from harness.engines.adapters.mujoco import robot as adapter
 from harness.report.comparison import sections
-from harness.results.comparison import EqualitiesRecord, FileRecord, FilesComparison, SubjectRecord
-from harness.results.conclusion import optimum_text
+from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
+from harness.results.switched_on import SwitchedOnRecord, switched_on_text
 from harness.verdict import AGREEMENT, Verdict
 
 FOUR_BAR = FILES / "four_bar.xml"
 LINES = ('name="loop"', 'name="cam"', 'name="rope"', 'name="gear"', 'name="winch"', 'name="brake"')
 
 
-def held_by(path: Path, engine: str = "mujoco") -> EqualitiesRecord:
-    return judge_equalities(meant_by(path), engine)
+def held_by(path: Path, engine: str = "mujoco") -> SwitchedOnRecord:
+    return judge_switched_on(meant_by(path), engine)
 
 
 @pytest.mark.parametrize("name", ["mimic.urdf", "four_bar.urdf"])
@@ -31,7 +33,7 @@ def test_mujoco_holds_equalities_as_it_documents(name: str) -> None:
     assert record.together is not None and record.together > 1e-3
 
 
-def assert_departs(record: EqualitiesRecord, *departures: str) -> None:
+def assert_departs(record: SwitchedOnRecord, *departures: str) -> None:
     """It is not the documented optimum, and is that by what is known of the program."""
     assert (record.explained, record.message, record.to_the_end) == (True, "", None)
     assert [one.name for one in record.departures] == list(departures) and all((one.alone or 0.0) > 1e-6 for one in record.departures)
@@ -43,7 +45,7 @@ def test_a_curved_coupling_departs_from_the_documentation_with_its_line_and_effe
     record = held_by(FOUR_BAR)
     assert_departs(record, "J' v of couplings")
     assert record.departures[0].lines == (line_of(FOUR_BAR, 'name="cam"'),)
-    told = optimum_text(record)
+    told = switched_on_text(record)
     assert told.startswith("departs from its documentation by ") and "% of qdd (1 equality, line 37). MuJoCo leaves J' v out of" in told
 
 
@@ -53,7 +55,7 @@ def test_a_curved_coupling_that_is_made_linear_agrees(tmp_path: Path) -> None:
 
 
 def test_what_is_declared_of_no_program_is_no_excuse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(equalities, "departures_of", lambda engine, reader: [])
+    monkeypatch.setattr(switched_on, "departures_of", lambda engine, reader: [])
     record = held_by(FOUR_BAR)
     assert not record.explained and record.backward_error is not None and record.backward_error > 1e9
 
@@ -85,9 +87,11 @@ def test_a_number_of_an_equality_that_is_another_is_felt(change: tuple[str, str]
 def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The engine is asked about the file as it stands, and the optimum is that of a changed one."""
     own, other = meant_by(path), meant_by(changed)
-    declared = equalities._declared
-    monkeypatch.setattr(equalities, "_declared", lambda _, caller, numbers, departures=(): declared(other, caller, numbers, departures))
-    record = judge_equalities(own, "mujoco")
+    documented, tied = switched_on._documented, switched_on._tied
+    read = switched_on.driven(other)
+    monkeypatch.setattr(switched_on, "_documented", lambda _, caller, numbers, departures=(): documented(read, caller, numbers, departures))
+    monkeypatch.setattr(switched_on, "_tied", lambda _, caller, numbers, departures=(): tied(read.robot, caller, numbers, departures))
+    record = judge_switched_on(own, "mujoco")
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 
 
@@ -188,12 +192,12 @@ def test_pinocchio_is_told_to_hold_none() -> None:
 
 def test_a_wrong_answer_makes_the_comparison_red_and_is_printed() -> None:
     record = held_by(FOUR_BAR)
-    wrong = EqualitiesRecord(path="a.xml", engine="mujoco", format="mjcf", parts=record.parts, explained=False, message="it crashed")
+    wrong = SwitchedOnRecord(path="a.xml", engine="mujoco", format="mjcf", parts=record.parts, explained=False, message="it crashed")
     subject = SubjectRecord(path="a.xml", engine="mujoco", format="mjcf", aided=False, call="", verdict="agrees", explained=True)
-    found = FilesComparison(files=[FileRecord(path="a.xml", format="mjcf")], subjects=[subject], equalities=[wrong])
+    found = FilesComparison(files=[FileRecord(path="a.xml", format="mjcf")], subjects=[subject], switched_on=[wrong])
     assert not found.as_expected
     text = "\n".join(part for section in sections(found) for part in section.parts if isinstance(part, str))
-    assert text.count("plain, with the file's equalities: it crashed") == 2
+    assert text.count("a.xml mujoco/mjcf: it crashed") == 1 and text.count("mujoco/mjcf: it crashed") == 2
     assert f"joint, 1, line {record.parts[1].line}; alone it moves the engine's qdd by" in text
 
 
@@ -209,3 +213,56 @@ def test_a_solver_that_stops_early_is_told_with_what_to_set() -> None:
 
 def test_what_a_solver_does_not_reach_in_the_end_is_not_explained_by_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert_felt(FIRM, edited(FIRM, tmp_path, ('solref="0.002 1"', 'solref="0.002 1.000001"')), monkeypatch)
+
+
+DRIVEN = FILES / "driven.xml"
+
+
+def test_mujoco_drives_actuators_beside_equalities_as_it_documents() -> None:
+    record = held_by(DRIVEN)
+    assert (record.verdict, record.explained, record.departures, record.rest) == (Verdict.AGREES, True, [], [])
+    assert record.backward_error is not None and record.backward_error <= AGREEMENT and (record.together or 0.0) > 0.1
+    assert [(part.what, part.kind, bool(part.why_not)) for part in record.parts] == [
+        ("equalities", "joint", False),
+        ("actuators", "motor", False),
+        ("actuators", "position", False),
+        ("actuators", "intvelocity", False),
+        ("actuators", "muscle", True),
+    ]
+    assert [part.line for part in record.parts] == [
+        line_of(DRIVEN, f'name="{name}"') for name in ("gear", "push", "servo", "winder", "biceps")
+    ]
+    assert all(part.alone is not None and part.alone > 1e-3 for part in record.parts[:4])
+    assert record.named == "1 equality and 3 actuators"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('gear="3"', 'gear="3.0000001"'),
+        ('ctrlrange="-4 4"', 'ctrlrange="-4 4.0000001"'),
+        ('kp="24"', 'kp="24.000001"'),
+        ('dampratio="0.75"', 'dampratio="0.7500001"'),
+        ('forcerange="-5 5"', 'forcerange="-5.000001 5"'),
+        ('actuatorfrcrange="-3 3"', 'actuatorfrcrange="-3 3.000001"'),
+        ('kv="0.5"', 'kv="0.5000001"'),
+        ('polycoef="0.125 0.5"', 'polycoef="0.125 0.5000001"'),
+    ],
+)
+def test_a_number_of_an_actuator_that_is_another_is_felt(change: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_felt(DRIVEN, edited(DRIVEN, tmp_path, change), monkeypatch)
+
+
+def test_an_engine_that_drives_none_of_what_it_is_told_to_is_not_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = adapter.drive
+    call_engines_here(monkeypatch)
+    monkeypatch.setattr(adapter, "drive", lambda model, numbers: drive(model, ()))
+    assert not held_by(DRIVEN).explained
+
+
+def test_a_reader_that_passes_over_actuators_is_told_with_their_effect() -> None:
+    record = held_by(DRIVEN, "pinocchio")
+    (reading,) = record.readings
+    assert (record.verdict, record.explained, reading.name, reading.count) == ("", True, "actuators", 3)
+    assert reading.lines == tuple(line_of(DRIVEN, f'name="{name}"') for name in ("push", "servo", "winder"))
+    assert (reading.alone or 0.0) > 0.1 and reading.remedy

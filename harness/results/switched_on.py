@@ -1,0 +1,161 @@
+"""An engine with all elements of a file on that are judged, as plain data and in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from harness.files.findings import SWITCHED_OFF, LeftOut
+from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, names_of, share_of_qdd, share_text
+from harness.results.table import error_text, grouped, joined, number_of, program_name
+from harness.verdict import DEPARTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwitchedOnPart:
+    """One element of a file that an engine is asked with.
+
+    Attributes:
+        what: as of ``LeftOut``. kind: its tag. why_not: why the engine's answer is not judged with it; "" where it is.
+        alone: largest change of qdd where the engine has it on alone, relative in the energy norm; None where nobody asked.
+    """
+
+    what: str
+    kind: str
+    line: int
+    why_not: str = ""
+    alone: float | None = None
+
+    @property
+    def moves(self) -> str:
+        """The effect in words, as the engine itself has it."""
+        if self.alone is None:
+            return ""
+        return f"alone it moves the engine's qdd by {share_text(self.alone)}" if self.alone > FELT else "alone it moves no acceleration"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwitchedOnRecord:
+    """An engine on a file with all elements on that are judged; the others, such as contacts, are off.
+
+    Attributes:
+        verdict: against the law that the engine documents for what its readings make of the file; "" where no answer is judged.
+        message: why some or all of it is not judged, where no part says it.
+        backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
+        departures: where the engine's program leaves the law that it documents, each with what it does; backward errors are then
+            against what it is known to compute.
+        to_the_end: backward error where the engine's solver goes on until nothing changes, asked where the file's settings end it too
+            early to agree; None elsewhere. remedy: what its user sets for that.
+        readings: what the engine's reader makes of these elements otherwise than the file says.
+        rest: what is known of an answer that nothing explains, a sentence each.
+    """
+
+    path: str
+    engine: str
+    format: str
+    parts: list[SwitchedOnPart]
+    verdict: str = ""
+    explained: bool = True
+    backward_error: float | None = None
+    together: float | None = None
+    message: str = ""
+    title: str = ""
+    to_the_end: float | None = None
+    remedy: str = ""
+    departures: list[Effect] = field(default_factory=list)
+    readings: list[Effect] = field(default_factory=list)
+    rest: list[str] = field(default_factory=list)
+
+    @property
+    def program(self) -> str:
+        return program_name(self.engine, self.title)
+
+    @property
+    def subject(self) -> str:
+        return f"{self.engine}/{self.format}"
+
+    @property
+    def judged(self) -> dict[str, list[SwitchedOnPart]]:
+        """The elements with which the answer is judged, by what they are."""
+        return grouped((part.what, part) for part in self.parts if not part.why_not) if self.verdict else {}
+
+    @property
+    def named(self) -> str:
+        """ "2 equalities and 6 actuators", "equality" of one alone."""
+        return joined([number_of(len(own), what) for what, own in self.judged.items()]).removeprefix("1 " if self.is_single else " ")
+
+    @property
+    def is_single(self) -> bool:
+        return sum(map(len, self.judged.values())) == 1
+
+    @property
+    def stops_early(self) -> str:
+        """Error that the solver leaves by stopping early, a clause behind the engine's name; "" where it does not."""
+        if self.to_the_end is None:
+            return ""
+        left = f"stops its solver {error_text(self.backward_error)} data roundoffs before the optimum that it documents"
+        return f"{left}, and {error_text(self.to_the_end)} where it goes on to the end"
+
+    @property
+    def is_felt(self) -> bool:
+        """True for an answer that is another than without what is on, or than the file says, or that nobody explains."""
+        return not self.explained or bool(self.departures or names_of(self.readings)) or (self.together or 0.0) > FELT
+
+
+def switched_on_text(record: SwitchedOnRecord) -> str:
+    """What an engine answers with all on that is judged, a clause behind its name."""
+    if not record.verdict:
+        return "; ".join(filter(None, [record.message, explanation(record.readings)])) or "is not judged"
+    remedy = f": {record.remedy}" if record.remedy else ""
+    if record.stops_early:
+        return f"{record.stops_early}{remedy}"
+    if record.departures and record.explained:
+        first, *more = by_effect(record.departures)
+        others = "".join(f", and {one.name} {share_text(one.size)}" for one in more)
+        moved = f"by {share_of_qdd(share_text(first.size))} ({first.concerned(FEW_LINES)}{others})"
+        return f"{DEPARTS} {moved}. {first.sentence}: {first.remedy}"
+    verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
+    without = f"without {'it' if record.is_single else 'them'}"
+    moved = f", {share_of_qdd(share_text(record.together))} away from the file {without}" if record.together else ""
+    return f"{verb} what it documents{moved}{remedy}"
+
+
+def switched_on_sentences(records: Sequence[SwitchedOnRecord], most: int) -> tuple[list[str], list[str]]:
+    """What engines answer with all on that is judged, where that is felt, those first that nobody explains; and rows on the rest of it.
+
+    At most so many sentences; engines of which the same is to be said have one.
+    """
+    told = sorted((one for one in records if one.verdict or not one.explained), key=lambda one: one.explained)
+    said = grouped((f"{with_those_on(one)}{{}} {switched_on_text(one)}", one) for one in told)
+    sentences = [text.format(joined([one.program for one in own])) for text, own in said.items()]
+    felt = [any(one.is_felt for one in own) for own in said.values()]
+    shown = [one for one, is_felt in zip(sentences, felt, strict=True) if is_felt][:most]
+    rest = [f"{one.program}: {sentence}" for one in told for sentence in one.rest]
+    return shown, [*(one for one in sentences if one not in shown), *rest]
+
+
+def with_those_on(record: SwitchedOnRecord) -> str:
+    """ "With the file's 6 actuators on "; "" where it is judged with none."""
+    return f"With the file's {record.named} on " if record.named else ""
+
+
+def stays_off(left_out: Sequence[LeftOut], records: Sequence[SwitchedOnRecord]) -> list[str]:
+    """What of a file that would move it is off in every answer; of what is judged in part, with lines and reason."""
+    refused = grouped(((part.what, part.why_not), part.line) for part in _refused(records))
+    lines = {key: list(dict.fromkeys(own)) for key, own in refused.items()}
+    parts = [f"{number_of(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
+    return [*_whole_kinds(left_out, records), *parts]
+
+
+def names_off(left_out: Sequence[LeftOut], records: Sequence[SwitchedOnRecord]) -> list[str]:
+    """The same without lines and reasons."""
+    return [*_whole_kinds(left_out, records), *dict.fromkeys(f"some {part.what}" for part in _refused(records))]
+
+
+def _whole_kinds(left_out: Sequence[LeftOut], records: Sequence[SwitchedOnRecord]) -> list[str]:
+    judged = {what for record in records for what in record.judged}
+    return [part.what for part in left_out if part.bears_on_motion and part.what not in judged]
+
+
+def _refused(records: Sequence[SwitchedOnRecord]) -> list[SwitchedOnPart]:
+    return [part for one in records for part in one.parts if part.what in one.judged and part.why_not not in ("", SWITCHED_OFF)]
