@@ -146,14 +146,13 @@ class Copy:
 
     @contextlib.contextmanager
     def with_text(self, path: Path, text: str) -> Iterator[None]:
-        place = self.root / path.relative_to(self.repository)
-        original = place.read_bytes()
-        place.write_text(text, encoding="utf-8")
-        self._changed = _module(path, self.repository)
+        self._place, self._changed = self.root / path.relative_to(self.repository), _module(path, self.repository)
+        self._original = self._place.read_bytes()
+        self._place.write_text(text, encoding="utf-8")
         try:
             yield
         finally:
-            place.write_bytes(original)
+            self._place.write_bytes(self._original)
 
     def run(self, tests: Mapping[str, float], budget: float) -> Run:
         """Run tests of which the processor seconds are known, in their order, until one fails; as many as the budget allows."""
@@ -169,22 +168,33 @@ class Copy:
                 return Run(set(chosen), how="waits without end")
             outcomes = [json.loads(line) for line in _text(results / "outcomes").splitlines()]
             last = outcomes[-1] if outcomes else {}
-            how = self._how(status, _text(results / "output"))
-        known = status in (0, FAILED, BROKEN_OFF) or status < 0 or how == "module cannot be imported"
-        return Run(set(chosen), status != 0 and known, how, last.get("test"), last.get("words", ""))
+            killed, how = self._how(status, results)
+        return Run(set(chosen), killed, how, last.get("test"), last.get("words", ""))
 
-    def _how(self, status: int, output: str) -> str:
+    def _how(self, status: int, results: Path) -> tuple[bool, str]:
+        """Whether the end of pytest kills, and how."""
         if status in (-signal.SIGXCPU, -signal.SIGKILL):
-            return "processor limit"
+            return True, "processor limit"
         if status < 0:
-            return f"crash by {signal.Signals(-status).name}"
-        if status in (0, FAILED, BROKEN_OFF):
-            return {0: "", FAILED: "test fails", BROKEN_OFF: "tests cannot be collected"}[status]
+            return True, f"crash by {signal.Signals(-status).name}"
+        if status in (0, FAILED):
+            return status == FAILED, "test fails" if status else ""
+        if status == BROKEN_OFF and self._collects_without(results):
+            return True, "tests cannot be collected"
         loads = subprocess.run([sys.executable, "-c", f"import {self._changed}"], cwd=self.root, env=self.environment, capture_output=True)
         if loads.returncode:
-            return "module cannot be imported"
-        lines = output.strip().splitlines() or [""]
-        return f"pytest ended with status {status}: {lines[-1]}"
+            return True, "module cannot be imported"
+        lines = _text(results / "output").strip().splitlines() or [""]
+        return False, f"pytest ended with status {status}: {lines[-1]}"
+
+    def _collects_without(self, results: Path) -> bool:
+        """Whether the tests can be collected in the module as it was."""
+        mutant = self._place.read_bytes()
+        self._place.write_bytes(self._original)
+        try:
+            return self.pytest(["--collect-only", f"@{results / 'arguments'}"], results) == 0
+        finally:
+            self._place.write_bytes(mutant)
 
     def pytest(self, arguments: list[str], results: Path, *before: str, seconds: float | None = None) -> int:
         """The exit status of pytest, of which ``results`` gets the output and a line for each test.

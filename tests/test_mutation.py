@@ -160,6 +160,9 @@ def test_what_is_no_answer_of_a_test_kills_nothing(repository: Path) -> None:
     with mutant_runs.Copy(repository) as copy, copy.with_text(repository / "harness" / "toy.py", PRODUCT):
         missing = copy.run({"tests/test_toy.py::test_of_old": 0.1}, 1.0)
         assert not missing.killed and missing.how.startswith("pytest ended with status 4")
+        (copy.root / "tests" / "test_lacking.py").write_text("import nowhere_at_all\n\ndef test_it():\n    pass\n")
+        lacking = copy.run({"tests/test_lacking.py::test_it": 0.1}, 1.0)
+        assert not lacking.killed and lacking.how.startswith("pytest ended with status")
         green = copy.run({"tests/test_toy.py::test_doubled": 0.1}, 1.0)
         assert not green.killed and green.how == ""
         # The budget is for the tests, of which the cheapest is asked always.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -112,10 +112,13 @@ class _Regression:
         self._causes: dict[str, dict[str, Cause]] = {}
         self._wanted: tuple[list[str], list[str]] = ([], [])
 
-    def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> SystemFile | None:
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> Generator[None, list[object], list[object]]:
+        """A system's file alone, and not as the module that pytest takes it for where the command line names it."""
+        found = yield
         if file_path.parent != self.choice.library.systems or file_path.suffix != ".py" or file_path.stem.startswith("_"):
-            return None
-        return SystemFile.from_parent(parent, path=file_path, regression=self)
+            return found
+        return [SystemFile.from_parent(parent, path=file_path, regression=self)]
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         items = [item for item in session.items if isinstance(item, CrossCheckItem) and item.regression is self]

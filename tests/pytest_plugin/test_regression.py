@@ -196,6 +196,16 @@ def test_a_variant_has_a_test_for_each_of_its_readers(library: Path) -> None:
 
 
 @pytest.mark.ci
+def test_a_system_that_shares_a_module_with_others_can_be_named(library: Path) -> None:
+    system = library / "systems" / "spring_damper.py"
+    system.with_name("_shared.py").write_text("SHARED = 1\n")
+    system.write_text(system.read_text() + "\nfrom _shared import SHARED  # noqa\n")
+    done = pytest_in_this_process("--harness-library", str(library), "--collect-only", "-q", str(system), cwd=library)
+    names = [line.partition("spring_damper.py::")[2] for line in done.stdout.splitlines() if "spring_damper.py::" in line]
+    assert done.returncode == 0 and names == ["lagrange", "mujoco/mjcf", "mujoco/urdf", "pinocchio/mjcf", "pinocchio/urdf"]
+
+
+@pytest.mark.ci
 def test_each_robot_and_engine_is_a_test(tmp_path: Path) -> None:
     files = Path(__file__).parents[1] / "comparison" / "files"
     robots = tmp_path / "robots"
