@@ -274,6 +274,14 @@ def test_the_page_on_costs_is_made_of_measurements_of_every_command() -> None:
     assert "| `harness list` | mechanisms and engines | 1.2 |" in text and "catalogue in 78 CPU seconds" in text
 
 
+@pytest.mark.ci
+def test_benchmarks_of_commands_kernels_and_truth_can_be_measured(tmp_path: Path) -> None:
+    names = ["commands/list", "kernels/accelerations/double_pendulum", "kernels/of abaInParallel/arm_3r", "certified/of pin.aba/arm_7r"]
+    done = asked(REPOSITORY, *names, "--rounds", "1", "--history", str(tmp_path / "runs.jsonl"))
+    assert done.returncode in {0, 1} and "FAILED" not in done.stdout, done.stdout + done.stderr
+    assert done.stdout.startswith("4 benchmarks")
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("suite", suites())
 def test_every_benchmark_can_be_measured(suite: str, tmp_path: Path) -> None:

@@ -15,9 +15,11 @@ import click
 import pytest
 import yaml
 
+from benchmarks.history import HISTORY
 from harness.cli import main
 
-FILE = Path(__file__).resolve().parents[1] / ".github" / "workflows" / "nightly.yml"
+REPOSITORY = Path(__file__).resolve().parents[1]
+FILE = REPOSITORY / ".github" / "workflows" / "nightly.yml"
 WORKFLOW: dict[Any, Any] = yaml.safe_load(FILE.read_text(encoding="utf-8"))
 STEPS: list[dict[str, Any]] = [step for job in WORKFLOW["jobs"].values() for step in job["steps"]]
 SCRIPTS = {step["name"]: step["run"] for step in STEPS if "run" in step}
@@ -61,15 +63,32 @@ def test_nothing_that_others_write_becomes_a_part_of_a_script() -> None:
     assert [name for name, script in SCRIPTS.items() if "${{" in script] == []
 
 
-def test_the_history_comes_from_the_nights_before_and_is_kept_whatever_happens() -> None:
-    used = {step["uses"].partition("@")[0]: step for step in STEPS if "uses" in step}
+@pytest.mark.parametrize(
+    ("job", "kept", "between"),
+    [("night", "night/history.sqlite*", "Run the night"), ("benchmarks", HISTORY.relative_to(REPOSITORY).as_posix(), "Measure")],
+)
+def test_the_history_comes_from_the_nights_before_and_is_kept_whatever_happens(job: str, kept: str, between: str) -> None:
+    steps = WORKFLOW["jobs"][job]["steps"]
+    used = {step["uses"].partition("@")[0]: step for step in steps if "uses" in step}
     restore, save = used["actions/cache/restore"], used["actions/cache/save"]
-    assert restore["with"]["path"] == save["with"]["path"] == "night/history.sqlite*"
+    assert restore["with"]["path"] == save["with"]["path"] == kept
     assert restore["with"]["key"] == save["with"]["key"]
     assert save["with"]["key"].startswith(restore["with"]["restore-keys"])
     assert "run_attempt" in save["with"]["key"] and save["if"] == "always()"
-    places = [STEPS.index(restore), next(place for place, step in enumerate(STEPS) if step.get("id") == "night"), STEPS.index(save)]
+    places = [steps.index(restore), next(place for place, step in enumerate(steps) if step.get("name") == between), steps.index(save)]
     assert places == sorted(places)
+
+
+@pytest.mark.parametrize("status", [0, 1])
+def test_benchmarks_are_shown_whatever_they_say_and_the_job_ends_as_they_do(tmp_path: Path, status: int) -> None:
+    program = tmp_path / "python"
+    program.write_text(f"#!/bin/sh\necho 'name before after'\nexit {status}\n")
+    program.chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "GITHUB_STEP_SUMMARY": str(tmp_path / "summary")}
+    command = [*BASH, "-c", SCRIPTS["Measure"]]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (status, "name before after\n")
+    assert (tmp_path / "summary").read_text() == "```\nname before after\n```\n"
 
 
 def test_what_a_job_may_do_is_what_its_steps_need() -> None:
@@ -82,7 +101,7 @@ def test_what_a_job_may_do_is_what_its_steps_need() -> None:
 
 
 def test_the_night_runs_the_tests_that_ci_leaves_out() -> None:
-    tests, settings = WORKFLOW["jobs"]["tests"], (FILE.parents[2] / ".ci" / "run").read_text(encoding="utf-8")
+    tests, settings = WORKFLOW["jobs"]["tests"], (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
     [command] = [shlex.split(step["run"]) for step in tests["steps"] if "pytest" in step.get("run", "")]
     assert command[:5] == ["python", "-m", "pytest", "-m", "nightly"]
     assert command[5:7] == re.findall(r"--(?:harness-states|hypothesis-profile)=\w+", settings)
