@@ -48,7 +48,7 @@ _NAMES = {
     "gravity_compensation": "gravity compensation",
 }
 # Numbers that no equation of motion holds.
-_NOT_FELT = ("friction_loss", "limits")
+_NOT_FELT = ("friction_loss", "limits", "margin", "friction_softness", "limit_softness")
 
 
 def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str], without: Sequence[str] = ()) -> PairRecord:

@@ -13,7 +13,7 @@ from harness.arrays import Array
 from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
 from harness.engines.interface import audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
-from harness.files.equalities import Equality
+from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
@@ -170,7 +170,7 @@ def _own_truth(assignment: Assignment) -> Truth:
     return _SHARED.get((quantity.name, assignment.mechanism.key, *key), lambda: quantity.truth(basis))
 
 
-def departures_of(assignment: Assignment) -> Mapping[Departure, Sequence[Equality]]:
+def departures_of(assignment: Assignment) -> Mapping[Departure, Sequence[Constraint]]:
     """The departures of the subject's engine that bear on what it is asked for, each with the constraints that it concerns."""
     read = assignment.model
     if read is None or not read.constraints or assignment.mechanism.constraints is None or not assignment.asked.has_laws:

@@ -12,7 +12,7 @@ from harness.engines import ConstraintLaw, InverseWeight, Model, load_engine
 from harness.errors import InvalidModel
 from harness.explain.as_read import ReadTruth
 from harness.explain.meant import largest_change
-from harness.files.equalities import Equality
+from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -43,7 +43,7 @@ def laws_of(library: Library, engine: str, read: ModelFile, departures: Collecti
     return departed(chosen, tree_of(read, 0.0), read.constraints, laws)
 
 
-def departures_from(library: Library, engine: str, read: ModelFile) -> dict[Departure, list[Equality]]:
+def departures_from(library: Library, engine: str, read: ModelFile) -> dict[Departure, list[Constraint]]:
     """The engine's departures that bear on constraints of a file, each with these."""
     laws = laws_of(library, engine, read)
     if not laws:
@@ -130,7 +130,7 @@ class DepartedTruth(ReadTruth):
         return Comparison.concatenate([found[kept], documented[agrees]])[np.argsort(np.concatenate([kept, left[agrees]]))]
 
 
-def effect_of(departure: Departure, concerned: Sequence[Equality], documented: Reference, departed: Reference) -> Effect:
+def effect_of(departure: Departure, concerned: Sequence[Constraint], documented: Reference, departed: Reference) -> Effect:
     """What a departure that concerns some equalities does: from the accelerations by the documented law to those with it."""
     return Effect(
         name=departure.name,

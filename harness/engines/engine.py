@@ -16,7 +16,7 @@ from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
 from harness.errors import InvalidEngine
-from harness.files.equalities import Equality
+from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import ConstraintLaw, StepRule
 from harness.library import MODEL_SUFFIXES, CannotRun, run_file
@@ -171,7 +171,7 @@ class Engine:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""
         return self.laws(document_of(file).root, file.format, file.constraints) if file.constraints else {}
 
-    def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
+    def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         """The same of constraints of any file with this root element."""
         return {}
 

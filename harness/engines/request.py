@@ -118,18 +118,21 @@ class Aid:
 
 @dataclass(frozen=True)
 class Held:
-    """Equalities of a file that an engine is to hold, and actuators that are to act.
+    """Equalities of a file that an engine is to hold, and actuators, dry friction and limits that are to act.
 
     Attributes:
         kinds: the tags of all of them, in the order of the file. switched_on: numbers of those that act; no other does.
         to_the_end: whether the engine's solver goes on until nothing changes, and not as far as the file says.
         actuators: numbers of those that act, among all of the file; no other does.
+        rubbing, limited: names of joints whose dry friction acts, and of those whose limits do; no other's does.
     """
 
     kinds: tuple[str, ...]
     switched_on: tuple[int, ...]
     to_the_end: bool = False
     actuators: tuple[int, ...] = ()
+    rubbing: tuple[str, ...] = ()
+    limited: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +145,7 @@ class Request:
         text: what the file holds; None to read it where it lies, beside its meshes.
         floating_base: name of the free joint to be put under a URDF's root, "" for none.
         aid: what is supplied; None for the engine as its user calls it.
-        held: equalities that act; None where all constraints are off.
+        held: what acts; None where all constraints are off.
     """
 
     path: Path

@@ -1,10 +1,10 @@
-"""The equalities of a model file besides its joints: points and frames that meet, and joints and tendons that are coupled.
+"""The constraints of a model file besides its joints: what meets, what is coupled, what rubs, and limits.
 
 They are no part of the tree's own equations of motion. An engine that has them switched on solves another problem, whose rows
 ``harness.trees.rows`` writes. Order and sign of the rows are part of what is said, since engines report forces by them.
 
-Sources: MuJoCo documentation, XML reference, ``equality``, and Computation, section Constraint model; Drake, "Parsing model files",
-tag drake:ball_constraint; http://wiki.ros.org/urdf/XML/joint, element ``mimic``.
+Sources: MuJoCo documentation, XML reference, ``equality`` and ``joint``, and Computation, section Constraint model; Drake, "Parsing
+model files", tag drake:ball_constraint; http://wiki.ros.org/urdf/XML/joint, element ``mimic``.
 """
 
 from __future__ import annotations
@@ -12,8 +12,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
+from harness.files.document.source import one_sign
 from harness.files.given import Place, Pose
+from harness.files.joint_kinds import JointKind
+
+if TYPE_CHECKING:
+    from harness.files.tree import Joint, Tree
 
 # What MuJoCo takes for attributes that a constraint leaves out.
 SOLREF = (0.02, 1.0)
@@ -31,6 +37,9 @@ class SolverParameters:
 
     solref: tuple[float, float] = SOLREF
     solimp: tuple[float, float, float, float, float] = SOLIMP
+
+
+BY_DEFAULT = SolverParameters()
 
 
 @dataclass(frozen=True)
@@ -116,12 +125,42 @@ class TendonLinkage:
         return (self.tendon,) if self.leader is None else (self.tendon, self.leader)
 
 
-Rows = Meeting | Linkage | TendonLinkage
+@dataclass(frozen=True)
+class DryFriction:
+    """Dry friction of a joint, which is named, or of a tendon.
+
+    A row for each of its ``velocities``, which leaves nothing and whose force is at most ``bound`` [N or N m].
+    """
+
+    of: str | Tendon
+    bound: Fraction
+    velocities: int = 1
 
 
 @dataclass(frozen=True)
-class Equality:
-    """One equality of a file.
+class Limit:
+    """A limit of the position of a joint, which is named, or of the length of a tendon.
+
+    One row, whose force pushes back alone: the distance to ``bound``, less ``margin``, which is negative where it is there [m or rad].
+
+    Attributes:
+        is_upper: whether the position is to stay below ``bound``. in_degrees: whether ``bound`` is in degrees.
+    """
+
+    of: str | Tendon
+    is_upper: bool
+    bound: Fraction
+    margin: Fraction
+    in_degrees: bool = False
+
+
+Rows = Meeting | Linkage | TendonLinkage
+AnyRows = Rows | DryFriction | Limit
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One constraint of a file.
 
     Attributes:
         kind: its tag. line: in the model's own file. is_active: whether it holds from the start.
@@ -132,14 +171,14 @@ class Equality:
     kind: str
     place: Place
     line: int
-    says: Rows | None
+    says: AnyRows | None
     why_not: str = ""
     softness: SolverParameters | None = None
     is_active: bool = True
     name: str = ""
 
     @property
-    def rows(self) -> Rows | None:
+    def rows(self) -> AnyRows | None:
         """Its content; None where the harness writes no rows for that."""
         return None if self.why_not else self.says
 
@@ -148,3 +187,47 @@ class Equality:
         """The things that are tied: "point", "frame", "joint", "tendon", or its tag."""
         kinds = {Weld: "frame", Meeting: "point", Linkage: "joint", TendonLinkage: "tendon"}
         return kinds.get(type(self.says), self.kind)
+
+
+@dataclass(frozen=True)
+class Equality(Constraint):
+    """A constraint that is to hold always."""
+
+    says: Rows | None
+
+    @property
+    def rows(self) -> Rows | None:
+        """See ``Constraint``."""
+        return None if self.why_not else self.says
+
+
+def frictions_of(tree: Tree) -> list[Constraint]:
+    """Dry friction of the joints of a tree."""
+    return [
+        _of_joint(joint, "dry friction", DryFriction(joint.name, joint.friction_loss, joint.kind.velocities), joint.friction_softness)
+        for joint in tree.joints
+        if joint.friction_loss
+    ]
+
+
+def limits_of(tree: Tree) -> list[Constraint]:
+    """The limits of the joints of a tree, lower ones first."""
+    return [
+        _of_joint(joint, kind, Limit(joint.name, is_upper, joint.limits[is_upper], joint.margin, joint.in_degrees), joint.limit_softness)
+        for joint in tree.joints
+        if joint.limits is not None
+        for is_upper, kind in ((False, "lower limit"), (True, "upper limit"))
+    ]
+
+
+def _of_joint(joint: Joint, kind: str, says: DryFriction | Limit, softness: SolverParameters) -> Constraint:
+    place = joint.places["friction_loss" if isinstance(says, DryFriction) else "limits"]
+    complaint = one_sign(softness.solref)
+    why_not = f"has solref {softness.solref[0]:g} {softness.solref[1]:g}, which {complaint}" if complaint else _why_not(joint, says)
+    return Constraint(kind, place, place.line, says, why_not, softness, name=f"{kind} of joint {joint.name}")
+
+
+def _why_not(joint: Joint, says: DryFriction | Limit) -> str:
+    if joint.kind is JointKind.PLANAR:
+        return "is of a planar joint, which engines make several of"
+    return ""

@@ -7,6 +7,9 @@ J = dr/dq and
 - aref = -b J v - k d r, and minus J' v (the derivative of J, times v) where ``has_curvature``;
 - d, the impedance at |r|, the norm over all rows of the constraint.
 
+A row whose force has a ``force_range`` gives D (aref - J qdd) within it, and its bound beyond: dry friction within its bound on both
+sides, a limit above 0 alone. A row that pushes alone is there where r < 0, and nowhere else.
+
 By a ``StepRule``, from positions q and velocities v under forces tau, a step of length h leads to q' and v'. With M a0 = f the equations
 of motion at the start, f the sum of all forces, a rule of one stage is
 
@@ -32,19 +35,20 @@ from typing import Literal
 
 from harness.errors import InvalidRequest
 
-# Of an impedance; the engine's least number.
-LEAST_WIDTH = 1e-15
+# Of an impedance; the engine's least number, and between which impedances lie (mjMINIMP, mjMAXIMP).
+LEAST_WIDTH, LEAST_IMPEDANCE, MOST_IMPEDANCE = 1e-15, 0.0001, 0.9999
 
 
 @dataclass(frozen=True)
 class InverseWeight:
     """The mean of the diagonal of J M^-1 J' in the file's zero position.
 
-    J is that of the "translation" of the centre of mass or of the "rotation" of the body ``of``, of the velocities of the "joint"
-    or of the length of the "tendon" of that name. Of the kind "mass" it is 1/m of the body, as no documentation has it.
+    J is that of the "translation" of the centre of mass or of the "rotation" of the body ``of``, of the velocities of the "joint",
+    of a free one the linear ones and by "turn" the angular ones, or of the length of the "tendon" of that name. Of the kind "mass" it is
+    1/m of the body, as no documentation has it.
     """
 
-    kind: Literal["translation", "rotation", "joint", "tendon", "mass"]
+    kind: Literal["translation", "rotation", "joint", "turn", "tendon", "mass"]
     of: str
 
 
@@ -84,6 +88,7 @@ class ConstraintLaw:
         weights: for each row the parts whose sum is A_i, an empty sum being 0; None where A_i is the diagonal of J M^-1 J' at the state.
         has_curvature: whether aref takes account of the change of J along the motion.
         least_regularisation: least R_i.
+        force_range: the least and the largest force of each row [N or N m].
     """
 
     impedance: Impedance
@@ -92,6 +97,11 @@ class ConstraintLaw:
     weights: tuple[tuple[InverseWeight, ...], ...] | None
     has_curvature: bool
     least_regularisation: float
+    force_range: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def pushes_alone(self) -> bool:
+        return self.force_range[0] == 0.0
 
 
 class ImplicitPart(StrEnum):

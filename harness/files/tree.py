@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from harness.files.equalities import BY_DEFAULT, SolverParameters
 from harness.files.given import ORIGIN, Given, Place, Placed, Pose, Vector
 from harness.files.joint_kinds import JointKind
 
@@ -25,8 +26,9 @@ class Joint(Placed):
             the other, and ``offset`` [m or rad].
         damping [N s/m or N m s/rad], stiffness [N/m or N m/rad]: force -damping v - stiffness (q - spring_reference) of the joint.
         spring_reference: [m, rad, or degrees].
-        friction_loss: dry friction [N or N m], which the equations of motion leave out.
-        limits: (lowest, highest) position [m, rad, or degrees], which they leave out too; None without.
+        friction_loss: dry friction [N or N m], which the equations of motion leave out. friction_softness: how MuJoCo makes it soft.
+        limits: (lowest, highest) position [m, rad, or degrees], which they leave out too; None without. limit_softness: as of friction.
+        margin: distance [m or rad] from a limit at which its force sets in.
         in_degrees: whether reference, spring_reference and limits are in degrees.
     """
 
@@ -46,6 +48,9 @@ class Joint(Placed):
     spring_reference: Fraction = Fraction(0)
     friction_loss: Fraction = Fraction(0)
     limits: tuple[Fraction, Fraction] | None = None
+    margin: Fraction = Fraction(0)
+    friction_softness: SolverParameters = BY_DEFAULT
+    limit_softness: SolverParameters = BY_DEFAULT
     place: Place | None = None
 
 

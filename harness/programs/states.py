@@ -34,6 +34,11 @@ class States(Rows):
         q, v, tau = (np.ascontiguousarray(np.atleast_2d(np.asarray(part, dtype=np.float64))) for part in (q, v, tau))
         return cls(q, v, tau, np.zeros(len(q)) if time is None else np.atleast_1d(np.asarray(time, dtype=np.float64)))
 
+    @property
+    def known(self) -> Array:
+        """The inputs of a mechanism's programs but for its parameters, (n, nq + 2 nv + 1), one row a state."""
+        return np.hstack([self.q, self.v, self.tau, self.time[:, None]])
+
     def as_json(self, index: int) -> dict[str, list[float]]:
         """One state as ``{"q", "v", "tau"}`` lists, which print exactly, with time, control and activation where these are not 0."""
         return {name: getattr(self[[index]], name).ravel().tolist() for name in self.named}

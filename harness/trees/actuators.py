@@ -14,7 +14,8 @@ from fractions import Fraction
 from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Actuator, Signed
-from harness.programs.mechanisms.actuation import Actuation, Clamp
+from harness.programs.mechanisms.actuation import Actuation
+from harness.programs.mechanisms.zones import Clamp, Zones
 from harness.programs.terms import Term, Vector, cross
 from harness.trees.bodies.rigid import Spatial, spatial
 from harness.trees.bodies.spatial import FileBuilder, FileProgram, of_quaternion, placed
@@ -131,14 +132,14 @@ def actuation_of(nodes: Kinematics, own: Driven) -> Actuation:
     written: FileProgram = nodes.builder.written({CLAMPED: [one.raw for one in own.clamped]})
     columns = {value.key: column for column, value in enumerate(written.parameters)}
     actuators = nodes.tree.actuators
+    clamps = tuple(Clamp(columns[one.share.key], columns[one.constant.key], *map(float, one.bounds)) for one in own.clamped)
     inputs = [(columns[key], one.number, one.has_activation) for one in actuators if (key := _input(one).key) in columns]
     return Actuation(
         inputs=tuple(inputs),
         controls=max((one.number for one in actuators), default=-1) + 1,
         control_ranges=tuple((one.number, _floats(one.control_range)) for one in actuators),
         activation_ranges=tuple((one.number, _floats(one.activation_range)) for one in actuators if one.has_activation),
-        clamps=tuple(Clamp(columns[one.share.key], columns[one.constant.key], *map(float, one.bounds)) for one in own.clamped),
-        program=written.program,
+        zones=Zones(clamps, written.program) if clamps else None,
     )
 
 

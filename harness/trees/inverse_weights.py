@@ -84,9 +84,9 @@ class _AtZero:
         builder, nodes = self.world.kinematics.builder, self.world.kinematics
         if wanted.kind == "tendon":
             return [self._tendon(self.tendons[wanted.of])]
-        if wanted.kind == "joint":
+        if wanted.kind in ("joint", "turn"):
             # Of a free joint the translations, as those of its first velocity.
-            columns = nodes.coordinates.columns[wanted.of][:3]
+            columns = nodes.coordinates.columns[wanted.of][:3] if wanted.kind == "joint" else nodes.coordinates.columns[wanted.of][-3:]
             return [self._row(columns=[(column, builder.one)]) for column in columns]
         if wanted.kind == "rotation":
             return [self._row([(nodes.frames[wanted.of][0], spatial(axis, builder.still))]) for axis in builder.identity]

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.files.equalities import Equality, Rows
+from harness.files.equalities import AnyRows, Equality
 from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
@@ -177,8 +177,8 @@ class TiedMechanism:
     is_determined: bool
 
 
-def tied_tree(tree: Tree, joints: Sequence[str], equalities: Mapping[str, Rows], determined: Sequence[int] = ()) -> TiedTree:
-    """The rows of equalities by their names, over ``joints`` as of ``recursion_program``.
+def tied_tree(tree: Tree, joints: Sequence[str], constraints: Mapping[str, AnyRows], determined: Sequence[int] = ()) -> TiedTree:
+    """The rows of constraints by their names, over ``joints`` as of ``recursion_program``.
 
     ``determined`` names, for rigid constraints, the place in v that each row determines; without it all rows are taken for redundant,
     and only a law that softens them has a meaning.
@@ -187,7 +187,7 @@ def tied_tree(tree: Tree, joints: Sequence[str], equalities: Mapping[str, Rows],
         KeyError: one is about a body or joint that the tree does not have. ValueError: the tree has other joints.
     """
     world = in_world(kinematics(tree, joints))
-    rows, places = rows_in(world, equalities), tuple(determined)
+    rows, places = rows_in(world, constraints), tuple(determined)
     redundant, assembly = (not places,) * len(rows), (0.0,) * world.kinematics.nv
     return _tied(world, joints, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from harness.files.equalities import Equality, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
+from harness.files.equalities import AnyRows, DryFriction, Equality, Limit, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
 from harness.files.given import Pose
 from harness.files.tree import WORLD, Tree
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL
@@ -62,7 +62,7 @@ def untied(tree: Tree, joints: Sequence[str]) -> Tree:
     return replace(tree, bodies=bodies)
 
 
-def rows_in(world: World, constraints: Mapping[str, Rows]) -> list[Row]:
+def rows_in(world: World, constraints: Mapping[str, AnyRows]) -> list[Row]:
     """The rows of constraints by their names.
 
     Raises:
@@ -101,9 +101,11 @@ def equations_of_rows(world: World, rows: Sequence[Row]) -> dict[str, list[Term]
 # Kinds.
 
 
-def _rows_of(world: World, name: str, constraint: Rows) -> list[Row]:
+def _rows_of(world: World, name: str, constraint: AnyRows) -> list[Row]:
     if isinstance(constraint, Meeting):
         return _held(world, name, constraint)
+    if isinstance(constraint, DryFriction | Limit):
+        return _bounded(world, name, constraint)
     if isinstance(constraint, TendonLinkage):
         sums: list[Terms] = [tendon.terms for tendon in constraint.tendons if isinstance(tendon, Sum)]
     else:
@@ -191,6 +193,27 @@ def _frames_of(world: World, meeting: Meeting) -> list[Frame]:
     frame, own = (frames[name] for name in meeting.bodies)
     there = placed(builder, meeting.first, frame)
     return [first, Frame(own.turn.T @ there.turn, own.turn.T @ (there.shift + -own.shift))]
+
+
+def _bounded(world: World, name: str, constraint: DryFriction | Limit) -> list[Row]:
+    """That velocities rub; or that a position keeps its distance to a limit."""
+    builder = world.kinematics.builder
+    if isinstance(constraint, DryFriction):
+        return [Row(name, builder.zero, builder.zero, on_columns=(one,)) for one in _velocities_of(world, str(constraint.of))]
+    node = next(node for node in world.kinematics.nodes if node.joint.name == constraint.of)
+    distance = angle(builder, constraint.bound, constraint.in_degrees) - world.kinematics.coordinates.position(node.joint)
+    columns = _velocities_of(world, node.joint.name)
+    if constraint.is_upper:
+        columns = [(column, -factor) for column, factor in columns]
+    else:
+        distance = -distance
+    return [Row(name, distance - builder.number(constraint.margin), builder.zero, on_columns=tuple(columns))]
+
+
+def _velocities_of(world: World, joint: str) -> list[tuple[int, Term]]:
+    """The places of the velocities of a joint, and by which it moves with each."""
+    node = next(node for node in world.kinematics.nodes if node.joint.name == joint)
+    return [(column, world.kinematics.builder.number(node.joint.multiplier)) for column in node.columns]
 
 
 def _coupled(world: World, name: str, follower: Terms, leaders: Sequence[Terms], coefficients: Vector) -> Row:

@@ -24,20 +24,24 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.coordinates import multiplied
 from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
-from harness.programs.evaluation import values
+from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.constraint_forces import (
+    CONSTANT,
     DISTANCE,
     IMPEDANCE,
     INVERSE_MASS,
     REST,
+    SHARE,
     SLOPE,
     Softness,
     number_of,
     softened_program,
 )
 from harness.programs.mechanisms.mechanism import JACOBIAN, RESIDUAL, Constraints, Mechanism
-from harness.programs.program import without_unused
+from harness.programs.mechanisms.zones import Clamp, Zones
+from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.truth.compare import Flags
@@ -57,9 +61,20 @@ class DeclaredMechanism(Mechanism):
 
     Attributes:
         laws: of each constraint by its name.
+        softened: the rows of all of them, of which ``constraints`` are those that equalities hold.
+        zones: of the rows whose forces have a range; None without any.
+        pushing: rows that push alone, by the places of their force in ``zones``.
     """
 
     laws: tuple[tuple[str, ConstraintLaw], ...] = ()
+    softened: Constraints | None = None
+    zones: Zones | None = None
+    pushing: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def rows(self) -> Constraints | None:
+        """See ``Mechanism``."""
+        return self.softened
 
     @property
     def key(self) -> Hashable:
@@ -76,16 +91,52 @@ class DeclaredMechanism(Mechanism):
         import flint
 
         found = np.array(super().parameters_at(states))
-        if not self.widths:
-            return found
-        columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
-        with flint.ctx.workprec(_BITS):
-            residuals = self._residuals(states)
-            for name, law in self.laws:
-                for state, residual in enumerate(residuals):
-                    for number, value in self._numbers(name, law, residual, found[state], columns):
-                        found[state, columns[number]] = value
+        if self.widths or self.pushing:
+            columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
+            with flint.ctx.workprec(_BITS):
+                residuals = self._residuals(states)
+                for name, law in self.laws:
+                    for state, residual in enumerate(residuals):
+                        if not law.pushes_alone or residual[self._rows[name][0]] < 0:
+                            for number, value in self._numbers(name, law, residual, found[state], columns):
+                                found[state, columns[number]] = value
+            if self.pushing:
+                self._settle_pushing(states, np.array(residuals), found)
+                return found
+        if self.zones is not None:
+            self.zones.settle(states.known, found)
         return found
+
+    def across(self, states: States, parameters: Array, unit_roundoff: float) -> Array:
+        """See ``Mechanism``."""
+        found = super().across(states, parameters, unit_roundoff)
+        if self.zones is None:
+            return found
+        (residuals,) = values(self._residual_program, self._inputs_of_residuals(states, parameters)).values()
+        return self.zones.across(states.known, found, unit_roundoff, self._most(self.zones, residuals.T))
+
+    def _settle_pushing(self, states: States, residuals: Array, found: Array) -> None:
+        """Settle the zones; NaN where half an ulp of what is left by a row that would push decides whether it is there at all."""
+        assert self.zones is not None
+        raw = self.zones.settle(states.known, found, self._most(self.zones, residuals))
+        inputs = self._inputs_of_residuals(states, found)
+        (spread,) = values_and_spread(self._residual_program, inputs, np.abs(inputs))[1].values()
+        is_at = np.abs(residuals) <= UNIT_ROUNDOFF * spread.T
+        for place, row in self.pushing:
+            [states_at] = np.nonzero(is_at[:, row])
+            if len(states_at):
+                _, reach = self.zones.reach(states.known[states_at], found[states_at], UNIT_ROUNDOFF)
+                found[states_at[raw[states_at, place] > reach[:, place]], self.zones.clamps[place].share] = np.nan
+
+    def _most(self, zones: Zones, residuals: Array) -> Array:
+        """(n, clamps) largest forces, 0 of a row that pushes alone and is not there."""
+        high = np.tile([clamp.high for clamp in zones.clamps], (len(residuals), 1))
+        for place, row in self.pushing:
+            high[residuals[:, row] >= 0, place] = 0.0
+        return high
+
+    def _inputs_of_residuals(self, states: States, parameters: Array) -> Array:
+        return self.inputs(states, parameters)[: len(self._residual_program.inputs)]
 
     def _numbers(
         self, name: str, law: ConstraintLaw, residual: Sequence[float], own: Array, columns: Mapping[str, int]
@@ -108,27 +159,25 @@ class DeclaredMechanism(Mechanism):
 
     @functools.cached_property
     def _rows(self) -> dict[str, list[int]]:
-        assert self.constraints is not None
-        return {name: [row for row, owner in enumerate(self.constraints.rows) if owner == name] for name in self.constraints.names}
+        assert self.softened is not None
+        return {name: [row for row, owner in enumerate(self.softened.rows) if owner == name] for name in self.softened.names}
+
+    @functools.cached_property
+    def _residual_program(self) -> StraightLineProgram:
+        assert self.softened is not None
+        program = self.softened.program
+        return without_unused(replace(program, outputs={RESIDUAL: program.outputs[RESIDUAL]}))
 
     def _residuals(self, states: States) -> list[list[float]]:
         """What the rows leave at each state, the nearest float64 numbers."""
-        assert self.constraints is not None
-        program = self.constraints.program
+        program = self._residual_program
         own = self.parameter_values[: len(program.inputs) - self.nq - 2 * self.nv - 1]
-        evaluate = _ROWS.get((self.constraints.key, own), lambda: _rows_kernel(self.constraints, len(own))).bind(own)
-        inputs = np.hstack([states.q, states.v, states.tau, states.time[:, None]])
-        return [[float(value.mid()) for value in evaluate(*row)] for row in inputs.tolist()]
+        evaluate = _ROWS.get((program.key, own), lambda: BallKernel(program, len(own))).bind(own)
+        return [[float(value.mid()) for value in evaluate(*row)] for row in states.known.tolist()]
 
 
 _ROWS: Kept[BallKernel] = Kept(64)
 _DECLARED: Kept[DeclaredMechanism] = Kept(64)
-
-
-def _rows_kernel(constraints: Constraints | None, parameters: int) -> BallKernel:
-    assert constraints is not None
-    program = constraints.program
-    return BallKernel(without_unused(replace(program, outputs={RESIDUAL: program.outputs[RESIDUAL]})), parameters)
 
 
 def _linear(impedance: Impedance, distance: Any) -> tuple[Any, Any]:
@@ -153,16 +202,20 @@ def _least(law: ConstraintLaw, impedance: float) -> float:
     return law.least_regularisation * impedance / (1 - impedance)
 
 
-def declared(mechanism: Mechanism, laws: Mapping[str, ConstraintLaw], weights: Mapping[InverseWeight, float]) -> DeclaredMechanism:
+def declared(
+    mechanism: Mechanism, laws: Mapping[str, ConstraintLaw], weights: Mapping[InverseWeight, float], rows: Constraints | None = None
+) -> DeclaredMechanism:
     """The mechanism whose constraints give by ``laws``, with the inverse weights that these name.
+
+    ``rows`` are those of all, where some need not hold.
 
     Raises:
         ValueError: rows of a constraint weigh differently, and the mechanism has not as many.
     """
-    constraints = mechanism.constraints
-    assert constraints is not None
-    softness = {name: _softness(name, laws[name], constraints.rows.count(name), weights) for name in constraints.names}
-    return softened(mechanism, softness, laws)
+    rows = rows or mechanism.constraints
+    assert rows is not None
+    softness = {name: _softness(name, laws[name], rows.rows.count(name), weights) for name in rows.names}
+    return softened(mechanism, softness, laws, rows)
 
 
 def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[InverseWeight, float]) -> Softness:
@@ -174,20 +227,37 @@ def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[Invers
         if len(own) != count and len(set(own)) > 1:
             raise ValueError(f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
         inverse_masses = tuple(own if len(own) == count else [own[0]] * count)
-    return Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature)
+    return Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature, law.force_range)
 
 
-def softened(mechanism: Mechanism, softness: Mapping[str, Softness], laws: Mapping[str, ConstraintLaw] | None = None) -> DeclaredMechanism:
-    """The mechanism whose constraints give as told; without ``laws`` alike at every distance."""
+def softened(
+    mechanism: Mechanism,
+    softness: Mapping[str, Softness],
+    laws: Mapping[str, ConstraintLaw] | None = None,
+    rows: Constraints | None = None,
+) -> DeclaredMechanism:
+    """The mechanism whose constraints give as told; without ``laws`` alike at every distance. ``rows`` as of ``declared``."""
+    tied, by_name = rows or mechanism.constraints, laws or {}
+    assert tied is not None
 
     def write() -> DeclaredMechanism:
-        assert mechanism.constraints is not None
-        program, numbers = softened_program(mechanism.constraints, softness)
-        own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}
-        own["parameters"] = (*mechanism.parameters, *((name, value, "") for name, value in numbers))
-        return DeclaredMechanism(**{**own, "program": program, "laws": tuple((laws or {}).items())})
+        written = softened_program(tied, softness)
+        parameters = (*mechanism.parameters, *((name, value, "") for name, value in written.numbers))
+        columns = {name: column for column, (name, _, _) in enumerate(parameters)}
+        clamps = [
+            Clamp(columns[number_of(name, SHARE, row)], columns[number_of(name, CONSTANT, row)], *softness[name].force_range)
+            for name, row in written.ranged
+        ]
+        own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)} | {"parameters": parameters}
+        return DeclaredMechanism(
+            **own | {"program": written.program},
+            laws=tuple(by_name.items()),
+            softened=tied,
+            zones=Zones(tuple(clamps), written.unbounded) if clamps else None,
+            pushing=tuple((place, row) for place, (name, row) in enumerate(written.ranged) if by_name[name].pushes_alone),
+        )
 
-    return _DECLARED.get((mechanism.key, tuple(softness.items()), tuple((laws or {}).items())), write)
+    return _DECLARED.get((mechanism.key, tied.key, tuple(softness.items()), tuple(by_name.items())), write)
 
 
 def opened(mechanism: DeclaredMechanism, states: States, share: float) -> States:

@@ -71,7 +71,7 @@ class Reference(Certified):
         """See ``Certified``."""
         for index in np.flatnonzero(~self.certified):
             if not np.isfinite(self.high[index]).all():
-                yield f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits"
+                yield f"M is not certainly regular at {PRECISIONS[-1]} bits, or on which side of its range a force lies is not certain"
             elif not np.isfinite(self.condition[index]):
                 yield "M is not certainly positive definite, so that data roundoff has no energy norm"
             elif not np.isfinite(self.sensitivity[index]):
@@ -111,13 +111,18 @@ class ReferenceKernel:
         default all have the mechanism's. Nothing is derived or compiled anew for them.
         """
         count, states = len(self.mechanism.parameters), self.asked_at(states)
+        across = None
         if parameters is None:
             parameters = self.mechanism.parameters_at(states)
+            across = self.mechanism.across(states, parameters, self.unit_roundoff)
         if parameters.shape != (len(states), count):
             raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")
         starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
         batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
         found = Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
+        if across is not None and len(kinks := np.flatnonzero((across != parameters).any(axis=1) & found.certified)):
+            other = self._evaluate(states[kinks], across[kinks])
+            found.sensitivity[kinks] = np.maximum(found.sensitivity[kinks], other.sensitivity)
         return found if self.unit_roundoff == UNIT_ROUNDOFF else found.for_unit_roundoff(self.unit_roundoff)
 
     def derivatives(self, states: States, accelerations: Array, parameters: Array | None = None) -> Array:
@@ -142,7 +147,7 @@ class ReferenceKernel:
     def _evaluate(self, states: States, parameters: Array) -> Reference:
         parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
         if len(parts) == 1:
-            return parts[0][0] if self.mechanism.constraints is None else self._constrained(parts[0][0], states, parameters)
+            return parts[0][0] if self.mechanism.rows is None else self._constrained(parts[0][0], states, parameters)
         return in_order(parts)
 
     def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
@@ -151,7 +156,7 @@ class ReferenceKernel:
         from harness.truth.declared import DeclaredMechanism
         from harness.truth.manifold import closes, free_size, rank_condition
 
-        constraints, inputs = self.mechanism.constraints, self.mechanism.inputs(states, parameters)
+        constraints, inputs = self.mechanism.rows, self.mechanism.inputs(states, parameters)
         assert constraints is not None
         free = free_size(constraints, inputs, states.tau, found.norm_factor)
         cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free

@@ -116,9 +116,9 @@ def test_all_at_once_reach_their_ranges(tmp_path: Path) -> None:
     path = written(tmp_path, *EACH)
     assert worst(judged(path)) <= AGREEMENT
     _, mechanism, states = driven(read_robot(path))
-    assert mechanism.actuation is not None
+    assert mechanism.actuation is not None and mechanism.actuation.zones is not None
     parameters = mechanism.parameters_at(states)
-    for clamp in mechanism.actuation.clamps:
+    for clamp in mechanism.actuation.zones.clamps:
         assert set(parameters[:, clamp.share].tolist()) == {0.0, 1.0}
 
 

@@ -14,10 +14,10 @@ from packaging.specifiers import SpecifierSet
 
 from harness.environments import split_name
 from harness.explain.changes.readings import NEWEST
-from harness.files.equalities import Equality, Linkage, Meeting, Sum, TendonLinkage
+from harness.files.equalities import Constraint, DryFriction, Limit, Linkage, Meeting, Sum, TendonLinkage
 from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
-from harness.files.rules import ConstraintLaw, InverseWeight
+from harness.files.rules import LEAST_IMPEDANCE, LEAST_WIDTH, MOST_IMPEDANCE, ConstraintLaw, InverseWeight
 from harness.files.tree import WORLD, Body, Tree
 
 # IsNullPose and mjEPS of MuJoCo's compiler.
@@ -41,9 +41,9 @@ class Departure:
     sentence: str
     remedy: str
     source: str
-    law: Callable[[Tree, Equality, ConstraintLaw], ConstraintLaw]
+    law: Callable[[Tree, Constraint, ConstraintLaw], ConstraintLaw]
 
-    def concerned(self, tree: Tree, equalities: Iterable[Equality], laws: Mapping[str, ConstraintLaw]) -> list[Equality]:
+    def concerned(self, tree: Tree, equalities: Iterable[Constraint], laws: Mapping[str, ConstraintLaw]) -> list[Constraint]:
         """The equalities of a tree of whose laws, by name, it makes others."""
         return [one for one in equalities if one.name in laws and self.law(tree, one, laws[one.name]) != laws[one.name]]
 
@@ -56,7 +56,7 @@ def departures_of(engine: str, reader: str) -> list[Departure]:
 
 
 def departed(
-    departures: Iterable[Departure], tree: Tree, equalities: Iterable[Equality], laws: Mapping[str, ConstraintLaw]
+    departures: Iterable[Departure], tree: Tree, equalities: Iterable[Constraint], laws: Mapping[str, ConstraintLaw]
 ) -> dict[str, ConstraintLaw]:
     """The laws of a tree's equalities, by their names, with these departures."""
     found, by_name = dict(laws), {one.name: one for one in equalities}
@@ -65,7 +65,7 @@ def departed(
     return found
 
 
-def _weighed_by_mass(tree: Tree, _: Equality, law: ConstraintLaw) -> ConstraintLaw:
+def _weighed_by_mass(tree: Tree, _: Constraint, law: ConstraintLaw) -> ConstraintLaw:
     """The law whose bodies that only slide, and joints of these, weigh as all three directions of a mass do."""
     slid = [body for body in tree.bodies if only_slides(tree, body)]
     sliders = {name: body.name for body in slid for name in (body.name, *(joint.name for joint in body.joints))}
@@ -106,26 +106,39 @@ def only_slides(tree: Tree, body: Body) -> bool:
     return in_order and all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in body.inertia.pose)
 
 
-def _without_curvature_of_couplings(_: Tree, equality: Equality, law: ConstraintLaw) -> ConstraintLaw:
+def _without_curvature_of_couplings(_: Tree, equality: Constraint, law: ConstraintLaw) -> ConstraintLaw:
     return law if isinstance(equality.says, Meeting) or _is_linear(equality) else replace(law, has_curvature=False)
 
 
-def _without_curvature(_: Tree, equality: Equality, law: ConstraintLaw) -> ConstraintLaw:
+def _without_curvature(_: Tree, equality: Constraint, law: ConstraintLaw) -> ConstraintLaw:
     return law if _is_linear(equality) else replace(law, has_curvature=False)
 
 
-def _is_linear(equality: Equality) -> bool:
+def _is_linear(equality: Constraint) -> bool:
     """Whether the rows of a coupling are linear in the positions of joints, so that J is the same everywhere."""
     says = equality.says
+    if isinstance(says, DryFriction | Limit):
+        return isinstance(says.of, str | Sum)
     if not isinstance(says, Linkage | TendonLinkage) or any(says.coefficients[2:]):
         return False
     return isinstance(says, Linkage) or all(isinstance(one, Sum) for one in says.tendons)
+
+
+def _mean_impedance_of_friction(_: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
+    """The law of dry friction whose ``solimp`` has no width."""
+    softness = constraint.softness
+    if not isinstance(constraint.says, DryFriction) or softness is None or softness.solimp[2] > LEAST_WIDTH:
+        return law
+    # What ``solimp`` is bounded by bounds both of its impedances, of which the law has the first.
+    least, most = law.impedance.least, min(max(softness.solimp[1], LEAST_IMPEDANCE), MOST_IMPEDANCE)
+    return replace(law, impedance=replace(law.impedance, least=(least + most) / 2, most=(least + most) / 2))
 
 
 _DUAL_PROBLEM = "MuJoCo documentation, Computation, Dual problem: the unconstrained acceleration of a constraint has the term J' v"
 _PARAMETERS = (
     "MuJoCo documentation, Computation, Parameters, Diagonal approximation: the directional inverse inertia is averaged into a scalar"
 )
+_FRICTION = "MuJoCo documentation, Modeling, Friction: the impedance is always the first number of solimp, whatever the width"
 _DEPARTURES = (
     Departure(
         name="inverse weight of a slider",
@@ -134,6 +147,14 @@ _DEPARTURES = (
         remedy='set <flag diagexact="enable"/>, or write simple="false" on the body',
         source=f"{_PARAMETERS}; MuJoCo, src/engine/engine_setconst.c, set0: body_simple == 2 has 1 / mass; src/user/user_model.cc",
         law=_weighed_by_mass,
+    ),
+    Departure(
+        name="impedance of friction without width",
+        engine="mujoco",
+        sentence="MuJoCo takes the mean of two impedances for dry friction without a width in solimpfriction, where it documents the first",
+        remedy="write a width above 0 in solimpfriction",
+        source=f"{_FRICTION}; MuJoCo, src/engine/engine_core_constraint.c, getimpedance: flat function",
+        law=_mean_impedance_of_friction,
     ),
     Departure(
         name="J' v of couplings",

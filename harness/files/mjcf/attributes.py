@@ -16,6 +16,7 @@ from lxml import etree
 
 from harness.files.document.source import Check, Numbers, Source, Unread, unresolved
 from harness.files.document.xml import describe, shorten
+from harness.files.equalities import SOLIMP, SOLREF, SolverParameters
 from harness.files.given import Axes, Direction, Given, Placement, Pose, Quaternion, Rotation, Turn, vector
 from harness.files.joint_kinds import JointKind
 
@@ -235,6 +236,12 @@ class Attributes:
             self.leave_unread(element, attribute, bent, "is not linear", "write one number")
             return Given(0.0, linear.place, attribute)
         return linear
+
+    def softness(self, element: etree._Element, of: str = "") -> SolverParameters:
+        """How a constraint gives, or what a joint or tendon has ``of`` one, "limit" or "friction"."""
+        time, ratio = map(float, self.numbers(element, f"solref{of}", SOLREF))
+        least, most, width, midpoint, power = map(float, self.numbers(element, f"solimp{of}", SOLIMP))
+        return SolverParameters((time, ratio), (least, most, width, midpoint, power))
 
     def leave_unread(self, element: etree._Element, attribute: str, number: Fraction, why: str, advice: str) -> None:
         """Note that a number of an attribute, which may stand in a default class, is a force or an inertia that no tree holds."""

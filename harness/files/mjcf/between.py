@@ -21,8 +21,6 @@ from harness.files.document.source import Elements, Source, Unread, one_sign
 from harness.files.document.xml import describe
 from harness.files.equalities import (
     POLYNOMIAL,
-    SOLIMP,
-    SOLREF,
     Equality,
     Linkage,
     Meeting,
@@ -249,8 +247,7 @@ def _rest(attributes: Attributes, tendon: etree._Element) -> tuple[Given, Given]
 
 
 def _softness(attributes: Attributes, element: etree._Element) -> SolverParameters:
-    time, ratio = map(float, attributes.numbers(element, "solref", SOLREF))
-    if complaint := one_sign((time, ratio)):
-        raise NotRead(f'has solref="{time:g} {ratio:g}" with its default class, which {complaint}')
-    least, most, width, midpoint, power = map(float, attributes.numbers(element, "solimp", SOLIMP))
-    return SolverParameters((time, ratio), (least, most, width, midpoint, power))
+    found = attributes.softness(element)
+    if complaint := one_sign(found.solref):
+        raise NotRead('has solref="{:g} {:g}" with its default class, which '.format(*found.solref) + complaint)
+    return found

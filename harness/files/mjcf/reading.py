@@ -183,6 +183,7 @@ class _MjcfReader:
             damping=attributes.coefficient(element, "damping", "damper"),
             stiffness=attributes.coefficient(element, "stiffness", "spring"),
             friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
+            friction_softness=attributes.softness(element, "friction"),
             place=place,
         )
         if joint.stiffness and not kind.has_axis:
@@ -214,6 +215,8 @@ class _MjcfReader:
             spring_reference=attributes.number(element, "springref", 0.0),
             in_degrees=kind is JointKind.HINGE and attributes.in_degrees,
             limits=self._limits(element),
+            margin=self.attributes.number(element, "margin", 0.0),
+            limit_softness=self.attributes.softness(element, "limit"),
         )
 
     def _limits(self, element: etree._Element) -> tuple[Fraction, Fraction] | None:

@@ -5,6 +5,7 @@ Proofs and sources: docs/inside/numerics.md, "Constraint forces".
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -34,6 +35,7 @@ class Softness:
         impedance: d where the constraint holds, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].
         inverse_masses: A of each row [1/kg, or 1/(kg m^2)]; None for (J M^-1 J')_ii at the state.
         has_bias: whether the law takes account of J' v; without it, it leaves b out.
+        force_range: the least and the largest force of each row [N or N m].
     """
 
     impedance: float
@@ -41,10 +43,16 @@ class Softness:
     damping: float
     inverse_masses: tuple[float | None, ...]
     has_bias: bool = True
+    force_range: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def has_range(self) -> bool:
+        return self.force_range != Softness.force_range
 
 
 # Numbers of a law that a state may have of its own, behind the names of constraint and row.
 IMPEDANCE, REST, DISTANCE, SLOPE, INVERSE_MASS = "impedance", "rest of impedance", "distance", "slope", "inverse mass"
+SHARE, CONSTANT, UNBOUNDED = "share", "constant", "unbounded"
 
 
 def number_of(name: str, what: str, row: int | None = None) -> str:
@@ -52,10 +60,27 @@ def number_of(name: str, what: str, row: int | None = None) -> str:
     return f"{name}{'' if row is None else f'[{row}]'} {what}"
 
 
-def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> tuple[StraightLineProgram, list[tuple[str, float]]]:
-    """The program of the softened problem, and names and values of the parameters that it has behind the others.
+@dataclass(frozen=True)
+class SoftenedProgram:
+    """The program of a softened problem.
 
-    ``laws`` is that of every constraint, redundant rows included. The program has an output more, the ``multipliers`` -D (r - b - J a).
+    Attributes:
+        numbers: names and values of the parameters that it has behind the others.
+        unbounded: a program of the same inputs whose output is, of each row that has a range of forces, the force without it.
+        ranged: those rows by their constraint and number among all.
+    """
+
+    program: StraightLineProgram
+    numbers: list[tuple[str, float]]
+    unbounded: StraightLineProgram
+    ranged: list[tuple[str, int]]
+
+
+def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> SoftenedProgram:
+    """The program of the softened problem.
+
+    ``laws`` is that of every constraint, redundant rows included. The program has an output more, the ``multipliers``, minus the force of
+    each row: share D (r - b - J a) + constant, where a share of 1 and a constant of 0 are those of rows without a range of forces.
     Around a state the impedance of a constraint is linear in its rows, d = impedance + rest + sum of slope_i (phi_i - distance_i), so
     that its derivative by all inputs is felt; slopes and rests are 0 unless a state has its own.
 
@@ -73,7 +98,8 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
     known = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
     exact = [row for name, rows in places.items() for row, own in zip(rows, laws[name].inverse_masses, strict=True) if own is None]
     columns = dict(zip(exact, _solved(mass, [jacobian[row] for row in exact]) if exact else [], strict=True))
-    weights, wanted = builder.zeros(len(constraints.rows)), builder.zeros(len(constraints.rows))
+    weights, wanted, constants = (builder.zeros(len(constraints.rows)) for _ in range(3))
+    ranged, shares = list[tuple[str, int]](), builder.vector([1] * len(constraints.rows))
     for name, rows in places.items():
         impedance, rest, stiffness, damping = (known[number_of(name, what)] for what in (IMPEDANCE, REST, "stiffness", "damping"))
         for row in rows:
@@ -86,15 +112,21 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
             back = (stiffness * impedance) * tied.residual[row]
             bias = tied.bias[row] if laws[name].has_bias else zero
             wanted[row] = -((damping * tied.rate[row] + back) + bias)
-    weighted = matrix([weight * row for weight, row in zip(weights, jacobian, strict=True)])
+            if laws[name].has_range:
+                shares[row], constants[row] = (known[number_of(name, what, row)] for what in (SHARE, CONSTANT))
+                ranged.append((name, row))
+    weighted = matrix([share * weight * row for share, weight, row in zip(shares, weights, jacobian, strict=True)])
     required = vector(wanted)
     stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
-    pulled = vector(force + column @ required for force, column in zip(tied.force, weighted.T, strict=True))
+    pushed = [force + column @ constants for force, column in zip(tied.force, jacobian.T, strict=True)]
+    pulled = vector(force + column @ required for force, column in zip(pushed, weighted.T, strict=True))
     [moved] = _solved(stiffened, [pulled])
     missing = required - jacobian @ moved
+    unbounded = vector(weight * force for weight, force in zip(weights, missing, strict=True))
     # Minus, as those of the rigid forces -J' lambda.
-    multipliers = vector(-(weight * force) for weight, force in zip(weights, missing, strict=True))
-    return tied.with_forces(weighted.T @ missing, multipliers), numbers
+    multipliers = vector(-(share * force + constant) for share, force, constant in zip(shares, unbounded, constants, strict=True))
+    outside = without_unused(builder.program({UNBOUNDED: [unbounded[row] for _, row in ranged]}))
+    return SoftenedProgram(tied.with_forces(weighted.T @ missing + jacobian.T @ constants, multipliers), numbers, outside, ranged)
 
 
 def _numbers(name: str, rows: Sequence[int], law: Softness) -> Iterator[tuple[str, float]]:
@@ -103,6 +135,7 @@ def _numbers(name: str, rows: Sequence[int], law: Softness) -> Iterator[tuple[st
     yield from ((number_of(name, what), value) for what, value in of_all.items())
     for row, inverse_mass in zip(rows, law.inverse_masses, strict=True):
         own = {DISTANCE: 0.0, SLOPE: 0.0} | ({} if inverse_mass is None else {INVERSE_MASS: inverse_mass})
+        own |= {SHARE: 1.0, CONSTANT: 0.0} if law.has_range else {}
         yield from ((number_of(name, what, row), value) for what, value in own.items())
 
 

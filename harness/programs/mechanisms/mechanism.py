@@ -67,6 +67,14 @@ class Constraints:
         """The constraints, in their order."""
         return tuple(dict.fromkeys(self.rows))
 
+    def first(self, count: int) -> Constraints | None:
+        """The first rows alone, all of which hold positions; None of none."""
+        if not count:
+            return None
+        sizes = {RESIDUAL: count, JACOBIAN: count * len(self.assembly), RATE: count, BIAS: count}
+        program = replace(self.program, outputs={name: self.program.outputs[name][:size] for name, size in sizes.items()})
+        return replace(self, rows=self.rows[:count], redundant=self.redundant[:count], holonomic=count, program=program)
+
     @property
     def key(self) -> Hashable:
         """Equal for equal constraints."""
@@ -159,6 +167,11 @@ class Mechanism:
         return self
 
     @property
+    def rows(self) -> Constraints | None:
+        """All rows whose forces are among the passive ones, also of what need not hold."""
+        return self.constraints
+
+    @property
     def nv(self) -> int:
         """Degrees of freedom."""
         return len(self.coordinates)
@@ -230,6 +243,11 @@ class Mechanism:
         own = np.array(self.parameter_values, dtype=np.float64)
         parameters: Array = np.broadcast_to(own, (len(states), len(own)))
         return parameters if self.actuation is None else np.asarray(self.actuation.parameters_at(parameters, states))
+
+    def across(self, states: States, parameters: Array, unit_roundoff: float) -> Array:
+        """``parameters_at`` the states, with each force across the bound of its range that rounding may lead it across."""
+        zones = None if self.actuation is None else self.actuation.zones
+        return parameters if zones is None else np.asarray(zones.across(states.known, parameters, unit_roundoff))
 
     def to_json(self) -> str:
         """JSON that ``from_json`` turns back into an equal mechanism."""

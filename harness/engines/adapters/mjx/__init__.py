@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from harness.engines import ConstraintLaw, Engine
 from harness.engines.adapters.mujoco import law
 from harness.engines.request import Request
-from harness.files.equalities import Equality
+from harness.files.equalities import Constraint
 from harness.files.findings import EQUALITIES
 from harness.files.model_file import ModelFile
 
@@ -62,7 +62,7 @@ class MjxEngine(Engine):
 
         return load(file, joints, self._in_float64)
 
-    def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
+    def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         """See ``harness.engines.adapters.mujoco.law``."""
         return law.laws_in(law.settings(root, model_format), constraints)
 

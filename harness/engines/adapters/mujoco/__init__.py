@@ -20,7 +20,7 @@ from harness.engines import ConstraintLaw, Engine, StepRule
 from harness.engines.adapters.mujoco import law
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
-from harness.files.equalities import Equality
+from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class MujocoEngine(Engine):
         """See ``harness.engines.adapters.mujoco.law``."""
         return self.own_rules(document_of(file).root, file.format)
 
-    def laws(self, root: Any, model_format: str, constraints: Sequence[Equality]) -> Mapping[str, ConstraintLaw]:
+    def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         return law.laws_in(law.settings(root, model_format), constraints)
 
     def fuses(self, root: Any, model_format: str) -> bool:

@@ -17,19 +17,23 @@ mj_diagApprox), mj_step and engine_metric.c (springs on lengths count by the fir
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Literal
 
 from lxml import etree
 
-from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
+from harness.files.equalities import AnyRows, Constraint, DryFriction, Limit, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
 from harness.files.mjcf.attributes import is_on
-from harness.files.rules import ConstraintLaw, Impedance, ImplicitPart, InverseWeight, StepRule
+from harness.files.rules import LEAST_IMPEDANCE, MOST_IMPEDANCE, ConstraintLaw, Impedance, ImplicitPart, InverseWeight, StepRule
 
-# mjMINIMP, mjMAXIMP and mjMINVAL.
-LEAST_IMPEDANCE, MOST_IMPEDANCE, LEAST_NUMBER = 0.0001, 0.9999, 1e-15
+# mjMINVAL.
+LEAST_NUMBER = 1e-15
 _OF_BODIES: tuple[Literal["translation", "rotation"], ...] = ("translation", "rotation")
+# Velocities of a joint before those by which a free one turns.
+_LINEAR = 3
 # Of a file that does not say [s].
 _TIMESTEP = 0.002
 _HALF, _ONE, _NONE = Fraction(1, 2), Fraction(1), Fraction(0)
@@ -51,11 +55,16 @@ def fuses(root: etree._Element, model_format: str) -> bool:
     return told[-1] == "true" if told else model_format == "urdf"
 
 
-def laws_in(root: etree._Element, constraints: Iterable[Equality]) -> dict[str, ConstraintLaw]:
-    """The law of each of some constraints of the file with this root element."""
+def laws_in(root: etree._Element, constraints: Iterable[Constraint]) -> dict[str, ConstraintLaw]:
+    """The law of each of some constraints of the file with this root element; none of dry friction and limits that it switches off."""
     least_time = _least_time_constant(root)
     exact = [flag.get("diagexact") for flag in root.iterfind("option/flag[@diagexact]")][-1:] == ["enable"]
-    return {one.name: _law(one, least_time, exact) for one in constraints}
+    return {one.name: _law(one, least_time, exact) for one in constraints if _acts(root, one)}
+
+
+def _acts(root: etree._Element, constraint: Constraint) -> bool:
+    stages = {DryFriction: ("constraint", "frictionloss"), Limit: ("constraint", "limit")}
+    return all(is_on(root, stage) for stage in stages.get(type(constraint.says), ()))
 
 
 def _least_time_constant(root: etree._Element) -> Fraction:
@@ -68,10 +77,13 @@ def _time_step(root: etree._Element) -> float:
     return float(written[-1]) if written else _TIMESTEP
 
 
-def _law(constraint: Equality, least_time: Fraction, exact: bool) -> ConstraintLaw:
-    softness = constraint.softness or SolverParameters()
+def _law(constraint: Constraint, least_time: Fraction, exact: bool) -> ConstraintLaw:
+    softness, says = constraint.softness or SolverParameters(), constraint.says
     impedance = _impedance(softness)
     stiffness, damping = _stiffness_and_damping(softness, Fraction(impedance.most), least_time)
+    if isinstance(says, DryFriction):
+        # Of a residual that is 0 always; its damping has the most in it as that of others.
+        impedance, stiffness = replace(impedance, most=impedance.least), Fraction(0)
     return ConstraintLaw(
         impedance=impedance,
         stiffness=float(stiffness),
@@ -79,7 +91,14 @@ def _law(constraint: Equality, least_time: Fraction, exact: bool) -> ConstraintL
         weights=None if exact else _weights(constraint),
         has_curvature=True,
         least_regularisation=LEAST_NUMBER,
+        force_range=_force_range(says),
     )
+
+
+def _force_range(says: AnyRows | None) -> tuple[float, float]:
+    if isinstance(says, DryFriction):
+        return -float(says.bound), float(says.bound)
+    return (0.0 if isinstance(says, Limit) else -math.inf), math.inf
 
 
 def _impedance(softness: SolverParameters) -> Impedance:
@@ -98,15 +117,20 @@ def _stiffness_and_damping(softness: SolverParameters, most: Fraction, least_tim
     return 1 / max(least, (most * time * ratio) ** 2), 2 / max(least, most * time)
 
 
-def _weights(constraint: Equality) -> tuple[tuple[InverseWeight, ...], ...]:
+def _weights(constraint: Constraint) -> tuple[tuple[InverseWeight, ...], ...]:
     says = constraint.says
     if isinstance(says, Meeting):
         translation, rotation = (tuple(InverseWeight(kind, body) for body in says.bodies) for kind in _OF_BODIES)
         return (translation,) * 3 + ((rotation,) * 3 if isinstance(says, Weld) else ())
     if isinstance(says, Linkage):
         return (tuple(InverseWeight("joint", name) for name in (says.joint, says.leader) if name is not None),)
-    assert isinstance(says, TendonLinkage)
-    return (tuple(InverseWeight("tendon", one.name) for one in says.tendons),)
+    if isinstance(says, TendonLinkage):
+        return (tuple(InverseWeight("tendon", one.name) for one in says.tendons),)
+    assert isinstance(says, DryFriction | Limit)
+    if not isinstance(says.of, str):
+        return ((InverseWeight("tendon", says.of.name),),)
+    count = says.velocities if isinstance(says, DryFriction) else 1
+    return tuple((InverseWeight("joint" if number < _LINEAR else "turn", says.of),) for number in range(count))
 
 
 def rules_in(root: etree._Element) -> tuple[StepRule, ...]:

@@ -29,7 +29,7 @@ from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.reading import elements_of, root_link, text_of
-from harness.engines.request import Aid, AskedJoint, BodyInertia, Refused, Request
+from harness.engines.request import Aid, AskedJoint, BodyInertia, Held, Refused, Request
 from harness.files.facts import ForceElement
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import StepRule
@@ -53,6 +53,7 @@ def read(request: Request) -> MujocoFile:
         if request.held is not None:
             switch_on(model, request.held.kinds, request.held.switched_on)
             drive(model, request.held.actuators)
+            let_act(model, request.joints, request.held)
             if request.held.to_the_end:
                 model.opt.iterations, model.opt.tolerance = _MOST_ITERATIONS, 0.0
     return MujocoFile(model, request, notes)
@@ -225,6 +226,15 @@ def drive(model: Any, numbers: Sequence[int]) -> None:
     model.opt.disableactuator = 1 << 1
 
 
+def let_act(model: Any, joints: Sequence[AskedJoint], held: Held) -> None:
+    """Let joints of these names rub and be limited, and no other; no tendon does either."""
+    places = _places(model, joints)
+    rubbing, limited = ({places[name].id for name in names} for names in (held.rubbing, held.limited))
+    model.dof_frictionloss[[joint not in rubbing for joint in model.dof_jntid]] = 0.0
+    model.jnt_limited[[joint not in limited for joint in range(model.njnt)]] = 0
+    model.tendon_frictionloss[:] = model.tendon_limited[:] = 0
+
+
 class MujocoFile(LoadedFile):
     """An ``MjModel`` with the joints of a request."""
 
@@ -232,7 +242,9 @@ class MujocoFile(LoadedFile):
     applies_springs = True
 
     def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
-        model.opt.disableflags |= stages_off(request.held is not None, request.held is not None and bool(request.held.actuators))
+        held = request.held
+        acting = {"actuation": held.actuators, "frictionloss": held.rubbing, "limit": held.limited} if held is not None else {}
+        model.opt.disableflags |= stages_off(held is not None, [stage for stage, named in acting.items() if named])
         model.opt.density = model.opt.viscosity = 0.0
         places = _places(model, request.joints)
         super().__init__(request, places)

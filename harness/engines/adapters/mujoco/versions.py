@@ -5,7 +5,7 @@ Source: MuJoCo's changelog, and the versions themselves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -83,13 +83,10 @@ def require_declared_steps() -> None:
         raise NotOffered(f"no rules of integrators are declared for MuJoCo {mujoco.mj_versionString()}")
 
 
-def stages_off(holds_constraints: bool, drives: bool = False) -> int:
-    """The bits that switch off all stages but passive forces, the constraints of a file where it holds some, and actuators that drive."""
-    flags = mujoco.mjtDisableBit
-    unused = (flags.mjDSBL_LIMIT, flags.mjDSBL_FRICTIONLOSS) if holds_constraints else (flags.mjDSBL_CONSTRAINT,)
-    unused = unused if drives else (*unused, flags.mjDSBL_ACTUATION)
-    off = (*unused, flags.mjDSBL_CONTACT, flags.mjDSBL_SENSOR, flags.mjDSBL_AUTORESET)
-    return sum(int(one) for one in off)
+def stages_off(holds_constraints: bool, acting: Collection[str] = ()) -> int:
+    """The bits that switch off all stages but passive forces, the constraints of a file where it holds some, and those of ``acting``."""
+    unused = {"contact", "sensor", "autoreset", "actuation", *(("limit", "frictionloss") if holds_constraints else ("constraint",))}
+    return sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{stage.upper()}")) for stage in unused.difference(acting))
 
 
 def inputs_of(model: Any, count: int) -> tuple[Any, Any]:

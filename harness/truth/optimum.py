@@ -1,0 +1,50 @@
+"""A robot with some constraints of its file, whose accelerations are the optimum that an engine documents for them.
+
+Equalities act on both sides, dry friction up to its bound, and limits on one side where they are reached: rows of one program all the same.
+
+Source: MuJoCo documentation, Computation, sections Constraint model and Solver parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from harness.files.equalities import AnyRows, Constraint, DryFriction, Equality, Limit, Tendon, TendonLinkage
+from harness.files.rules import ConstraintLaw
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.trees.inverse_weights import inverse_weights_of
+from harness.trees.mechanism import tied_tree
+from harness.trees.robot import Robot
+from harness.truth.declared import declared
+
+
+def optimum(
+    mechanism: Mechanism, robot: Robot, constraints: Sequence[Constraint], laws: Mapping[str, ConstraintLaw], fuses: bool
+) -> Mechanism:
+    """The mechanism of a robot with those constraints that have rows and a law, by their names; ``fuses`` as of ``inverse_weights_of``.
+
+    Raises:
+        KeyError: one is about a body or joint that the tree does not have. ValueError: as ``inverse_weights_of``.
+    """
+    acting = sorted((one for one in constraints if one.name in laws and one.rows), key=lambda one: not isinstance(one, Equality))
+    if not acting:
+        return mechanism
+    tied = tied_tree(robot.tree, robot.joints, {one.name: one.rows for one in acting if one.rows is not None})
+    weights = inverse_weights_of(
+        robot.tree,
+        (part for one in acting for row in laws[one.name].weights or () for part in row),
+        fuses,
+        (tendon for one in acting for tendon in _tendons(one.rows)),
+    )
+    equalities = {one.name for one in acting if isinstance(one, Equality)}
+    holding = tied.constraints.first(sum(name in equalities for name in tied.constraints.rows))
+    own = tuple((str(number), float(value), "") for number, value in enumerate(tied.parameters))
+    plain = replace(mechanism, parameters=own, constraints=holding, other_charts=(), charts_in_body=())
+    return declared(plain, {one.name: laws[one.name] for one in acting}, weights, tied.constraints)
+
+
+def _tendons(rows: AnyRows | None) -> Sequence[Tendon]:
+    if isinstance(rows, DryFriction | Limit):
+        return () if isinstance(rows.of, str) else (rows.of,)
+    return rows.tendons if isinstance(rows, TendonLinkage) else ()
