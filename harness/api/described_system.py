@@ -96,7 +96,7 @@ class DescribedSystem:
         if self.given is not None:
             return self.given
         if self.library is None or not self.mechanism.energy_programs:
-            program = f"a program of {self.mechanism.operations:,} operations, by recursion over its bodies"
+            program = f"a program of {self.mechanism.program.operations:,} operations, by recursion over its bodies"
             raise InvalidRequest(f"{self.name} is a robot, whose equations are {program}; its accelerations can be had")
         return load_system(self.library.system_path(self.name))[0]
 

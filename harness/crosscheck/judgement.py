@@ -326,7 +326,7 @@ def card_of(system: SystemProgress, mechanism: Mechanism) -> SystemCard:
         equations_mathml=mechanism.equations_mathml,
         equations_text=mechanism.equations_text,
         energies_text=mechanism.energies_text,
-        operations=mechanism.operations,
+        operations=mechanism.program.operations,
         derivation_seconds=mechanism.derivation_seconds,
         reference_seconds_per_state=median(system.seconds) if system.seconds else None,
         compilation_seconds=system.compilation_seconds,

@@ -49,6 +49,11 @@ class StraightLineProgram:
         return hashlib.sha256(repr(content).encode()).hexdigest()
 
     @property
+    def operations(self) -> int:
+        """Number of operations of one evaluation."""
+        return sum(instruction[0] not in ("input", "rational", "pi") for instruction in self.instructions)
+
+    @property
     def turning(self) -> list[int]:
         """Inputs that enter nothing but sines, cosines and tangents of their whole multiples and sums: a full turn changes no output."""
         # For each instruction, the inputs it is a sum of whole multiples of; None where it is something else.

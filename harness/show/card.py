@@ -61,7 +61,7 @@ def _rows(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
         yield "parameters", ", ".join(_value(*parameter) for parameter in mechanism.parameters)
     if mechanism.constraints is not None:
         yield "constraints", ", ".join(mechanism.constraints.names)
-    size = f"{mechanism.operations:,} operations"
+    size = f"{mechanism.program.operations:,} operations"
     if not mechanism.energy_programs:
         yield "equations", f"a program of {size}, by recursion over the bodies of the file"
     else:

@@ -252,7 +252,7 @@ def as_text(exhibit: Exhibit) -> list[str]:
     """The exhibit as plain text, in pieces."""
     mechanism, formulations, compared = exhibit.mechanism, sizes_of_formulations(exhibit), comparison_of_holdings(exhibit)
     sources = "T and V" if mechanism.constraints is None else "T, V and the constraints"
-    energies = f"{mechanism.operations:,} operations, which follow from {sources}:\n\n{mechanism.energies_text}"
+    energies = f"{mechanism.program.operations:,} operations, which follow from {sources}:\n\n{mechanism.energies_text}"
     models = [f"{model_format}: {whereabouts(model.path)}" for model_format, model in exhibit.models.items()]
     joints = "Joints, as the files say (what they leave out, in parentheses); mass is that of the body"
     held = "Held of each joint and body, in the world's frame with every joint at zero"

@@ -61,20 +61,13 @@ class DeclaredMechanism(Mechanism):
 
     Attributes:
         laws: of each constraint by its name.
-        softened: the rows of all of them, of which ``constraints`` are those that equalities hold.
         zones: of the rows whose forces have a range; None without any.
         pushing: rows that push alone, by the places of their force in ``zones``.
     """
 
     laws: tuple[tuple[str, ConstraintLaw], ...] = ()
-    softened: Constraints | None = None
     zones: Zones | None = None
     pushing: tuple[tuple[int, int], ...] = ()
-
-    @property
-    def rows(self) -> Constraints | None:
-        """See ``Mechanism``."""
-        return self.softened
 
     @property
     def key(self) -> Hashable:
@@ -248,11 +241,11 @@ def softened(
             Clamp(columns[number_of(name, SHARE, row)], columns[number_of(name, CONSTANT, row)], *softness[name].force_range)
             for name, row in written.ranged
         ]
-        own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)} | {"parameters": parameters}
+        own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}
+        own |= {"parameters": parameters, "program": written.program, "softened": tied}
         return DeclaredMechanism(
-            **own | {"program": written.program},
+            **own,
             laws=tuple(by_name.items()),
-            softened=tied,
             zones=Zones(tuple(clamps), written.unbounded) if clamps else None,
             pushing=tuple((place, row) for place, (name, row) in enumerate(written.ranged) if by_name[name].pushes_alone),
         )

@@ -18,7 +18,7 @@ from harness.programs.evaluation import jacobians
 from harness.programs.loops.encoding import Encoded, encode
 from harness.programs.loops.interpreter import Norms, derivatives, evaluate, measure
 from harness.programs.mechanisms.kernel import Charts
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.programs.states import States
@@ -147,25 +147,25 @@ class ReferenceKernel:
     def _evaluate(self, states: States, parameters: Array) -> Reference:
         parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
         if len(parts) == 1:
-            return parts[0][0] if self.mechanism.rows is None else self._constrained(parts[0][0], states, parameters)
+            tied = self.mechanism.softened or self.mechanism.constraints
+            return parts[0][0] if tied is None else self._constrained(parts[0][0], tied, states, parameters)
         return in_order(parts)
 
-    def _constrained(self, found: Reference, states: States, parameters: Array) -> Reference:
+    def _constrained(self, found: Reference, tied: Constraints, states: States, parameters: Array) -> Reference:
         """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
         # Imported late: a tree needs nothing of it.
         from harness.truth.declared import DeclaredMechanism
         from harness.truth.manifold import closes, free_size, rank_condition
 
-        constraints, inputs = self.mechanism.rows, self.mechanism.inputs(states, parameters)
-        assert constraints is not None
-        free = free_size(constraints, inputs, states.tau, found.norm_factor)
+        inputs = self.mechanism.inputs(states, parameters)
+        free = free_size(tied, inputs, states.tau, found.norm_factor)
         cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free
         if isinstance(self.mechanism, DeclaredMechanism):
             # It has accelerations wherever its constraints are.
             return replace(found, instability=cancelling)
         # Without a configuration in which the constraints hold there is no motion to be asked for.
         certified = found.certified & closes(self.mechanism, states, parameters)
-        return replace(found, certified=certified, instability=cancelling * rank_condition(constraints, inputs, found.norm_factor))
+        return replace(found, certified=certified, instability=cancelling * rank_condition(tied, inputs, found.norm_factor))
 
 
 class ChartKernel:

@@ -40,7 +40,7 @@ def test_a_card_is_short_and_says_what_the_mechanism_is(name: str) -> None:
     assert text.startswith(f"{name}: ") and text.count("\n") < 16 and max(map(len, text.splitlines())) <= 100
     assert len(page) < 20_000 and page.count("<svg") == 1 and "\\ddot" not in page and not hasattr(shown, "_repr_latex_")
     for words in (" ".join(text.split()), page.replace("\N{NO-BREAK SPACE}", " ")):
-        assert f"{mechanism.operations:,} operations" in words
+        assert f"{mechanism.program.operations:,} operations" in words
         for joint in mechanism.joints:
             assert joint in words
         for parameter, value, unit in mechanism.parameters:
@@ -49,7 +49,7 @@ def test_a_card_is_short_and_says_what_the_mechanism_is(name: str) -> None:
 
 def test_the_card_of_a_robot_counts_the_numbers_of_its_file(tmp_path: Path) -> None:
     robot = harness.load(ARM)
-    assert f"{robot.mechanism.operations:,} operations, by recursion over the bodies of the file" in repr(robot)
+    assert f"{robot.mechanism.program.operations:,} operations, by recursion over the bodies of the file" in repr(robot)
     assert "<svg" not in robot._repr_html_()
     with pytest.raises(InvalidRequest, match=r"arm.urdf: no picture, for one is drawn of a mechanism with model files"):
         robot.picture()
@@ -144,7 +144,7 @@ def test_a_system_without_files_has_the_numbers_of_the_file_s(name: str) -> None
     states = generic_sample(known.mechanism, 4, seed=2)
     assert np.array_equal(own.accelerations(states.q, states.v).value, known.accelerations(states.q, states.v).value)
     assert own.latex == known.latex and own.joints == known.joints
-    assert f"{own.mechanism.operations:,} operations" in own._repr_html_() and "<svg" not in own._repr_html_()
+    assert f"{own.mechanism.program.operations:,} operations" in own._repr_html_() and "<svg" not in own._repr_html_()
 
 
 def test_a_system_that_cannot_be_derived_says_why() -> None:

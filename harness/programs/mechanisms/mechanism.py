@@ -124,6 +124,7 @@ class Mechanism:
             rotation takes four numbers (w, x, y, z) of q and three of v.
         actuation: an ``Actuation``, what each state gives to actuators, whose forces are among the passive ones too; None without any.
         constraints: what ties the coordinates, whose forces are among the passive ones of the program; None for a tree.
+        softened: the rows of constraints that give, those of ``constraints`` first and then those that need not hold; None without.
         program: the equations of motion; see ``harness.programs.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
             of free joints in the body's frame, () where there is no free joint.
@@ -159,17 +160,13 @@ class Mechanism:
     moving_loads: tuple[float, ...] = ()
     energies_text: str = ""
     constraints: Constraints | None = None
+    softened: Constraints | None = None
     actuation: Any = None
 
     @property
     def handed_to_engines(self) -> Any:
         """The source for an engine that takes equations; of a user's file, the request to load it."""
         return self
-
-    @property
-    def rows(self) -> Constraints | None:
-        """All rows whose forces are among the passive ones, also of what need not hold."""
-        return self.constraints
 
     @property
     def nv(self) -> int:
@@ -187,11 +184,6 @@ class Mechanism:
         turning = {self.joints[place] for place in self.attitudes}
         counts = Counter(self.joints)
         return {joint: (count + (joint in turning), count) for joint, count in counts.items()}
-
-    @property
-    def operations(self) -> int:
-        """Number of operations of one evaluation of the equations."""
-        return sum(instruction[0] not in ("input", "rational", "pi") for instruction in self.program.instructions)
 
     def charts(self, linear_velocity_in_body: bool) -> tuple[StraightLineProgram, ...]:
         """Programs of the same equations, of which one at least is regular everywhere it can be.
