@@ -19,6 +19,7 @@ from markupsafe import Markup
 
 from harness.report import benchmarks, charts, hard_cases
 from harness.report.figures import embed
+from harness.report.issue_texts import page_of
 from harness.report.markup import equations, picture, tint, tints
 from harness.report.site_counts import badge_text, error_of
 from harness.report.summary import changes_table, state_lines, states_of
@@ -81,7 +82,7 @@ def environment() -> Environment:
         loader=FunctionLoader(lambda name: package.joinpath(name).read_text("utf-8")),
     )  # fmt: skip
     made.filters |= {
-        "error": error_text, "seconds": seconds_text, "equations": equations, "picture": picture, "link": web_address,
+        "error": error_text, "seconds": seconds_text, "equations": equations, "picture": picture, "link": address_of,
         "state": state_lines, "data_error": error_of, "left_out": left_out, "moment": moment, "way": way_of, "sentence_case": sentence_case,
         "contents": contents, "badge_text": badge_text, "tint": tint, "digest": digest,
     }  # fmt: skip
@@ -124,9 +125,9 @@ def sentence_case(text: str) -> str:
     return text[:1].upper() + text[1:] if re.match(r"[a-z]{2,}[,;]?(\s|$)", text) else text
 
 
-def web_address(text: str) -> str | None:
-    """``text`` where it is an address that may become a link, otherwise None."""
-    return text if re.fullmatch(r"https?://\S+", text) else None
+def address_of(link: str) -> str | None:
+    """Where ``link`` leads from the index of the site: itself, or the page of a text; None for a book or a paper."""
+    return link if re.fullmatch(r"https?://\S+", link) else page_of(link)
 
 
 def moment(started: str) -> str:

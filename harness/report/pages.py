@@ -11,6 +11,7 @@ from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import styles
 from harness.report.hard_cases import HardSummary
 from harness.report.html import Drawn, draw
+from harness.report.issue_texts import page_of, text_of
 from harness.report.markup import thumbnail
 from harness.report.site_counts import slugs
 from harness.report.site_data import collect, issues, split
@@ -98,6 +99,7 @@ class Pages:
             yield site_tables.HARD, self._hard(self.hard)
         if self.survey is not None:
             yield from self._robots(self.survey)
+        yield from self._issues()
 
     def _index(self) -> Drawn:
         tones = {cell.tone for cell in self.site.cells}
@@ -231,6 +233,15 @@ class Pages:
     def _hard(self, hard: HardSummary) -> Drawn:
         about = {"hard_styles": styles(hard.subjects), "hard_anchors": self._hard_anchors}
         return draw("hard_page.html", site_tables.HARD, charts.hard_plots(hard), run=self.run, hard=hard, **about)
+
+    def _issues(self) -> Iterator[tuple[str, Drawn]]:
+        """The texts for trackers that expected verdicts and hard cases link to."""
+        links = [link for further in (False, True) for _, _, link in self._verdicts.expectations(further)]
+        links += [reason.link for family in self._cases.families for _, reason in family.reasons]
+        for link in dict.fromkeys(links):
+            if page := page_of(link):
+                title, _, text = text_of(link).partition("\n")
+                yield page, draw("issue.html", page, {}, title=title.removeprefix("# "), text=text.strip())
 
     def _robots(self, survey: Survey) -> Iterator[tuple[str, Drawn]]:
         found, names = robots.published(survey.found), short_names(survey.found)

@@ -20,6 +20,7 @@ from markupsafe import escape
 from report.test_hard_report import CASE
 from report.test_page import whole
 from report.test_report import build, card, night, record, run_on
+from rooms import REPOSITORY
 from support import pages_of
 
 from harness.report import MODULES, write
@@ -343,6 +344,22 @@ def test_issues_stand_where_a_cell_is_red_and_on_the_page_of_its_engine() -> Non
     files = build(run_on(0), [], [record("collar", "pinocchio/urdf", **about), *night(0)[:3]])
     assert issue.link in files["mechanisms/collar.html"] and issue.link in files["engines/pinocchio.html"]
     assert issue.link not in files["mechanisms/arm_2r.html"] and issue.link not in files["engines/mujoco.html"]
+
+
+def test_a_text_for_a_tracker_is_a_page_and_what_is_none_stays_words() -> None:
+    link, missing, outside = "docs/issues/pinocchio-mjcf-ref.md", "docs/issues/none.md", "docs/issues/../inside/numerics.md"
+    entries = [
+        record(system, "pinocchio/mjcf", verdict="misreads", expected="misreads", expected_reason=f"Known {place}.", expected_link=place)
+        for system, place in (("arm_2r", link), ("collar", missing), ("bar_pendulum", outside), ("scara", "Featherstone (2004)"))
+    ]
+    files = build(run_on(0), [], entries)
+    page = files["differences.html"]
+    assert [one for one in files if one.startswith("issues/")] == ["issues/pinocchio-mjcf-ref.html"]
+    assert page.count('href="issues/') == 1 and f'<a href="issues/pinocchio-mjcf-ref.html" rel="noreferrer">{link}</a>' in page
+    assert all(f"Source: {place}." in page for place in (missing, outside, "Featherstone (2004)"))
+    text = (REPOSITORY / link).read_text(encoding="utf-8")
+    words = lxml.html.fromstring(files["issues/pinocchio-mjcf-ref.html"]).xpath("//pre")[0].text_content()
+    assert words.strip() == text.partition("\n")[2].strip()
 
 
 def test_addresses_differ_whatever_a_file_system_makes_of_case() -> None:
