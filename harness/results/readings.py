@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.results.detail import Detail, telling
-from harness.results.table import counted, number_of
+from harness.results.table import counted, counted_nouns
 
 # The least relative change of accelerations that is one: less is rounding.
 FELT = 1e-12
@@ -56,7 +56,7 @@ class Effect:
     def concerned(self, most_lines: int = MOST_LINES) -> str:
         """The elements that it concerns: "9 joints, lines 48, 74, 100 and 6 more"."""
         number = self.count or len(self.lines) + len(self.included)
-        return f"{number_of(number, self.concerns)}, {', '.join(self._places(most_lines))}"
+        return f"{counted_nouns(number, self.concerns)}, {', '.join(self._places(most_lines))}"
 
     def _places(self, most: int) -> list[str]:
         """Lines of the file, and places in files that it includes."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from harness.files.findings import SWITCHED_OFF, LeftOut
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, names_of, share_of_qdd, share_text
-from harness.results.table import error_text, grouped, joined, number_of, program_name
+from harness.results.table import counted_nouns, error_text, grouped, joined, program_name
 from harness.verdict import DEPARTS
 
 
@@ -82,7 +82,7 @@ class SwitchedOnRecord:
     @property
     def named(self) -> str:
         """ "2 equalities and 6 actuators", "equality" of one alone."""
-        return joined([number_of(len(own), what) for what, own in self.judged.items()]).removeprefix("1 " if self.is_single else " ")
+        return joined([counted_nouns(len(own), what) for what, own in self.judged.items()]).removeprefix("1 " if self.is_single else " ")
 
     @property
     def is_single(self) -> bool:
@@ -143,7 +143,7 @@ def stays_off(left_out: Sequence[LeftOut], records: Sequence[SwitchedOnRecord]) 
     """What of a file that would move it is off in every answer; of what is judged in part, with lines and reason."""
     refused = grouped(((part.what, part.why_not), part.line) for part in _refused(records))
     lines = {key: list(dict.fromkeys(own)) for key, own in refused.items()}
-    parts = [f"{number_of(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
+    parts = [f"{counted_nouns(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
     return [*_whole_kinds(left_out, records), *parts]
 
 

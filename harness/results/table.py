@@ -54,7 +54,7 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def number_of(number: int, nouns: str) -> str:
+def counted_nouns(number: int, nouns: str) -> str:
     """ "1 equality", "6 actuators", of a noun in the plural."""
     one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
     return f"{number} {one if number == 1 else nouns}"
