@@ -17,6 +17,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 
@@ -39,7 +40,7 @@ def find_files(places: Sequence[str]) -> list[Path]:
     """The model files of folders, files and installed distributions, sorted, each once.
 
     Raises:
-        InvalidInput: a place is none of these, or holds no model file.
+        InvalidInput: a place is none of these, holds no model file, or holds a folder that cannot be listed.
     """
     found: dict[Path, None] = {}
     for place in places:
@@ -83,7 +84,7 @@ def _candidates(place: str) -> Iterator[Path]:
         yield path
         return
     if path.is_dir():
-        files = list(path.rglob("*"))
+        files = [Path(folder, name) for folder, _, names in os.walk(path, onerror=_unlisted) for name in names]
     else:
         try:
             files = [Path(str(file.locate())) for file in importlib.metadata.files(place) or []]
@@ -91,6 +92,12 @@ def _candidates(place: str) -> Iterator[Path]:
             problem = "there is no such file or folder, and no distribution of this name is installed"
             raise InvalidInput(place, None, f"{problem}; name a folder of robots") from None
     yield from (path for path in files if path.suffix.lower() in SUFFIXES and not path.is_dir())
+
+
+def _unlisted(error: OSError) -> NoReturn:
+    raise InvalidInput(
+        error.filename, None, f"this folder cannot be listed ({error.strerror}); give yourself the right, or name the folders to be read"
+    ) from None
 
 
 def files_before(places: Sequence[str], before: Path) -> dict[Path, Path]:

@@ -120,13 +120,13 @@ def _felt(subject: SubjectRecord) -> set[tuple[str, float | None]]:
 
 def _reason(subject: SubjectRecord, file: FileRecord) -> _Reason | None:
     """Why an answer is not that of the file; None where it is."""
-    program, message = subject.program, _short(subject.message)
+    program, message = subject.program, _short(subject.message or "; ".join(subject.rest))
     if subject.verdict == Verdict.UNSUPPORTED:
         return _Reason(f"{program} refuses the file: {message}{_mend(file)}")
     if subject.left_nothing:
         return _Reason(f"{program} reads nothing that moves: {_short(subject.left_nothing)}")
     if subject.verdict == Verdict.ERROR:
-        return _Reason(f"{program} fails on the file: {message}")
+        return _Reason(f"{program} fails on the file: {message}{_mend(file)}")
     if subject.verdict == Verdict.UNDECIDED:
         return _Reason(f"{program} cannot be judged: {message}")
     if not subject.explained:

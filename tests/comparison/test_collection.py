@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from comparison.robots import FILES
@@ -61,3 +63,20 @@ def test_what_looks_like_a_robot_is_found_whether_it_can_be_read_or_not(tmp_path
 def test_a_place_without_robots_is_refused(place: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"holds no model|no distribution"):
         find_files([place or str(tmp_path)])
+
+
+def test_a_folder_that_cannot_be_listed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who runs the tests may be allowed to list every folder."""
+    closed, listed = tmp_path / "closed", os.scandir
+    closed.mkdir()
+    (tmp_path / "arm.urdf").write_text((FILES / "arm.urdf").read_text())
+
+    def scandir(folder: Any) -> Any:
+        if Path(folder) == closed:
+            raise PermissionError(errno.EACCES, "Permission denied", str(folder))
+        return listed(folder)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    done = harness("survey", str(tmp_path), "--out", str(tmp_path / "reports"))
+    problem = f"{closed}: this folder cannot be listed (Permission denied); give yourself the right, or name the folders to be read"
+    assert (done.returncode, done.stdout) == (2, "") and problem in " ".join(done.stderr.split())

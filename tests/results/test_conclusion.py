@@ -71,6 +71,11 @@ SENTENCES = {
         [subject("mujoco", "MuJoCo", "error", False, message="it aborted")],
         "no engine gives an answer that can be judged. MuJoCo fails on the file: it aborted.",
     ),
+    "without an answer, for its inertias": (
+        [subject("pinocchio", "Pinocchio", "error", False, rest=["it answers with finite numbers at no state"])],
+        "no engine gives an answer that can be judged. Pinocchio fails on the file: it answers with finite numbers at no state; "
+        "write inertias that a body can have (lines 1, 2, 3 and 1 more).",
+    ),
     "undecided": (
         [subject("mujoco", "MuJoCo", "undecided", message="M is singular")],
         "no engine gives an answer that can be judged. MuJoCo cannot be judged: M is singular.",
