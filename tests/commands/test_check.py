@@ -47,7 +47,10 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 # By day a tree with variants, a ball joint, a loop, a condition on velocities, and a mechanism that no engine expresses.
-SOME = ["acrobot", "four_bar", "heavy_top", "rolling_disc", "rolling_disc_on_incline"]
+SOME = ["acrobot", "four_bar", "heavy_top", "rolling_disc", "rolling_disc_on_incline", "slider_crank"]
+# What the table has for a verdict, where that is another word: constraints that give as documented are told from rigid ones, of which the
+# verdict in the record does not speak.
+TOLD = {"agrees": "(agrees|soft, as documented)", "explained": "departs from its documentation: "}
 SOME_VARIANTS = [name for name in BUILT_IN.variant_names() if BUILT_IN.system_of(name) in SOME]
 
 
@@ -70,8 +73,7 @@ def test_check_of_everything_is_green_and_keeps_the_contract(tmp_path: Path, nam
         if record["verdict"] == "agrees":
             assert record["states"] == FEW + len(load_found(BUILT_IN, BUILT_IN.system_of(record["system"])))
             assert 0 < record["backward_error"] <= 64
-        # Constraints that give as documented are told from rigid ones, of which the verdict in the record does not speak.
-        told = "(agrees|soft, as documented)" if record["verdict"] == "agrees" else record["verdict"]
+        told = TOLD.get(record["verdict"], record["verdict"])
         row = rf"^{re.escape(record['system'])} +{re.escape(record['subject'])} +{record['states']:,} +{told}"
         assert re.search(row, done.stdout, re.MULTILINE), row
 
