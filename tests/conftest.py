@@ -190,11 +190,6 @@ def built_in_mechanism(built_in_name: str) -> Mechanism:
 
 
 @pytest.fixture(scope="session")
-def modelled_system(modelled_name: str) -> System:
-    return _system(modelled_name)
-
-
-@pytest.fixture(scope="session")
 def modelled_mechanism(modelled_name: str) -> Mechanism:
     return _mechanism(modelled_name)
 

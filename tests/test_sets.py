@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import os
+import re
 import subprocess
 import sys
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -77,6 +80,19 @@ def test_a_cover_is_greedy_by_size_and_drops_what_later_ones_make_superfluous() 
     sizes = dict.fromkeys(features, 1)
     assert cover(features, sizes) == ["left", "right"]
     assert cover(features, sizes, covered={"a", "b", "c", "e"}) == ["left"]
+
+
+def test_no_file_gives_the_name_of_a_shared_fixture_to_another_that_outlives_a_test() -> None:
+    """pytest would hand what depends on it, made for the last test of another file, to the first test of this one."""
+    long_lived: dict[str, list[str]] = defaultdict(list)
+    for path in Path(__file__).parent.rglob("*.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and any(
+                re.match("pytest.fixture.*scope=", ast.unparse(one)) for one in node.decorator_list
+            ):
+                long_lived[node.name].append(path.name)
+    shared = {name: files for name, files in long_lived.items() if "conftest.py" in files}
+    assert len(shared) > 5 and [name for name, files in shared.items() if len(files) > 1] == []
 
 
 TESTS = """

@@ -21,6 +21,7 @@ import pinocchio
 import pytest
 import sympy as sp
 from catalogue import CALLED_HERE, TREES
+from exact import system_of
 
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.engines import Subject, load_engine
@@ -370,9 +371,14 @@ def precision() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", params=TREES)
-def modelled_name(request: pytest.FixtureRequest) -> str:
+def tree_name(request: pytest.FixtureRequest) -> str:
     """Forces that constraints exert are held against accelerations in ``test_constraints``; energies stand in the equations' own tests."""
     return str(request.param)
+
+
+@pytest.fixture(scope="session")
+def tree_mechanism(tree_name: str) -> Mechanism:
+    return load_mechanism(CALLED_HERE, tree_name)
 
 
 @pytest.fixture(scope="session", params=PROBES, ids=str)
@@ -387,9 +393,12 @@ def cases() -> dict[tuple[str, bool], Case]:
 
 
 @pytest.fixture
-def case(modelled_mechanism: Mechanism, modelled_system: System, subject: Subject, cases: dict[tuple[str, bool], Case]) -> Case:
-    in_body = load_engine(Library.built_in(), subject.engine).linear_velocity_in_body and bool(modelled_mechanism.charts_in_body)
-    return cases.setdefault((modelled_mechanism.name, in_body), Case(modelled_mechanism, modelled_system, in_body))
+def case(tree_mechanism: Mechanism, subject: Subject, cases: dict[tuple[str, bool], Case]) -> Case:
+    in_body = load_engine(CALLED_HERE, subject.engine).linear_velocity_in_body and bool(tree_mechanism.charts_in_body)
+    key = tree_mechanism.name, in_body
+    if key not in cases:
+        cases[key] = Case(tree_mechanism, system_of(tree_mechanism.name), in_body)
+    return cases[key]
 
 
 @pytest.fixture
