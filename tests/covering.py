@@ -1,7 +1,7 @@
 """Plugin of pytest that says which tests run a line, what each takes, and which fails: what ``mutation.py`` chooses tests by.
 
 Under ``coverage run``, the context of a line is the node id of the test that runs it, with its fixtures and with the processes that it
-starts. The names that coverage finds by itself know neither the cases of a test nor its fixtures.
+starts, those that outlive it included. The names that coverage finds by itself know neither the cases of a test nor its fixtures.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -27,8 +28,8 @@ from coverage import CoverageData
 TESTS = Path(__file__).resolve().parent
 # What a mutant may take: so many times the processor seconds of its tests without it, and as many to start. Waiting is something else.
 TIMES, STARTING, WAITING = 4, 30, 10
-# Of pytest: tests failed, and their collection was broken off.
-FAILED, BROKEN_OFF = 1, 2
+# Of pytest: tests failed, their collection was broken off, and it was asked for what there is not.
+FAILED, BROKEN_OFF, NOT_FOUND = 1, 2, 4
 IGNORED = shutil.ignore_patterns("__pycache__", ".mypy_cache", ".ruff_cache", ".git", ".venv", ".mutation")
 
 
@@ -53,6 +54,7 @@ class Recording:
 
     root: Path
     repository: Path
+    _known: dict[Path, dict[int, list[str]]] = field(default_factory=dict)
 
     @property
     def machine_code(self) -> Path:
@@ -72,16 +74,22 @@ class Recording:
 
     def tests_of(self, path: Path, line: int | None) -> dict[str, float]:
         """Seconds of tests, the likeliest to see a change first: those that run its line, none where that runs at import, by what they
-        cost; then those that run anything of its module, or lie in a file that names it."""
+        cost; those in the same files, which share fixtures with them; those that run anything of its module, or lie in a file that names
+        it; and, of a line that runs before any test, those that run anything of its folder."""
         module, by_line = _module(path, self.repository), self._by_line(path)
-        naming = {file for file in {_file(test) for test in self.seconds} if module in _text(self.repository / file)}
-        covering = self._passed(by_line.get(line, []) if line else [])
-        touching = self._passed({test for test in self.seconds if _file(test) in naming}.union(*by_line.values()))
-        return {test: self.seconds[test] for test in [*in_order(covering), *in_order(touching)]}
+        contexts = by_line.get(line, []) if line else [""]
+        files = {_file(test) for test in contexts} if line else set()
+        touching = {test for test in self.seconds if module in _text(self.repository / _file(test))}.union(*by_line.values())
+        folder = path.parent.glob("*.py") if "" in contexts else ()
+        beside = {test for one in folder for tests in self._by_line(one).values() for test in tests}
+        parts = (contexts if line else [], {test for test in self.seconds if _file(test) in files}, touching, beside)
+        return {test: self.seconds[test] for part in parts for test in in_order(self._passed(part))}
 
     def _by_line(self, path: Path) -> dict[int, list[str]]:
-        measured = [name for name in self._data.measured_files() if name.endswith(f"/{_in_package(path)}")]
-        return self._data.contexts_by_lineno(measured[0]) if measured else {}
+        if path not in self._known:
+            measured = [name for name in self._data.measured_files() if name.endswith(f"/{_in_package(path)}")]
+            self._known[path] = self._data.contexts_by_lineno(measured[0]) if measured else {}
+        return self._known[path]
 
     def _passed(self, tests: Iterable[str]) -> dict[str, float]:
         return {test: self.seconds[test] for test in tests if test in self.seconds}
@@ -156,6 +164,8 @@ class Copy:
 
     def run(self, tests: Mapping[str, float], budget: float) -> Run:
         """Run tests of which the processor seconds are known, in their order, until one fails; as many as the budget allows."""
+        if not tests:
+            return Run(set())
         chosen = [test for test, sum_ in zip(tests, accumulate(tests.values()), strict=True) if sum_ <= budget] or list(tests)[:1]
         with tempfile.TemporaryDirectory() as folder:
             results = Path(folder)
@@ -164,6 +174,10 @@ class Copy:
             limit = TIMES * sum(tests[test] for test in chosen) + STARTING
             try:
                 status = self.pytest(["-x", f"@{results / 'arguments'}"], results, seconds=limit)
+                if status == NOT_FOUND:
+                    # A file that cannot be collected has no tests of any name; what is said of the file is an answer.
+                    (results / "arguments").write_text("\n".join(dict.fromkeys(map(_file, chosen))), encoding="utf-8")
+                    status = self.pytest(["-x", f"@{results / 'arguments'}"], results, seconds=limit)
             except subprocess.TimeoutExpired:
                 return Run(set(chosen), how="waits without end")
             outcomes = [json.loads(line) for line in _text(results / "outcomes").splitlines()]
@@ -219,7 +233,11 @@ class Copy:
             ) as process,
         ):
             try:
-                return process.wait(WAITING * seconds if seconds else None)
+                status = process.wait(WAITING * seconds if seconds else None)
+                # Servers of engines save their coverage when they find that nobody asks them any more.
+                while not seconds and _is_alive(process.pid):
+                    time.sleep(0.1)
+                return status
             finally:
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(process.pid, signal.SIGKILL)
@@ -228,6 +246,15 @@ class Copy:
 def in_order(seconds: Mapping[str, float]) -> list[str]:
     """Node ids, cheapest first; of those that cost about the same, the ones in a file together, as they share fixtures."""
     return sorted(seconds, key=lambda test: (round(math.log10(max(seconds[test], 0.01))), _file(test)))
+
+
+def _is_alive(group: int) -> bool:
+    """Whether a process group has a process left."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def digest(*values: Any) -> str:

@@ -5,14 +5,15 @@
 Each ``--tests`` is what pytest is given, and a stage: what survives the tests of one is tried on those of the next. The tests of a stage
 are run once with coverage; those that fail or are skipped without any mutant are not asked. A mutant is one change of one module in a copy
 of the repository. A test that failed for it in an earlier run comes first, then those that cover its line, the cheapest first, then those
-that run anything of its module, as far as ``--budget`` allows.
+beside them and those that run anything of its module, as far as ``--budget`` allows.
 
 A mutant is killed where a test fails, where tests use far more processor time than without it, where they crash, or where they or the
 module cannot be imported. Where pytest cannot be asked (statuses 3 to 5) or waits without end, nothing is known, and it counts as alive.
 
-Everything is kept in the folder ``--results``: a run that was cut off goes on where it was. No cache answers for a mutant: entries of some
-caches (points of Sobol, answers of a night) are not named after the sources that made them, so each mutant has an empty ``HARNESS_CACHE``.
-Machine code is named after all that it is made from: each mutant starts with a copy of what the first stage compiled.
+Everything is kept in the folder ``--results``: a run that was cut off goes on where it was. A kill stands while the file of its test is as
+it was, a survival while all sources are. No cache answers for a mutant: entries of some caches (points of Sobol, answers of a night) are
+not named after the sources that made them, so each mutant has an empty ``HARNESS_CACHE``. Machine code is named after all that it is made
+from: each mutant starts with a copy of what the first stage compiled.
 
 Survivors that no test can tell from the product stand in ``equivalent_mutants.toml`` with their reason. Exit status 1 where fewer than
 ``--least`` percent of the others are killed.
@@ -50,11 +51,12 @@ def main(arguments: list[str] | None = None) -> int:
         for number, mutant in enumerate(chosen, 1):
             name = digest(mutant.text)
             before = known.get(name, {})
-            if before.get("sources") != sources:
+            if before.get("sources") not in (sources, _killer(repository, before) or sources):
                 place = {"module": str(mutant.path.relative_to(repository)), "line": mutant.line, "change": mutant.words}
                 place |= {"was": mutant.was, "became": mutant.became}
                 verdict = _verdict(copy, mutant, recordings, before.get("test"), asked.budget)
-                before = {"mutant": name, **place, **verdict, "sources": sources}
+                before = {"mutant": name, **place, **verdict}
+                before["sources"] = _killer(repository, before) or sources
                 with log.open("a", encoding="utf-8") as stream:
                     print(json.dumps(before), file=stream, flush=True)
             found.append(before)
@@ -79,6 +81,12 @@ def _verdict(copy: Copy, mutant: mutants.Mutant, recordings: Iterable[Recording]
     if unknown:
         return {"verdict": "unknown", "how": unknown, "tried": len(tried)}
     return {"verdict": "survives" if tried else "no test runs it", "tried": len(tried)}
+
+
+def _killer(repository: Path, one: dict[str, Any]) -> str | None:
+    """A digest of the file of the test that killed a mutant, whose verdict stands as long as that file does; None without one."""
+    file = repository / str(one.get("test")).partition("::")[0]
+    return digest(file.read_text(encoding="utf-8")) if file.exists() else None
 
 
 def _conclude(found: list[dict[str, Any]], equivalent: dict[tuple[str, str, str], str], of: int, asked: argparse.Namespace) -> int:

@@ -121,7 +121,7 @@ def test_planted_mutants_have_the_fate_that_they_must_have(
     assert surely["test"] == "tests/test_toy.py::test_doubled" and surely["said"].startswith("assert")
     endless = found[13, "n += 1"]
     assert endless["how"] == "processor limit" and endless["test"] == "tests/test_toy.py::test_counted"
-    assert {one["how"] for one in found.values() if one["line"] == 4} == {"module cannot be imported"}
+    assert {one["how"] for one in found.values() if one["line"] == 4} == {"tests cannot be collected"}
     assert found[3, "LIMIT = (4)"]["test"] == "tests/test_toy.py::test_limit"
     assert found[23, "return (+x)"]["test"] == "tests/test_toy.py::test_elsewhere"
     assert found[14, "return None"]["tried"] == 6

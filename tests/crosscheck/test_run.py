@@ -88,6 +88,27 @@ def test_an_exception_costs_the_subject_that_raised_it(tmp_path: Path) -> None:
     assert not study.crashed and study.problems == []
 
 
+def test_an_engine_that_cannot_be_loaded_is_not_asked_again(tmp_path: Path) -> None:
+    """Neither are its drawings made, which would ask it: it is among what crashed."""
+    root = make_library(tmp_path / "library", ["bar_pendulum"], {"unlicensed": "raise RuntimeError('no licence')"})
+    records, study = cross_checked(Settings(library=Library.at(root), states=8, examples=None))
+    found = by_subject(records)
+    unlicensed = {subject for subject in found if subject.startswith("unlicensed")}
+    assert unlicensed and {found[subject].verdict for subject in found.keys() - unlicensed} == {"agrees"}
+    assert all("no licence" in found[subject].message and found[subject].failed for subject in unlicensed)
+    assert study.crashes == {("bar_pendulum", subject) for subject in unlicensed}
+
+
+def test_a_system_that_cannot_be_used_is_an_error_of_every_subject(tmp_path: Path) -> None:
+    root = make_library(tmp_path / "library", ["bar_pendulum", "spring_damper"])
+    (root / "systems" / "bar_pendulum.py").write_text("SYSTEM = length")
+    records, study = cross_checked(Settings(library=Library.at(root), states=8, examples=None))
+    broken = [record for record in records if record.system == "bar_pendulum"]
+    assert {record.subject for record in broken} == SOUND and {record.verdict for record in broken} == {"error"}
+    assert all("bar_pendulum.py:1: raises NameError: name 'length'" in record.message for record in broken)
+    assert {record.verdict for record in records if record.system == "spring_damper"} == {"agrees"} and study.problems
+
+
 def test_a_death_while_certifying_is_nobodys_engine(tmp_path: Path) -> None:
     class Dying(InThisProcess):
         def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:

@@ -94,6 +94,17 @@ def test_states_that_share_a_mass_matrix_are_one_observation(random: np.random.G
     assert explaining_directions([Projection.of(one, 300 * columns, [columns]) for one in ten])
 
 
+def test_a_projection_counts_each_state_by_what_it_may_lose(random: np.random.Generator) -> None:
+    """Sums of errors times columns and of squares of columns, each over the square of what rounding does there."""
+    may_lose = np.geomspace(1, 100, N)
+    columns, errors = random.normal(size=(3, N, NV)), random.normal(size=(N, NV))
+    found = Projection.of(reference_with(may_lose), errors, list(columns))
+    weights = 1 / (1 + may_lose[:, None]) ** 2
+    np.testing.assert_allclose(found.products, (columns * errors * weights).sum(axis=2), rtol=1e-14)
+    np.testing.assert_allclose(found.squares, (columns**2 * weights).sum(axis=2), rtol=1e-14)
+    np.testing.assert_allclose(found.largest, np.linalg.norm(columns, axis=2).max(axis=1), rtol=1e-14)
+
+
 def test_states_that_do_not_count_are_left_out(random: np.random.Generator) -> None:
     column = random.normal(size=(N, NV))
     errors = 300 * column

@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
+from harness.files.equalities import Weld
 from harness.files.given import Given
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import LeftOut, Robot, read_robot
@@ -215,6 +217,33 @@ def test_a_floating_base_has_a_name_that_no_joint_of_the_file_has(tmp_path: Path
     robot = read_robot(path, floating_base=True)
     assert robot.floating_base == robot.joints[0] == "floating_base_2" and "floating_base" in robot.joints
     assert read_robot(FILES / "arm.urdf", floating_base=True).floating_base == "floating_base"
+
+
+def test_what_a_file_leaves_unsaid_has_the_value_of_its_format(tmp_path: Path) -> None:
+    """The axis of a joint of a URDF, and the share of torques in a weld of an MJCF."""
+    path = tmp_path / "arm.urdf"
+    text = (FILES / "arm.urdf").read_text()
+    path.write_text(re.sub(r"<axis [^>]*/>", "", text))
+    assert {tuple(map(float, joint.axis)) for joint in read_robot(path).tree.joints if joint.kind.has_axis} == {(1.0, 0.0, 0.0)}
+    path = tmp_path / "held.xml"
+    body = '<body name="held"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    path.write_text(f'<mujoco><worldbody>{body}</worldbody><equality><weld body1="held"/></equality></mujoco>')
+    [weld] = [one.rows for one in read_robot(path).equalities]
+    assert isinstance(weld, Weld) and float(weld.torque_scale) == mujoco.MjModel.from_xml_path(str(path)).eq_data[0, 10] == 1.0
+
+
+def test_a_joint_that_mimics_one_that_mimics_has_the_product_of_both(tmp_path: Path) -> None:
+    link = '<link name="{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    joint = '<joint name="to_{1}" type="continuous"><parent link="{0}"/><child link="{1}"/>{2}</joint>'
+    follow = '<mimic joint="{}" multiplier="{}" offset="{}"/>'
+    joints = [("a", "b", ""), ("b", "c", follow.format("to_b", 4, 0.125)), ("c", "d", follow.format("to_c", 0.5, 0.75))]
+    path = tmp_path / "chain.urdf"
+    path.write_text(f'<robot name="chain">{"".join(map(link.format, "abcd"))}{"".join(joint.format(*one) for one in joints)}</robot>')
+    _, first, second = read_robot(path).tree.joints
+    assert [(one.follows, float(one.multiplier), float(one.offset)) for one in (first, second)] == [
+        ("to_b", 4.0, 0.125),
+        ("to_b", 2.0, 0.8125),
+    ]
 
 
 LEG = """<link name="{side}_thigh"/><link name="{side}_{foot}"/>
