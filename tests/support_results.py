@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from harness.results.cross_check import SystemCard
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 
 RUN = Run(
     started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0", "mujoco": "4.0"}, machine={"processor": "16 cores"}, seed=7,

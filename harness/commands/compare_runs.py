@@ -42,7 +42,7 @@ def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
       harness compare-runs 12 latest --out night --json changes.json
     """
     from harness.report.summary import changes_table
-    from harness.results.records import changed_versions
+    from harness.results.run import changed_versions
     from harness.results.trend import changes_between, run_changes
 
     if not (bracket.directory / "history.sqlite").is_file():

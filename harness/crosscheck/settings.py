@@ -20,7 +20,8 @@ from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.hard_states import load_found, path_of
-from harness.results.records import ACCELERATIONS, Run, quantity_options
+from harness.results.records import ACCELERATIONS, quantity_options
+from harness.results.run import Run
 from harness.version import __version__, version_of
 
 DEFAULT_STATES = 1000

@@ -26,7 +26,7 @@ from harness.night.together import Together, attempted
 from harness.results.change_points import NightValue
 from harness.results.history import History
 from harness.results.night import BegunStage, Case, DoneUnit, Night
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.trend import MOST_NIGHTS, Cell, ChangedCell, changes_of_the_last, comparable
 from harness.storage import sources_digest
 from harness.study import Part

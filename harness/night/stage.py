@@ -10,7 +10,7 @@ from typing import Any
 from harness.library import Library
 from harness.results.change_points import NightValue
 from harness.results.night import FAILED, Case, NightSettings
-from harness.results.records import StudyResult
+from harness.results.run import StudyResult
 from harness.results.trend import Cell
 from harness.study import Study
 from harness.workers import Workers

@@ -12,7 +12,7 @@ from typing import TypeVar
 from harness.errors import InvalidInput, InvalidRequest
 from harness.night.answered import Answered
 from harness.night.stage import Steps, UnitFound
-from harness.results.records import StudyResult
+from harness.results.run import StudyResult
 from harness.study import Part, sentence
 from harness.workers import Outcome, Task, Workers
 

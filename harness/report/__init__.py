@@ -31,7 +31,7 @@ from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark
 from harness.results.cross_check import CrossCheckResult
 from harness.results.plain_json import dumps, to_json
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.site import schema
 from harness.storage import write_atomically
 

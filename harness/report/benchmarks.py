@@ -26,7 +26,7 @@ from harness.results.benchmark import (
     Stationarity,
 )
 from harness.results.pareto import error_of, way_of, with_cheapest
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, plural, seconds_text
 from harness.results.trend import Trend, comparable, readings_of_costs, trends
 

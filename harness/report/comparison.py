@@ -16,7 +16,7 @@ from harness.results.detail import Detail
 from harness.results.gap import Gaps
 from harness.results.pair_conclusion import conclusions
 from harness.results.readings import MOST_LINES, by_effect, lines_text, reading_line
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.switched_on import switched_on_text, with_those_on
 from harness.results.table import Table, TableOf, counted, error_text, grouped, markdown_cell
 from harness.verdict import AGREEMENT

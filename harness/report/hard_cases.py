@@ -11,7 +11,7 @@ from statistics import median
 from harness.results.atlas import Atlas, HardReason, HardRow, Parting, StableStep
 from harness.results.check_conclusion import MOST_ROWS
 from harness.results.detail import Detail
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, seconds_text
 from harness.verdict import SEVERITY, Verdict, gravest
 

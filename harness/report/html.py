@@ -24,7 +24,8 @@ from harness.report.markup import equations, picture, tint, tints
 from harness.report.site_counts import badge_text, error_of
 from harness.report.summary import changes_table, state_lines, states_of
 from harness.results.pareto import acceleration_front, motion_front, way_of
-from harness.results.records import Record, changed_versions
+from harness.results.records import Record
+from harness.results.run import changed_versions
 from harness.results.site import SiteCount
 from harness.results.table import Table, counted, error_text, seconds_text
 from harness.verdict import AGREEMENT, Verdict

@@ -11,7 +11,7 @@ from lxml import etree
 
 from harness.report.markdown import fenced
 from harness.results.night import BROKEN, FAILED, LEFT_OUT, PASSED, Case, NewSince, Night, NightSettings, new_since
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.table import Column, Table, counted, grouped, markdown_line, printable
 from harness.results.trend import ChangedCell, trend_changes_table
 

@@ -22,7 +22,7 @@ from harness.results.comparison import FilesComparison, short_names
 from harness.results.cross_check import CrossCheckResult
 from harness.results.detail import Detail
 from harness.results.pareto import acceleration_front, motion_front, way_of
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.site import SiteRow
 from harness.results.table import Cell, Column, Table, counted, grouped
 from harness.verdict import DECLARED, SOFT

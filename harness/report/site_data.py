@@ -18,7 +18,8 @@ from harness.report.site_counts import engine_counts, feature_lines, pages_in, s
 from harness.report.summary import Summary
 from harness.results.comparison import FilesComparison, short_names
 from harness.results.readings import by_effect, explanation, names_of
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 from harness.results.site import Site, SiteCell, SiteChange, SiteColumn, SiteFinding, SiteRow, SiteTrend, Upstream, plain_number
 from harness.verdict import AGREEMENT, Verdict
 

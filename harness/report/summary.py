@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 from harness.errors import shown_path
 from harness.report.sparkline import NO_TREND, Sparkline
 from harness.results.plain_json import dumps
-from harness.results.records import Record, Records, Run, changed_versions
+from harness.results.records import Record, Records
+from harness.results.run import Run, changed_versions
 from harness.results.table import Table, counted, error_text, grouped
 from harness.results.trend import ChangedCell, Trend, comparable, readings_of_records, trends
 from harness.results.trend_numbers import TRACKED

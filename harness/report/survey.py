@@ -8,7 +8,7 @@ from harness.report.comparison import Section, rest
 from harness.report.sparkline import Sparkline
 from harness.results.comparison import FilesComparison, names_apart, short_names
 from harness.results.detail import Detail
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.survey_conclusion import changes, conclude_survey, is_agreed, outcome_text, trends
 from harness.results.table import Cell, Column, Table, counted
 

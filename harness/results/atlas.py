@@ -9,7 +9,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from harness.results.records import ACCELERATIONS, StudyResult, quantity_words
+from harness.results.records import ACCELERATIONS, quantity_words
+from harness.results.run import StudyResult
 from harness.results.table import Cell, Column
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from harness.results.records import StudyResult
+from harness.results.run import StudyResult
 from harness.results.table import Cell, Column, counted
 
 # How energy may wander over a long run, from the best to the worst.

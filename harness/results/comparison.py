@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar
 
 from harness.files.findings import Impossible, LeftOut
 from harness.results.readings import FELT, Effect, are_misread
-from harness.results.records import StudyResult
+from harness.results.run import StudyResult
 from harness.results.switched_on import SwitchedOnRecord
 from harness.results.table import Cell, Column, program_name
 from harness.verdict import Verdict

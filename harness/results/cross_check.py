@@ -11,7 +11,8 @@ from typing import Any
 from harness.results.check_conclusion import conclusion, was_compared, with_short_names
 from harness.results.detail import Detail
 from harness.results.hard_states import RankedCase
-from harness.results.records import ACCELERATIONS, Record, StudyResult
+from harness.results.records import ACCELERATIONS, Record
+from harness.results.run import StudyResult
 from harness.results.table import Column, Table, counted, plural
 
 SUPERFLUOUS = "superfluous part"

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from harness.results.detail import Detail, telling
 from harness.results.readings import share_text
-from harness.results.records import StudyResult
+from harness.results.run import StudyResult
 from harness.results.table import Column, Table
 
 DYNAMICS, INTEGRATOR, STEP = "dynamics", "integrator", "step length"

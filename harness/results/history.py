@@ -16,7 +16,7 @@ import msgspec
 
 from harness.errors import InvalidInput
 from harness.results.plain_json import dumps
-from harness.results.records import Run, StudyResult
+from harness.results.run import Run, StudyResult
 from harness.results.table import grouped
 
 _APPLICATION = 0x52424856

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
-from harness.results.records import Record, StudyResult, changed_versions
+from harness.results.records import Record
+from harness.results.run import StudyResult, changed_versions
 from harness.verdict import Verdict
 
 PASSED, FAILED, BROKEN, LEFT_OUT = "passed", "failed", "error", "skipped"

@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 
 
 def dumps(value: Any, indent: int | None = None) -> str:

@@ -243,7 +243,7 @@ class Site:
     """Everything that the pages tell.
 
     Attributes:
-        run: what was run, as of ``harness.results.records.Run``; versions: distribution to version; limit: backward error up to which
+        run: what was run, as of ``harness.results.run.Run``; versions: distribution to version; limit: backward error up to which
             an answer agrees [data roundoffs].
         cells: of accelerations; quantities: of other quantities.
         nights: study to the starts of its runs over which numbers have trends, oldest first, ISO 8601. trends: none of a single run.

@@ -22,7 +22,8 @@ from harness.results.benchmark import Benchmark
 from harness.results.change_points import Chart, NightValue
 from harness.results.pareto import way_of
 from harness.results.quantiles import BOUNDS_AT
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 from harness.results.table import Cell as TableCell
 from harness.results.table import Column, Table, TableOf, grouped
 from harness.results.trend_numbers import COST, MEDIAN, PERCENTILE_99, WORST, logarithm_of, number_of

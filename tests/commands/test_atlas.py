@@ -22,7 +22,7 @@ from harness.hard.motions import OSCILLATOR, STABILITY_LIMITS, hard_motions, par
 from harness.library import Library
 from harness.results.atlas import Atlas, HardPoint, HardRow, Parting, StableStep
 from harness.results.history import History
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.workers import Crash, Outcome, Task
 
 POINT = HardPoint(

@@ -31,7 +31,8 @@ from harness.results.benchmark import (
 )
 from harness.results.cross_check import CrossCheckResult
 from harness.results.pareto import acceleration_front, cheapest, front, motion_front
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 
 RUN = Run(
     started="2026-01-31T02:00:00+00:00", versions={"harness": "0.1.0", "mujoco": "4.0"}, machine={"cpus": "4"}, seed=7,

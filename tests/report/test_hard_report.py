@@ -17,7 +17,8 @@ from harness.report.markdown import VOLATILE
 from harness.results.atlas import Atlas, HardPoint, HardReason, HardRow, Parting, StableStep
 from harness.results.cross_check import CrossCheckResult
 from harness.results.hard_states import RankedCase
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 from harness.verdict import SEVERITY
 
 RUN = Run(

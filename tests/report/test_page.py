@@ -29,7 +29,8 @@ from harness.report.markup import equations, picture
 from harness.report.sparkline import Sparkline
 from harness.results.benchmark import Benchmark
 from harness.results.cross_check import CrossCheckResult, Picture, SuperfluousPart
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 
 SVG = (
     '<svg class="mechanism" viewBox="0 0 460 260" role="img"><title>Joints slide</title>'

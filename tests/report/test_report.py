@@ -24,7 +24,8 @@ from harness.report.html import left_out
 from harness.report.markdown import MOST_LINES, VOLATILE
 from harness.report.markup import equations
 from harness.results.cross_check import Cause, CrossCheckResult, HeldDifference, SuperfluousPart, SystemCard
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 from harness.results.trend import changes, readings_of_records
 from harness.verdict import Verdict
 

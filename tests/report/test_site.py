@@ -34,7 +34,8 @@ from harness.results.atlas import Atlas
 from harness.results.benchmark import Benchmark, EngineFinding
 from harness.results.comparison import FilesComparison
 from harness.results.cross_check import CrossCheckResult
-from harness.results.records import Record, Run
+from harness.results.records import Record
+from harness.results.run import Run
 from harness.results.site import Site, SiteCount, schema
 
 PACKAGE = Path(__file__).resolve().parents[2] / "harness"

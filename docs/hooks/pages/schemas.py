@@ -10,7 +10,7 @@ import msgspec
 
 from harness.diagnosis.faults.summary import Campaign
 from harness.results import atlas, benchmark, comparison, cross_check, gap, night
-from harness.results.records import Run
+from harness.results.run import Run
 from harness.results.site import Site
 from pages.made import Made, literal, table
 

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from harness.library import Library
     from harness.results.history import History
     from harness.results.plain_json import JsonDocument
-    from harness.results.records import Record, Run, StudyResult
+    from harness.results.records import Record
+    from harness.results.run import Run, StudyResult
     from harness.study import Study
     from harness.workers import Scheduler, SchedulerLost, Workers
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from harness.report import Survey
     from harness.report.comparison import Section
     from harness.results.history import History
-    from harness.results.records import Run
+    from harness.results.run import Run
     from harness.study import Study
 
 

@@ -17,7 +17,8 @@ import click
 from harness.results.check_conclusion import engine_lines, first_rows, was_compared
 from harness.results.cross_check import SUPERFLUOUS
 from harness.results.detail import Detail
-from harness.results.records import Record, Records, Run
+from harness.results.records import Record, Records
+from harness.results.run import Run
 from harness.results.table import Table, counted, grouped, printable
 from harness.verdict import AGREEMENT, Verdict
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY
 from harness.files.text.scan import TextPlace
-from harness.results.records import StudyResult
+from harness.results.run import StudyResult
 
 # Share of the faults that a diagnosis names first, or in its class.
 MUST_BE_NAMED = 0.95
