@@ -69,7 +69,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     from harness.truth.quantities import require_quantity
 
     require_quantity(asked.quantity)
-    bracket.choose_library([asked.name])
+    bracket.choose_library([asked.name], drives=True)
     if quantity_words(asked.quantity):
         refuse_robots(bracket.library, asked.name, asked.quantity)
         if asked.evaluations is not None:

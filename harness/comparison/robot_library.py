@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from harness.engines import (
     Engine,
@@ -25,14 +25,17 @@ from harness.engines import (
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest, not_installed
 from harness.explain.meant import joints_without_inertia, request_of, undetermined, why_unmoved
+from harness.files.findings import ACTUATORS
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.library import ROBOTS, Library, Stance, is_file
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
 from harness.results.comparison import fixed_base, names_apart
+from harness.results.switched_on import SwitchedOnPart, stays_off
+from harness.results.table import joined, counted_nouns
 from harness.trees.mechanism import mechanism_of
-from harness.trees.robot import Robot, read_robot
+from harness.trees.robot import Robot, read_robot, with_actuators
 
 
 def engine_of(name: str) -> Engine:
@@ -84,6 +87,7 @@ class RobotLibrary(Library):
 
     Attributes:
         formats: {path as it was given: "urdf" or "mjcf"}. floating_base: whether a free joint is put under the roots of URDFs.
+        drives: whether the actuators of a file that are read act.
     """
 
     kinds: tuple[str, ...] = (ROBOTS,)
@@ -91,6 +95,7 @@ class RobotLibrary(Library):
     formats: Mapping[str, str] = field(default_factory=dict, hash=False)
     floating_base: bool = False
     stance: Stance = Stance.PLAIN
+    drives: bool = False
 
     @classmethod
     def without_files(cls) -> Self:
@@ -99,8 +104,10 @@ class RobotLibrary(Library):
         return cls("robots", folder, folder, folder, folder / "expected_verdicts.toml", folder / "hard_states")
 
     @classmethod
-    def of(cls, paths: Iterable[str], floating_base: bool = False, stance: Stance = Stance.PLAIN, anywhere: bool = False) -> RobotLibrary:
+    def of(cls, paths: Iterable[str], anywhere: bool = False, **about: Any) -> RobotLibrary:
         """The library of the files at ``paths``; of those ``anywhere`` nothing is expected, and no state is stored.
+
+        ``about`` has other attributes: ``floating_base``, ``stance``, ``drives``.
 
         Raises:
             InvalidModel: a file cannot be read, or is no robot.
@@ -109,7 +116,7 @@ class RobotLibrary(Library):
         formats = {path: format_of(Path(path)) for path in dict.fromkeys(paths)}
         folders = {Path(path).resolve().parent: Path(path).parent for path in formats}
         if anywhere:
-            return replace(cls.without_files(), name=_title(formats), formats=formats, floating_base=floating_base, stance=stance)
+            return replace(cls.without_files(), name=_title(formats), formats=formats, **about)
         if len(folders) > 1:
             where = ", ".join(str(folder) for folder in folders.values())
             raise InvalidRequest(
@@ -124,8 +131,7 @@ class RobotLibrary(Library):
             expected_verdicts=folder / "expected_verdicts.toml",
             hard_states=folder / "hard_states",
             formats=formats,
-            floating_base=floating_base,
-            stance=stance,
+            **about,
         )
 
     def system_names(self) -> list[str]:
@@ -172,12 +178,32 @@ class RobotLibrary(Library):
             if subject.format == model_format
         ]
 
+    def on_and_off(self) -> list[str]:
+        """The actuators that act in accelerations, and what of each file is off."""
+        names, found = names_apart(self.formats), []
+        for path in self.formats:
+            robot = self._read(path)
+            if robot is None:
+                continue
+            driven = [one for one in robot.actuators if self.drives and not one.why_not]
+            parts = [SwitchedOnPart(what=ACTUATORS, kind=one.kind, line=one.line, why_not=one.why_not) for one in robot.actuators]
+            off = stays_off(robot.left_out, parts if driven else [])
+            on = [f"{counted_nouns(len(driven), ACTUATORS)} on"] if driven else []
+            said = "; ".join([*on, *([f"off: {joined(off)}"] if off else [])])
+            found.append(f"{names[path]}: {said}" if len(self.formats) > 1 else said[:1].upper() + said[1:])
+        return list(filter(None, found))
+
     def _trunk(self, path: str) -> str:
-        """See ``Robot.trunk_on_the_world``; of a file that cannot be read without its meshes, "" too."""
+        """See ``Robot.trunk_on_the_world``."""
+        robot = self._read(path)
+        return "" if robot is None else robot.trunk_on_the_world
+
+    def _read(self, path: str) -> Robot | None:
+        """The robot; None of a file that cannot be read, or not without its meshes."""
         try:
-            return read_robot(Path(path), floating_base=self.floating_base).trunk_on_the_world
+            return read_robot(Path(path), floating_base=self.floating_base)
         except (InvalidModel, OSError, ValueError):
-            return ""
+            return None
 
     def own_mechanism(self, name: str) -> Mechanism:
         """The mechanism of a robot's file.
@@ -191,6 +217,8 @@ class RobotLibrary(Library):
         if why := undetermined(robot):
             place = joints_without_inertia(robot.tree)[0].place
             raise InvalidModel(robot.path, place.line if place else None, f"{why}; give what it carries a mass, or fix the joint")
+        if self.drives:
+            robot = with_actuators(robot, (one.number for one in robot.actuators if not one.why_not))
         digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
         return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, self.stance))
 
@@ -199,8 +227,10 @@ def _title(paths: Iterable[str]) -> str:
     return ", ".join(Path(path).name for path in paths)
 
 
-def resolved(library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False) -> Library:
-    """The library that ``names`` are of: that of robots' files where they are files, else ``library``.
+def resolved(
+    library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False, drives: bool = False
+) -> Library:
+    """The library that ``names`` are of: that of robots' files where they are files, else ``library``; ``drives`` as of ``RobotLibrary``.
 
     Raises:
         InvalidModel: a file cannot be read, or is no robot.
@@ -217,4 +247,4 @@ def resolved(library: Library, names: Sequence[str], floating_base: bool = False
         raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")
     if library != Library.built_in():
         raise InvalidRequest(f"{files[0]} is a robot's file, which no library has to do with; leave --library {library.name} out")
-    return RobotLibrary.of(files, floating_base, Stance.AIDED if aided else Stance.PLAIN, anywhere)
+    return RobotLibrary.of(files, anywhere, floating_base=floating_base, stance=Stance.AIDED if aided else Stance.PLAIN, drives=drives)

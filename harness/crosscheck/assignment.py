@@ -64,6 +64,11 @@ class Assignment:
         model = None if subject.format == EQUATIONS or file is None else read_model(file, subject.format)
         return cls(library, subject, load_mechanism(library, name), model, name)
 
+    def about(self, quantity: str) -> Assignment:
+        """The same about another quantity: where actuators act, accelerations alone are asked for with them."""
+        mechanism = self.mechanism if find_quantities()[quantity].is_default else self.mechanism.smooth
+        return replace(self, quantity=quantity, mechanism=mechanism)
+
     @property
     def as_read(self) -> Assignment:
         """The same about the mechanism that the engine computes with, whose states ``into`` gives: of a user's file what its reader has.

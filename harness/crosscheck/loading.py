@@ -84,7 +84,7 @@ def assign(settings: Settings, expectations: Expectations, system: SystemProgres
     elif file.elsewhere and (reason := file.too_old(file.version, pair.subject.format)):
         pair.fail(reason, unsupported=True)
     else:
-        pair.assignment = Assignment(settings.library, pair.subject, mechanism, model, system.name, pair.quantity)
+        pair.assignment = Assignment(settings.library, pair.subject, mechanism, model, system.name).about(pair.quantity)
 
 
 def batches_of(settings: Settings, system: SystemProgress, mechanism: Mechanism, sampled: int) -> Iterator[States]:

@@ -47,7 +47,7 @@ def examine(
     Raises:
         InvalidInput: the system or its model cannot be used. harness.engines.Unsupported: the engine cannot express it.
     """
-    assignment = replace(Assignment.of(library, name, subject, stand_in), quantity=scope.quantity)
+    assignment = Assignment.of(library, name, subject, stand_in).about(scope.quantity)
     return diagnose_subject(assignment, scope, note) if assignment.asked.is_default else diagnose_blocks(assignment, scope.seed, note)
 
 

@@ -161,14 +161,16 @@ def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: 
 def accelerations(model: Model, states: States) -> Array:
     """The answer of ``model.forward_dynamics``, which may hold numbers that are not finite.
 
-    A model file says nothing of time; a model that is made of equations has ``takes_time = True`` and takes it last.
+    A model file says nothing of time; a model that is made of equations has ``takes_time = True`` and takes it last. One whose actuators
+    act has ``takes_driving = True``, and takes controls and activations last.
 
     Raises:
         InvalidAnswer: it is no (n, nv) array of floating-point numbers.
     """
     v = states.v
     time = (states.time,) if getattr(model, "takes_time", False) else ()
-    return answer_of(model, "forward_dynamics", (states.q, v, states.tau, *time), v.shape)
+    driving = (states.control, states.activation) if getattr(model, "takes_driving", False) else ()
+    return answer_of(model, "forward_dynamics", (states.q, v, states.tau, *time, *driving), v.shape)
 
 
 def factorises_mass_matrix(model: Model) -> bool:

@@ -159,8 +159,7 @@ class Engine:
         with KeptArithmetic() as arithmetic:
             try:
                 loaded = self.read(question.request)
-                ask = loaded.driven_dynamics if question.driving else loaded.forward_dynamics
-                found = ask(question.q, question.v, question.tau, *question.driving)
+                found = loaded.answered(question.q, question.v, question.tau, *question.driving)
             except Refused as refusal:
                 return EngineAnswers(refusal=str(refusal))
         if arithmetic.left:

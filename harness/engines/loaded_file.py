@@ -41,6 +41,10 @@ class LoadedFile:
         self.couplings = None if couplings is None else couplings[self.v_columns]
         self.joints = self.found if couplings is None else request.leaders
 
+    def answered(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        """Accelerations as the request asks for them, with its actuators or without; raises Refused as ``driven_dynamics``."""
+        return self.driven_dynamics(q, v, tau, *driving) if self.request.driven else self.forward_dynamics(q, v, tau)
+
     def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
         """``forward_dynamics`` with the actuators of the request at controls and activations; ``driving``: as of ``EngineQuestion``.
 
@@ -148,12 +152,14 @@ class FileModel:
     """A user's file as a model; q, v and tau are over the joints that move by themselves, in the order of the request.
 
     Attributes:
+        takes_driving: whether actuators act, so that ``forward_dynamics`` takes controls and activations too.
         is_coupled: whether joints that mimic others are eliminated from the engine's M and forces.
         factorises_mass_matrix: whether M is factorised, by the engine or for that.
     """
 
     def __init__(self, loaded: LoadedFile, factorises: bool) -> None:
         self.request, self.loaded_file = loaded.request, loaded
+        self.takes_driving = bool(self.request.driven)
         self.is_coupled = loaded.couplings is not None
         self.factorises_mass_matrix = factorises or self.is_coupled
         ends = np.cumsum([0, *(len(joint.velocities) for joint in loaded.joints)])
@@ -163,9 +169,9 @@ class FileModel:
     def loaded(self) -> None:
         """Nothing to audit: the file itself is what the engine is held against."""
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
         try:
-            found = self.loaded_file.forward_dynamics(*self.request.spread(q, v, tau))
+            found = self.loaded_file.answered(*self.request.spread(q, v, tau), *driving)
         except Refused as refusal:
             raise Unsupported(f"the engine refuses what the file holds: {refusal}") from refusal
         return self.ordered(found)

@@ -158,6 +158,11 @@ class Request:
     held: Held | None = None
 
     @property
+    def driven(self) -> tuple[int, ...]:
+        """The numbers of the actuators that act."""
+        return () if self.held is None else self.held.actuators
+
+    @property
     def content(self) -> bytes:
         """What is read."""
         return self.path.read_bytes() if self.text is None else self.text.encode()

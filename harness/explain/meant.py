@@ -146,7 +146,10 @@ def joints_without_inertia(tree: Tree) -> list[Joint]:
 
 
 def request_of(robot: Robot, stance: Stance, read: Robot | None = None) -> Request:
-    """File for a plain or aided engine to load; ``read``: the robot as its reader has it, for whose joints it is asked."""
+    """File for a plain or aided engine to load, with the actuators that act in the tree, or in that of ``read``.
+
+    ``read``: the robot as its reader has it, for whose joints it is asked.
+    """
     # One that eliminates joints that mimic is asked about those too.
     follows = any(joint.follows for joint in robot.tree.joints)
     joints, moving = asked_joints(robot.tree, None if follows else robot.joints), robot.joints
@@ -157,7 +160,16 @@ def request_of(robot: Robot, stance: Stance, read: Robot | None = None) -> Reque
     aid = aid_of(robot.tree, joints) if stance == Stance.AIDED else None
     if aid is not None and robot.format == "urdf":
         aid = replace(aid, inertias=inertias_of(robot.tree))
-    return Request(path=robot.path, format=robot.format, joints=joints, moving=moving, floating_base=robot.floating_base, aid=aid)
+    actuators = tuple(one.number for one in (read or robot).tree.actuators)
+    return Request(
+        path=robot.path,
+        format=robot.format,
+        joints=joints,
+        moving=moving,
+        floating_base=robot.floating_base,
+        aid=aid,
+        held=Held((), (), actuators=actuators) if actuators else None,
+    )
 
 
 def _following(joint: AskedJoint, other: AskedJoint) -> AskedJoint:
@@ -166,11 +178,11 @@ def _following(joint: AskedJoint, other: AskedJoint) -> AskedJoint:
 
 
 def question_of(found: Meant, stance: Stance, held: Held | None = None) -> EngineQuestion:
-    """Question to a plain or aided engine about a file, with the equalities that it is to hold and the actuators that act."""
-    asked = replace(request_of(found.robot, stance), held=held)
+    """Question to a plain or aided engine about a file; ``held``: what acts, by default the actuators of the tree."""
+    asked = request_of(found.robot, stance)
+    asked = asked if held is None else replace(asked, held=held)
     states = spread(found.robot, found.states, asked.joints)
-    driving = (states.control, states.activation) if held is not None and held.actuators else ()
-    return EngineQuestion(asked, states.q, states.v, states.tau, driving)
+    return EngineQuestion(asked, states.q, states.v, states.tau, (states.control, states.activation) if asked.driven else ())
 
 
 def spread(robot: Robot, states: States, joints: Sequence[AskedJoint]) -> States:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from operator import attrgetter
 from typing import Any
@@ -249,7 +249,7 @@ def read(library: Library, name: str, subjects: Sequence[Subject], quantity: str
         InvalidInput: the system or its model cannot be used.
     """
     load_mechanism(library, name)
-    return [replace(Assignment.of(library, name, subject), quantity=quantity) for subject in subjects]
+    return [Assignment.of(library, name, subject).about(quantity) for subject in subjects]
 
 
 def examine(assignment: Assignment, states: States, note: Note) -> list[tuple[FoundState, str]]:

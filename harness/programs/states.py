@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,10 +30,22 @@ class States(Rows):
     activation: Array = field(default_factory=no_columns)
 
     @classmethod
-    def at(cls, q: Any, v: Any, tau: Any, time: Any = None) -> States:
+    def at(cls, q: Any, v: Any, tau: Any, time: Any = None, control: Any = None, activation: Any = None) -> States:
         """States from anything array-like; one state may be given by flat sequences."""
         q, v, tau = (np.ascontiguousarray(np.atleast_2d(np.asarray(part, dtype=np.float64))) for part in (q, v, tau))
-        return cls(q, v, tau, np.zeros(len(q)) if time is None else np.atleast_1d(np.asarray(time, dtype=np.float64)))
+        driving = (np.empty((len(q), 0)) if part is None else np.atleast_2d(np.asarray(part, float)) for part in (control, activation))
+        return cls(q, v, tau, np.zeros(len(q)) if time is None else np.atleast_1d(np.asarray(time, dtype=np.float64)), *driving)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[States]) -> States:
+        """The states of all parts, in order; what some of them do not drive has control and activation 0 there."""
+        widths = {name: max(getattr(part, name).shape[1] for part in parts) for name in ("control", "activation")}
+        return super().concatenate([replace(part, **{name: part.driving(name, width) for name, width in widths.items()}) for part in parts])
+
+    def driving(self, name: str, width: int) -> Array:
+        """(n, width) control or activation."""
+        given = getattr(self, name)[:, :width]
+        return np.hstack([given, np.zeros((len(self), width - given.shape[1]))])
 
     @property
     def known(self) -> Array:

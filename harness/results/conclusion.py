@@ -13,7 +13,7 @@ from typing import TypeVar
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord, names_apart
 from harness.results.detail import Detail
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_of_qdd, share_text
-from harness.results.switched_on import SwitchedOnRecord, stays_off, switched_on_sentences
+from harness.results.switched_on import SwitchedOnRecord, parts_of_judged_kinds, stays_off, switched_on_sentences
 from harness.results.table import Table, counted, error_text, grouped, joined
 from harness.verdict import AGREEMENT, Verdict
 
@@ -62,7 +62,7 @@ def _told(found: FilesComparison, file: FileRecord, detail: Detail, most: int) -
     on, left = switched_on_sentences(held, MOST_REASONS)
     reasons = [*(_of_reading(one) for one in _of_what_is_on(held)), *filter(None, (_reason(one, file) for one in subjects))]
     answers = [*on, f"{'With all of it off ' if on else ''}{_who_agrees(subjects)}"]
-    off = stays_off(file.left_out, held)
+    off = stays_off(file.left_out, parts_of_judged_kinds(held))
     sentences = [*answers, *([f"Off: {joined(off)}"] if off else []), *_with_remedy(reasons[:MOST_REASONS])]
     rows = [*_rows(found.of(file.path), held, file, detail), *left, *_facts(file, held, detail)]
     shown, others = at_most(rows, detail, most) if most else ([], "")

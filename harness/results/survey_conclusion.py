@@ -9,7 +9,7 @@ from harness.results.comparison import FileRecord, FilesComparison, PairRecord, 
 from harness.results.conclusion import Conclusion
 from harness.results.pair_conclusion import conclude_pair
 from harness.results.readings import MOST_IN_CELL, explanation, names_of, share_text
-from harness.results.switched_on import names_off
+from harness.results.switched_on import names_off, parts_of_judged_kinds
 from harness.results.table import counted, first_of, grouped, joined
 from harness.verdict import Verdict
 
@@ -45,8 +45,8 @@ def _switched_on(found: FilesComparison) -> Iterator[str]:
         agreeing = sum(one.explained and not (one.departures or one.stops_early) for one in held)
         moved = len({one.path for one in held if (one.together or 0.0) > MOVED})
         by = f"they move qdd by more than {share_text(MOVED)} on {counted(moved, 'robot')}"
-        yield f"With {whats} on, {agreeing} of {len(held)} answers agree with what the engine documents; {by}"
-    off = Counter(what for file in found.files for what in names_off(file.left_out, found.switched_on_of(file.path)))
+        yield f"With {whats} on, {agreeing} of {len(held)} answers agree with the documentation of the engine; {by}"
+    off = Counter(what for file in found.files for what in names_off(file.left_out, parts_of_judged_kinds(found.switched_on_of(file.path))))
     if off:
         yield f"Off: {', '.join(f'{what} ({count})' for what, count in off.most_common())}"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from harness.files.findings import SWITCHED_OFF, LeftOut
@@ -102,8 +102,8 @@ class SwitchedOnRecord:
         return not self.explained or bool(self.departures or names_of(self.readings)) or (self.together or 0.0) > FELT
 
 
-def switched_on_text(record: SwitchedOnRecord) -> str:
-    """What an engine answers with all on that is judged, a clause behind its name."""
+def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
+    """What an engine answers with all on that is judged, a clause behind its name, or behind those of ``many`` that answer alike."""
     if not record.verdict:
         return "; ".join(filter(None, [record.message, explanation(record.readings)])) or "is not judged"
     remedy = f": {record.remedy}" if record.remedy else ""
@@ -114,10 +114,12 @@ def switched_on_text(record: SwitchedOnRecord) -> str:
         others = "".join(f", and {one.name} {share_text(one.size)}" for one in more)
         moved = f"by {share_of_qdd(share_text(first.size))} ({first.concerned(FEW_LINES)}{others})"
         return f"{DEPARTS} {moved}. {first.sentence}: {first.remedy}"
-    verb = "agrees with" if record.explained else f"is {error_text(record.backward_error)} data roundoffs away from"
+    agree, are, their = ("agree", "are", "their") if many else ("agrees", "is", "its")
+    verb = f"{agree} with" if record.explained else f"{are} {error_text(record.backward_error)} data roundoffs away from"
+    what = f"the file as {their} readings have it" if names_of(record.readings) else f"{their} documentation"
     without = f"without {'it' if record.is_single else 'them'}"
     moved = f", {share_of_qdd(share_text(record.together))} away from the file {without}" if record.together else ""
-    return f"{verb} what it documents{moved}{remedy}"
+    return f"{verb} {what}{moved}{remedy}"
 
 
 def switched_on_sentences(records: Sequence[SwitchedOnRecord], most: int) -> tuple[list[str], list[str]]:
@@ -126,8 +128,8 @@ def switched_on_sentences(records: Sequence[SwitchedOnRecord], most: int) -> tup
     At most so many sentences; engines of which the same is to be said have one.
     """
     told = sorted((one for one in records if one.verdict or not one.explained), key=lambda one: one.explained)
-    said = grouped((f"{with_those_on(one)}{{}} {switched_on_text(one)}", one) for one in told)
-    sentences = [text.format(joined([one.program for one in own])) for text, own in said.items()]
+    said = grouped(((with_those_on(one), switched_on_text(one)), one) for one in told)
+    sentences = [f"{on}{joined([one.program for one in own])} {switched_on_text(own[0], len(own) > 1)}" for (on, _), own in said.items()]
     felt = [any(one.is_felt for one in own) for own in said.values()]
     shown = [one for one, is_felt in zip(sentences, felt, strict=True) if is_felt][:most]
     rest = [f"{one.program}: {sentence}" for one in told for sentence in one.rest]
@@ -139,23 +141,31 @@ def with_those_on(record: SwitchedOnRecord) -> str:
     return f"With the file's {record.named} on " if record.named else ""
 
 
-def stays_off(left_out: Sequence[LeftOut], records: Sequence[SwitchedOnRecord]) -> list[str]:
-    """What of a file that would move it is off in every answer; of what is judged in part, with lines and reason."""
-    refused = grouped(((part.what, part.why_not), part.line) for part in _refused(records))
+def stays_off(left_out: Sequence[LeftOut], judged: Sequence[SwitchedOnPart]) -> list[str]:
+    """What of a file that would move it is off in every answer; of what is judged in part, with lines and reason.
+
+    ``judged``: the elements of all kinds of which some are judged.
+    """
+    refused = grouped(((part.what, part.why_not), part.line) for part in _refused(judged))
     lines = {key: list(dict.fromkeys(own)) for key, own in refused.items()}
     parts = [f"{counted_nouns(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
-    return [*_whole_kinds(left_out, records), *parts]
+    return [*_whole_kinds(left_out, judged), *parts]
 
 
-def names_off(left_out: Sequence[LeftOut], records: Sequence[SwitchedOnRecord]) -> list[str]:
+def names_off(left_out: Sequence[LeftOut], judged: Sequence[SwitchedOnPart]) -> list[str]:
     """The same without lines and reasons."""
-    return [*_whole_kinds(left_out, records), *dict.fromkeys(f"some {part.what}" for part in _refused(records))]
+    return [*_whole_kinds(left_out, judged), *dict.fromkeys(f"some {part.what}" for part in _refused(judged))]
 
 
-def _whole_kinds(left_out: Sequence[LeftOut], records: Sequence[SwitchedOnRecord]) -> list[str]:
-    judged = {what for record in records for what in record.judged}
-    return [part.what for part in left_out if part.bears_on_motion and part.what not in judged]
+def parts_of_judged_kinds(records: Iterable[SwitchedOnRecord]) -> list[SwitchedOnPart]:
+    """The elements of the kinds that each answer is judged with."""
+    return [part for record in records for part in record.parts if part.what in record.judged]
 
 
-def _refused(records: Sequence[SwitchedOnRecord]) -> list[SwitchedOnPart]:
-    return [part for one in records for part in one.parts if part.what in one.judged and part.why_not not in ("", SWITCHED_OFF)]
+def _whole_kinds(left_out: Sequence[LeftOut], judged: Sequence[SwitchedOnPart]) -> list[str]:
+    kinds = {part.what for part in judged}
+    return [part.what for part in left_out if part.bears_on_motion and part.what not in kinds]
+
+
+def _refused(judged: Sequence[SwitchedOnPart]) -> list[SwitchedOnPart]:
+    return [part for part in judged if part.why_not not in ("", SWITCHED_OFF)]

@@ -10,6 +10,7 @@ determine.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import time
@@ -34,7 +35,7 @@ from harness.programs.states import DEFAULT_RATES, States
 from harness.trees.bodies.spatial import FileProgram, parameter_name
 from harness.trees.nodes import kinematics
 from harness.trees.recursion import actuated_program, recursion_program
-from harness.trees.robot import Robot, tree_of
+from harness.trees.robot import Robot, tree_of, with_actuators
 from harness.trees.rows import Row, equations_of_rows, rows_in, rows_of, untied
 from harness.trees.world_motion import World, in_world
 
@@ -60,6 +61,14 @@ class RobotMechanism(Mechanism):
     digest: str = ""
     request: Any = None
     reader: str = ""
+
+    @functools.cached_property
+    def smooth(self) -> RobotMechanism:
+        """The same without its actuators, for which quantities other than accelerations are asked."""
+        if self.actuation is None:
+            return self
+        request = None if self.request is None else replace(self.request, held=None)
+        return replace(mechanism_of(with_actuators(self.robot, ())), name=self.name, digest=self.digest, request=request)
 
     @property
     def handed_to_engines(self) -> Any:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,8 @@ __all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "robot_of", "tree_of"
 # M of more has some hundred thousand entries, and its inverse takes minutes to certify.
 MOST_DEGREES_OF_FREEDOM = 500
 _BITS = 192
+# mjMINVAL, of the square of what an actuator of force 1 does to a coordinate.
+_LEAST_MOMENT = 1e-15
 # What bodies of robots that float are called, and how many limbs such a robot has at least.
 _FOOT = re.compile(r"(foot|feet|toe|ankle|sole|calf|shank)(?![a-z])", re.IGNORECASE)
 _FINGER = re.compile(r"finger|thumb|gripper", re.IGNORECASE)
@@ -218,34 +220,43 @@ def with_spring_dampers(tree: Tree, asked: SpringDampers) -> Tree:
 
 
 def with_actuators(robot: Robot, numbers: Iterable[int]) -> Robot:
-    """The robot on which the actuators of these numbers act; damping that follows from an inertia is rounded to float64.
+    """The robot on which the actuators of these numbers act, servos with a ratio of damping by ``inertia_at_actuator``."""
+    chosen = [robot.actuators[number] for number in numbers]
+    acting = tuple(damped_by_ratio(robot.tree, one, inertia_at_actuator) if one.damping_ratio else one for one in chosen)
+    return replace(robot, tree=replace(robot.tree, actuators=acting, force_limits=robot.force_limits if acting else ()))
 
-    The damping of a servo of ratio z is 2 z sqrt(kp m), with m = 1 / (J M^-1 J') at the reference.
+
+def damped_by_ratio(tree: Tree, actuator: Actuator, inertia: Callable[[Any, Any], Any]) -> Actuator:
+    """A servo of ratio z with the damping 2 z sqrt(kp m), rounded to float64, m by ``inertia`` of M and J (nv, 1), balls at the reference.
+
     Source: MuJoCo documentation, XML reference, ``actuator/position``, dampratio.
     """
     import flint
 
-    chosen = [robot.actuators[number] for number in numbers]
-    if any(one.damping_ratio for one in chosen):
-        with flint.ctx.workprec(_BITS):
-            chosen = [_damped(robot.tree, one) if one.damping_ratio else one for one in chosen]
-    return replace(robot, tree=replace(robot.tree, actuators=tuple(chosen), force_limits=robot.force_limits if chosen else ()))
-
-
-def _damped(tree: Tree, actuator: Actuator) -> Actuator:
-    import flint
-
-    nodes = standing(tree)
-    outputs = {"mass": recursion.mass_matrix(nodes), "moment": moment_of(nodes, actuator, recursion.generalised)}
-    values = nodes.builder.evaluated(outputs, _BITS)
-    moment = flint.arb_mat([[value] for value in values["moment"]])
-    mobility = (moment.transpose() * mass_matrix(values["mass"], nodes.nv).inv() * moment)[0, 0]
-    (sign, stiffness), ratio = actuator.gain[0], flint.arb(float(actuator.damping_ratio))
-    # What drives nothing needs no damping.
-    damping = 2 * ratio * (sign * float(stiffness) / mobility).sqrt() if mobility != 0 else flint.arb(0)
+    with flint.ctx.workprec(_BITS):
+        nodes = standing(tree)
+        outputs = {"mass": recursion.mass_matrix(nodes), "moment": moment_of(nodes, actuator, recursion.generalised)}
+        values = nodes.builder.evaluated(outputs, _BITS)
+        moment = flint.arb_mat([[value] for value in values["moment"]])
+        (sign, stiffness), ratio = actuator.gain[0], flint.arb(float(actuator.damping_ratio))
+        damping = 2 * ratio * (sign * float(stiffness) * inertia(mass_matrix(values["mass"], nodes.nv), moment)).sqrt()
     assert actuator.place is not None
     own = Given(float(damping), actuator.place, f"damping of actuator {actuator.number} by dampratio")
     return replace(actuator, bias=(*actuator.bias[:2], (-1, own)))
+
+
+def inertia_at_actuator(mass: Any, moment: Any) -> Any:
+    """1 / (J M^-1 J'); 0 of what drives nothing, which needs no damping."""
+    mobility = (moment.transpose() * mass.inv() * moment)[0, 0]
+    return 1 / mobility if mobility != 0 else mobility
+
+
+def inertia_by_coordinates(mass: Any, moment: Any) -> Any:
+    """sum M_jj / J_j^2 over the coordinates that are driven."""
+    import flint
+
+    driven = [column for column in range(mass.nrows()) if moment[column, 0] ** 2 > _LEAST_MOMENT]
+    return sum((mass[column, column] / moment[column, 0] ** 2 for column in driven), flint.arb(0))
 
 
 def _inertias(tree: Tree) -> dict[str, Any]:

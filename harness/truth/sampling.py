@@ -66,9 +66,9 @@ def kinds(count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 
 def on_manifold(mechanism: Mechanism, states: States) -> States:
-    """``harness.truth.manifold.closed``, of which nothing is imported for a tree."""
+    """``harness.truth.manifold.closed``, of which nothing is imported for a tree; with what drives the actuators that act."""
     if mechanism.constraints is None:
-        return states
+        return states if mechanism.actuation is None else mechanism.actuation.controlled(states)
     from harness.truth.manifold import closed
 
     return closed(mechanism, states)

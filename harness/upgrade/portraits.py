@@ -17,7 +17,7 @@ from harness.engines.interface import QUATERNION, CompiledNumber
 from harness.engines.request import Refused
 from harness.engines.tree_request import model_request
 from harness.explain.meant import meant, question_of
-from harness.files.findings import LeftOut
+from harness.files.findings import ACTUATORS, LeftOut
 from harness.library import Library
 from harness.results.readings import share_text
 from harness.results.table import error_text, grouped
@@ -65,11 +65,21 @@ def portray(library: Library, system: str, subject: Subject, seed: int, note: No
     numbers = _numbers_of(one)
     note(f"accelerations of {subject}")
     answered = _answers(one, seed) if robot is None else _answers_on_file(one, robot, seed)
-    found = Portrait(numbers, left_out=() if robot is None else tuple(part for part in robot.left_out if part.bears_on_motion))
+    found = Portrait(numbers, left_out=() if robot is None else tuple(_left_out(robot)))
     if answered is None:
         return found
     shares, roundoff = _in_metric(*answered)
     return replace(found, accelerations=shares, roundoff=roundoff)
+
+
+def _left_out(robot: Robot) -> Iterator[LeftOut]:
+    """What of a file that would move it is not asked about; of actuators that act, those that are not read."""
+    for part in robot.left_out:
+        lines = part.lines
+        if part.what == ACTUATORS and robot.tree.actuators:
+            lines = tuple(one.line for one in robot.actuators if one.why_not)
+        if part.bears_on_motion and lines:
+            yield replace(part, lines=lines)
 
 
 def _answers(one: Assignment, seed: int) -> tuple[Certified, Array] | None:

@@ -112,7 +112,7 @@ def test_what_is_switched_on_stands_in_the_first_sentence_where_it_is_felt() -> 
     wrong = SwitchedOnRecord(**about, verdict="disagrees", explained=False, backward_error=1e9, together=0.5)
     right = replace(wrong, verdict="agrees", explained=True, backward_error=2.0)
     still = replace(right, together=1e-15)
-    apart = "what it documents, 50 % of qdd away from the file without them. With all of it off MuJoCo agrees with the file"
+    apart = "its documentation, 50 % of qdd away from the file without them. With all of it off MuJoCo agrees with the file"
     for record, said in ((wrong, f"is 1.00e+09 data roundoffs away from {apart}"), (right, f"agrees with {apart}")):
         found = conclude(FilesComparison(files=[FILE], subjects=[AGREES], switched_on=[record]), FILE)
         assert found.sentence.startswith(f"r.urdf: With the file's 2 actuators on MuJoCo {said}")

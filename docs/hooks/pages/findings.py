@@ -130,7 +130,7 @@ def format_of(path: Path) -> str:
 
 def asked_version(reading: Reading) -> str:
     """The version that an example asks, where the newest no longer has the reading: the last before "<3.14"."""
-    older = {"<3.14": "@3.13.0", "<3.4": "@3.3.1", "<4": "@3.9.0"}
+    older = {"<3.14": "@3.13.0", "<3.15": "@3.13.0", "<3.4": "@3.3.1", "<4": "@3.9.0"}
     return older[reading.versions] if reading.versions else ""
 
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 # States at which quantities are compared that were not asked for by name.
 BRIEF_STATES = 16
+# Files of which the first sentence says what acts.
+MOST_SAID = 3
 
 
 def cross_check(
@@ -61,20 +63,21 @@ def cross_check(
     found.records.sort(key=lambda record: (record.system, record.subject, record.quantity))
     found.causes += causes_of(bracket, study)
     bracket.keep(CrossCheckResult(systems=found.systems, superfluous=found.superfluous, differs=found.differs, causes=found.causes))
-    further = {"summary": _sentence(found, quantities, robots), "causes": found.causes, "remarks": settings.library.remarks()}
+    further = {"summary": _sentence(study, quantities, robots), "causes": found.causes, "remarks": settings.library.remarks()}
     present: dict[str, Any] = {name: part for name, part in further.items() if part}
     present |= {"robots": vars(robots.result())} if robots else {}
     bracket.write_json(found.records, superfluous=found.superfluous, differs=found.differs, **present)
     return study
 
 
-def _sentence(found: CrossCheckResult, quantities: Sequence[str], robots: RobotComparison | None) -> str:
-    """The conclusion on mechanisms, and on the robots beside them."""
+def _sentence(study: CrossCheck, quantities: Sequence[str], robots: RobotComparison | None) -> str:
+    """The conclusion on mechanisms, or on files with what of them acts; and on the robots beside them."""
+    answer = study.result().conclusion(quantities)
     if robots is None:
-        return found.conclusion(quantities)
+        return " ".join([answer, *(f"{one}." for one in study.settings.library.on_and_off()[:MOST_SAID])])
     from harness.results.survey_conclusion import survey_summary
 
-    return f"{found.conclusion(quantities)} {survey_summary(robots.result())}"
+    return f"{answer} {survey_summary(robots.result())}"
 
 
 def _followed(bracket: Bracket, before: CrossCheck | None, study: CrossCheck) -> CrossCheck:
@@ -153,7 +156,7 @@ def finish(
     found = study.result()
     records = with_short_names(found.records)
     asked, others = ([one for one in records if (one.quantity in quantities) is named] for named in (True, False))
-    say(_sentence(found, quantities, robots), *Causes(with_short_names(found.causes)).told(), "")
+    say(_sentence(study, quantities, robots), *Causes(with_short_names(found.causes)).told(), "")
     shown = print_table(asked, bracket.run, bracket.detail)
     print_further_quantities(others)
     say(*study.settings.library.remarks())

@@ -164,6 +164,11 @@ class Mechanism:
     actuation: Any = None
 
     @property
+    def smooth(self) -> Mechanism:
+        """The same without actuators."""
+        return self
+
+    @property
     def handed_to_engines(self) -> Any:
         """The source for an engine that takes equations; of a user's file, the request to load it."""
         return self

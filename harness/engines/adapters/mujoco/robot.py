@@ -211,11 +211,13 @@ def switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
     Raises:
         ValueError: the compiled model has others.
     """
+    model.eq_active0[:] = 0
+    if not numbers:
+        return
     found = [mujoco.mjtEq(int(one)).name.removeprefix("mjEQ_").lower() for one in model.eq_type]
     wanted = [_TYPES.get(kind, kind) for kind in kinds]
     if found != wanted:
         raise ValueError(f"MuJoCo makes the equalities {', '.join(found) or 'none'} of the file's {', '.join(wanted)}")
-    model.eq_active0[:] = 0
     model.eq_active0[list(numbers)] = 1
 
 
