@@ -84,7 +84,8 @@ def _parse_state(text: str | None) -> Any:
     """One state from JSON.
 
     Raises:
-        click.BadParameter: it is not {"q": numbers, "v": numbers, "tau": numbers} of one length, with "time": [number] or without.
+        click.BadParameter: it is not {"q": numbers, "v": numbers, "tau": numbers} of one length, with "time": [number] or without, and with
+            "control" and "activation" or without.
     """
     if text is None:
         return None
@@ -92,9 +93,11 @@ def _parse_state(text: str | None) -> Any:
 
     try:
         data = json.loads(text)
-        parts = [[float(value) for value in part] for part in (data["q"], data["v"], data["tau"], data.get("time", [0.0]))]
+        read = (data["q"], data["v"], data["tau"], data.get("time", [0.0]), data.get("control", []), data.get("activation", []))
+        parts = [[float(value) for value in part] for part in read]
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise click.BadParameter('expected {"q": [...], "v": [...], "tau": [...]} with numbers', param_hint="--state") from error
+        expected = 'expected {"q": [...], "v": [...], "tau": [...]} with numbers, and "control", "activation" where actuators act'
+        raise click.BadParameter(expected, param_hint="--state") from error
     if not all(math.isfinite(value) for part in parts for value in part):
         raise click.BadParameter("every number must be finite", param_hint="--state")
     if len(parts[1]) != len(parts[2]) or len(parts[3]) != 1:

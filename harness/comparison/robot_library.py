@@ -33,7 +33,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
 from harness.results.comparison import fixed_base, names_apart
 from harness.results.switched_on import SwitchedOnPart, stays_off
-from harness.results.table import joined, counted_nouns
+from harness.results.table import counted_nouns, joined
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot, with_actuators
 

@@ -98,6 +98,11 @@ def batches_of(settings: Settings, system: SystemProgress, mechanism: Mechanism,
         if (state.q.shape[1], state.v.shape[1]) != (mechanism.nq, mechanism.nv):
             given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
             raise InvalidRequest(f"--state has {given}; {mechanism.name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
+        acting = 0 if mechanism.actuation is None else mechanism.actuation.controls
+        for name, driving in (("control", state.control), ("activation", state.activation)):
+            if driving.shape[1] not in (0, acting):
+                found = f"--state has {driving.shape[1]} numbers for {name}"
+                raise InvalidRequest(f"{found}; {mechanism.name} has {acting} actuators up to the last that is read, a number for each")
         return iter([state])
     sample = sample_in_blocks(mechanism, sampled, settings.seed)
     stored = stored_states(settings.library, mechanism)

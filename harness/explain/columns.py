@@ -208,7 +208,7 @@ def parameter_derivatives(kernel: ReferenceKernel, states: States, reference: Re
 
     Not a number at a state that is not certified.
     """
-    parameters = np.broadcast_to(np.array(values, dtype=np.float64), (len(states), len(values)))
+    parameters = kernel.mechanism.parameters_at(states, values)
     forces = kernel.derivatives(states, reference.high, parameters)[:, :, -len(values) :]
     factor = np.where(reference.certified[:, None, None], reference.norm_factor, np.eye(kernel.mechanism.nv))
     with np.errstate(all="ignore"):

@@ -239,13 +239,13 @@ def effects_of_numbers(
     """
     columns = {name: column for column, (name, _, _) in enumerate(reference.mechanism.parameters)}
     states = states[np.arange(min(STATES_OF_EFFECTS, len(states)))]
-    before = reference.evaluate(states, np.tile(own, (len(states), 1)))
+    before = reference.evaluate(states, reference.mechanism.parameters_at(states, own))
     found: dict[Named, float | None] = {}
     for key, numbers in changes.items():
         changed = own.copy()
         for name, value in numbers.items():
             if name in columns:
                 changed[columns[name]] = value
-        after = reference.evaluate(states, np.tile(changed, (len(states), 1)))
+        after = reference.evaluate(states, reference.mechanism.parameters_at(states, changed))
         found[key] = largest_change(before, after.high, before.certified & after.certified)
     return found

@@ -71,8 +71,8 @@ class TextbookSide(Side):
         return Change(PARAMETER, "", (TextPlace(1, PARAMETER, name, None, repr(own)),), text, values[number], abs(values[number]) or 1.0)
 
     def evaluate(self, text: str) -> tuple[Reference, Array] | None:
-        values = np.array(json.loads(text), dtype=np.float64)
-        reference = self._kernel.evaluate(self._states, np.broadcast_to(values, (len(self._states), len(values))))
+        values = json.loads(text)
+        reference = self._kernel.evaluate(self._states, self._mechanism.parameters_at(self._states, values))
         return (reference, self.answers) if reference.certified[self.decides].all() else None
 
     def slope(self, change: Change, value: float) -> Array | None:
@@ -87,7 +87,8 @@ class TextbookSide(Side):
         """At the truth's own values, of the first ``count`` parameters, those that some acceleration depends on."""
         slopes = self._slopes(self.truth, self._mechanism.parameter_values)
         columns = [ChangeColumn(change, values, ROUNDING) for change, values in zip(self.changes[:count], slopes, strict=False)]
-        return [column for column in columns if column.norm > 0]
+        of_states = self._mechanism.state_parameters
+        return [column for place, column in enumerate(columns) if column.norm > 0 and place not in of_states]
 
     def _slopes(self, reference: Reference, values: Sequence[float]) -> Array:
         """Derivatives of the whitened residual by each parameter p, (parameters, n, nv), 0 at states that fits do not see.

@@ -231,7 +231,7 @@ class Upgraded:
         others = [one for one in changed if one.before.verdict != one.now.verdict and not one.moved]
         verdicts = [f"from {old} to {new}" for old, new in dict.fromkeys((one.before.verdict, one.now.verdict) for one in others)]
         parts += [_named(verdicts)] if verdicts else []
-        unfelt = "; accelerations without constraints, actuators and fluid are the same to rounding"
+        unfelt = "; the accelerations that are compared are the same to rounding"
         return f"{' and '.join(parts) or 'what stands below'}{unfelt if numbers and not moved and not others else ''}"
 
     @property

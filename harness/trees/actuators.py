@@ -1,6 +1,7 @@
 """The forces of actuators, as terms of the equations of motion of a tree, and the numbers of these that each state has of its own.
 
-The input of an actuator is such a number. A range is another two: what it holds counts ``share`` times, beside a constant force.
+The input of an actuator is such a number. A range has another few: what it holds counts ``share`` times, and each bound once where a state
+lies beyond it.
 
 Source: MuJoCo documentation, Computation, section Actuation model; XML reference, ``actuator/general`` and ``joint/actuatorfrcrange``.
 """
@@ -29,9 +30,9 @@ _WHERE = 3
 
 @dataclass(frozen=True)
 class _Clamped:
-    share: Given
-    constant: Given
-    bounds: tuple[Fraction, Fraction]
+    """What a range holds; ``numbers`` are ``share``, ``constant`` and ``bounds`` of a ``Clamp``."""
+
+    numbers: tuple[Given, ...]
     raw: Term
 
 
@@ -40,10 +41,12 @@ class Driven:
     """The forces of the actuators of a tree.
 
     Attributes:
-        forces: (nv,) generalised. clamped: what ranges hold, each before those that it is part of.
+        forces: (nv,) generalised. controls: ranges of controls, by actuator.
+        clamped: those of forces, each before those that it is part of.
     """
 
     forces: Vector
+    controls: dict[int, _Clamped] = field(default_factory=dict)
     clamped: list[_Clamped] = field(default_factory=list)
 
 
@@ -52,25 +55,33 @@ def driven(nodes: Kinematics, generalised: Generalised) -> Driven:
     found = Driven(nodes.builder.zeros(nodes.nv))
     for actuator in nodes.tree.actuators:
         moment = moment_of(nodes, actuator, generalised)
-        force = _force(nodes, actuator, moment)
+        force = _force(nodes, found, actuator, moment)
         if actuator.force_range is not None:
-            force = _held(nodes.builder, found, f"force of actuator {actuator.number}", actuator.force_range, force)
+            held = _held(f"force of actuator {actuator.number}", actuator.force_range, force)
+            force = _sum(nodes.builder, found.clamped, held)
         found.forces = found.forces + force * moment
     for joint, bounds in nodes.tree.force_limits:
         for column in nodes.coordinates.columns.get(joint, ()) if nodes.tree.actuators else ():
             total = found.forces[column]
             if total.value != 0:
-                found.forces[column] = _held(nodes.builder, found, f"force of actuators on {joint}", bounds, total)
+                found.forces[column] = _sum(nodes.builder, found.clamped, _held(f"force of actuators on {joint}", bounds, total))
     return found
 
 
-def _held(builder: FileBuilder, found: Driven, what: str, bounds: tuple[Fraction, Fraction], raw: Term) -> Term:
-    """A force in its range."""
+def _held(what: str, bounds: tuple[Fraction, Fraction], raw: Term) -> _Clamped:
+    """A force, or a control, in its range."""
     place = next(bound.place for bound in bounds if isinstance(bound, Given))
-    share, constant = (Given(1.0, place, f"{part} of {what}") for part in ("share", "constant"))
-    found.clamped.append(_Clamped(share, constant, bounds, raw))
-    held: Term = builder.number(share) * raw + builder.number(constant)
-    return held
+    own = (Given(1.0, place, f"{part} of {what}") for part in ("share", "constant", "times below", "times above"))
+    ends = (bound if isinstance(bound, Given) else Given(float(bound), place, f"bound of {what}", end) for end, bound in enumerate(bounds))
+    return _Clamped((*own, *ends), raw)
+
+
+def _sum(builder: FileBuilder, clamped: list[_Clamped], held: _Clamped) -> Term:
+    """The term of what a range holds, which is added to ``clamped``."""
+    clamped.append(held)
+    share, constant, below, above, low, high = map(builder.number, held.numbers)
+    found: Term = share * held.raw + (constant + (below * low + above * high))
+    return found
 
 
 def _input(actuator: Actuator) -> Given:
@@ -78,7 +89,7 @@ def _input(actuator: Actuator) -> Given:
     return Given(1.0, actuator.place, f"input of actuator {actuator.number}")
 
 
-def _force(nodes: Kinematics, actuator: Actuator, moment: Vector) -> Term:
+def _force(nodes: Kinematics, found: Driven, actuator: Actuator, moment: Vector) -> Term:
     builder, length = nodes.builder, nodes.builder.zero
     joints = {node.joint.name: node.joint for node in nodes.nodes}
     for name, multiple in actuator.joints:
@@ -87,8 +98,13 @@ def _force(nodes: Kinematics, actuator: Actuator, moment: Vector) -> Term:
     length = builder.number(actuator.gear[0]) * length
     rate = moment @ nodes.coordinates.velocities
     gain, bias = (_affine(builder, numbers, length, rate) for numbers in (actuator.gain, actuator.bias))
-    found: Term = gain * builder.number(_input(actuator)) + bias
-    return found
+    given = builder.number(_input(actuator))
+    if actuator.control_range is not None and not actuator.has_activation:
+        held, own = _held(f"control of actuator {actuator.number}", actuator.control_range, given), list[_Clamped]()
+        given = _sum(builder, own, held)
+        found.controls[actuator.number] = held
+    force: Term = gain * given + bias
+    return force
 
 
 def _affine(builder: FileBuilder, numbers: Sequence[Signed], length: Term, rate: Term) -> Term:
@@ -132,13 +148,20 @@ def actuation_of(nodes: Kinematics, own: Driven) -> Actuation:
     written: FileProgram = nodes.builder.written({CLAMPED: [one.raw for one in own.clamped]})
     columns = {value.key: column for column, value in enumerate(written.parameters)}
     actuators = nodes.tree.actuators
-    clamps = tuple(Clamp(columns[one.share.key], columns[one.constant.key], *map(float, one.bounds)) for one in own.clamped)
+
+    def clamp_of(one: _Clamped) -> Clamp:
+        share, constant, *bounds = (columns.get(number.key, -1) for number in one.numbers)
+        low, high = map(float, one.numbers[-2:])
+        return Clamp(share, constant, low, high, tuple(bounds))
+
+    clamps = tuple(map(clamp_of, own.clamped))
     inputs = [(columns[key], one.number, one.has_activation) for one in actuators if (key := _input(one).key) in columns]
     return Actuation(
         inputs=tuple(inputs),
         controls=max((one.number for one in actuators), default=-1) + 1,
         control_ranges=tuple((one.number, _floats(one.control_range)) for one in actuators),
         activation_ranges=tuple((one.number, _floats(one.activation_range)) for one in actuators if one.has_activation),
+        clamped_controls=tuple((number, clamp_of(one)) for number, one in own.controls.items() if one.numbers[0].key in columns),
         zones=Zones(clamps, written.program) if clamps else None,
     )
 

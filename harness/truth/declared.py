@@ -79,11 +79,11 @@ class DeclaredMechanism(Mechanism):
         """Those in which the impedance of a constraint varies [m or rad]."""
         return [law.impedance.width for _, law in self.laws if not law.impedance.is_constant]
 
-    def parameters_at(self, states: States) -> Array:
+    def parameters_at(self, states: States, values: Sequence[float] | Array | None = None) -> Array:
         """See ``Mechanism``; with what the distance of each state from closing a constraint makes of the law's numbers."""
         import flint
 
-        found = np.array(super().parameters_at(states))
+        found = np.array(super().parameters_at(states, values))
         if self.widths or self.pushing:
             columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
             with flint.ctx.workprec(_BITS):

@@ -22,7 +22,7 @@ from harness.files.given import Given
 from harness.library import Stance
 from harness.programs.states import States
 from harness.trees.mechanism import RobotMechanism, mechanism_of
-from harness.trees.robot import Robot, read_robot, with_actuators
+from harness.trees.robot import Robot, damped_by_ratio, inertia_by_coordinates, read_robot, with_actuators
 from harness.truth.compare import Comparison, compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
@@ -143,7 +143,7 @@ def test_an_engine_that_is_asked_without_actuators_answers_nothing(tmp_path: Pat
     asked = question_of(found, Stance.PLAIN, Held((), (), actuators=(0,)))
     answers = ask_engine("pinocchio", asked)
     assert answers.refusal == "the harness does not ask it with actuators" and not answers.accelerations
-    assert not ask_engine("pinocchio", replace(asked, driving=())).refusal
+    assert not ask_engine("pinocchio", replace(asked, request=replace(asked.request, held=None), driving=())).refusal
 
 
 numbers = st.floats(-20, 20).map(lambda value: round(value, 3))
@@ -253,6 +253,8 @@ def test_the_rule_of_damping_ratios_before_3_15_is_seen(tmp_path: Path) -> None:
     of_today = 2 * math.sqrt(7 / (moment @ np.linalg.solve(columns, moment)))
     assert float(damping) == pytest.approx(of_today, rel=1e-12)
     of_old = 2 * math.sqrt(7 * (columns.diagonal()[:2] / moment[:2] ** 2).sum())
+    by_coordinates = damped_by_ratio(own.tree, actuator, inertia_by_coordinates).bias[2]
+    assert by_coordinates[0] == sign and float(by_coordinates[1]) == pytest.approx(of_old, rel=1e-12)
     old = Given(of_old, damping.place, damping.attribute)
     tree = replace(own.tree, actuators=(replace(actuator, bias=(*actuator.bias[:2], (sign, old))),))
     truth = ReferenceKernel(mechanism_of(replace(own, tree=tree))).evaluate(states)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.arrays import Array
-from harness.programs.mechanisms.zones import Zones
+from harness.programs.mechanisms.zones import Clamp, Zones
 from harness.programs.states import States
 
 # Of inputs without a range, and how much further than a range others reach: a third of them lies beyond.
@@ -23,28 +23,35 @@ class Actuation:
     Attributes:
         inputs: (parameter, actuator, whether its activation is the input). controls: number of actuators that have one.
         control_ranges, activation_ranges: (actuator, bounds), None without.
-        zones: of the forces that ranges hold; None without any.
+        clamped_controls: ranges that hold controls, by actuator. zones: of the forces that ranges hold; None without any.
     """
 
     inputs: tuple[tuple[int, int, bool], ...]
     controls: int
     control_ranges: tuple[tuple[int, tuple[float, float] | None], ...]
     activation_ranges: tuple[tuple[int, tuple[float, float] | None], ...]
+    clamped_controls: tuple[tuple[int, Clamp], ...]
     zones: Zones | None
 
     @property
     def key(self) -> Hashable:
         """Equal for what gives equal parameters to equal states."""
-        return self.inputs, self.control_ranges, self.zones and self.zones.key
+        return self.inputs, self.control_ranges, self.clamped_controls, self.zones and self.zones.key
+
+    @property
+    def own(self) -> frozenset[int]:
+        """The parameters that each state has of its own, which are no numbers of the file."""
+        clamps = (*(self.zones.clamps if self.zones else ()), *(clamp for _, clamp in self.clamped_controls))
+        return frozenset([*(column for column, _, _ in self.inputs), *(column for clamp in clamps for column in clamp.own)])
 
     def parameters_at(self, own: Array, states: States) -> Array:
         """Parameters ``own``, (n, number of parameters), with those of the states, whose controls count as 0 where they have none."""
-        found, ranges = np.array(own), dict(self.control_ranges)
+        found, ranges = np.array(own), dict(self.clamped_controls)
         for column, actuator, is_activation in self.inputs:
             given = states.activation if is_activation else states.control
-            values = given[:, actuator] if actuator < given.shape[1] else np.zeros(len(states))
-            bounds = None if is_activation else ranges[actuator]
-            found[:, column] = values if bounds is None else np.clip(values, *bounds)
+            found[:, column] = values = given[:, actuator] if actuator < given.shape[1] else np.zeros(len(states))
+            if (clamp := ranges.get(actuator)) is not None:
+                clamp.put(found, np.where(values < clamp.least(found), -1.0, np.where(values > clamp.most(found), 1.0, 0.0)))
         if self.zones is not None:
             self.zones.settle(states.known, found)
         return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -235,9 +235,14 @@ class Mechanism:
         values = self.parameters_at(states) if parameters is None else parameters
         return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values.T]))
 
-    def parameters_at(self, states: States) -> Array:
-        """(n, number of parameters) at each state: the same ones, but for what actuators and a law of constraints take from the state."""
-        own = np.array(self.parameter_values, dtype=np.float64)
+    @property
+    def state_parameters(self) -> frozenset[int]:
+        """The places of parameters that are none of its numbers, for each state has its own."""
+        return frozenset() if self.actuation is None else self.actuation.own
+
+    def parameters_at(self, states: States, values: Sequence[float] | Array | None = None) -> Array:
+        """(n, number of parameters) at each state: ``values``, by default its own, but for what actuators and a law take from the state."""
+        own = np.array(self.parameter_values if values is None else values, dtype=np.float64)
         parameters: Array = np.broadcast_to(own, (len(states), len(own)))
         return parameters if self.actuation is None else np.asarray(self.actuation.parameters_at(parameters, states))
 

@@ -1,6 +1,7 @@
 """On which side of its range each force lies that a range holds, at each state: found in float64, and proved by bounds.
 
-A force in its range is ``share`` times what it would be, and a constant: 1 and 0 inside, 0 and the bound beyond. What it would be may
+A force in its range is ``share`` times what it would be, and a constant: 1 and 0 inside, 0 and the bound beyond. Where bounds are numbers
+of a file, they are parameters too, each of which counts once beyond it in the place of the constant. What it would be may
 depend on the other forces in their ranges, and on itself: of a convex optimum there is one way in which all fit, which is found by
 exchanging all that do not fit at once, and at last the first of them alone. The force is the same on both sides of a bound that it
 reaches, and data roundoff is not: where roundings lead across, the other side counts too.
@@ -33,12 +34,47 @@ _KERNELS: Kept[BallKernel] = Kept(32)
 
 @dataclass(frozen=True)
 class Clamp:
-    """A range of a force: the parameters ``share`` and ``constant`` by their numbers, and the bounds [N or N m]."""
+    """A range of a force: the parameters ``share`` and ``constant`` by their numbers, and the bounds [N or N m].
+
+    ``bounds``: the parameters that say how often the lower and the upper bound count, and those that the bounds are, -1 for a bound of 0;
+    () where the constant is the bound.
+    """
 
     share: int
     constant: int
     low: float
     high: float
+    bounds: tuple[int, ...] = ()
+
+    @property
+    def own(self) -> tuple[int, ...]:
+        """The parameters that each state has of its own."""
+        return self.share, self.constant, *(column for column in self.bounds[:2] if column >= 0)
+
+    def least(self, found: Array) -> Array:
+        """(n,) lower bounds in parameters of n states."""
+        return found[:, self.bounds[2]] if self.bounds and self.bounds[2] >= 0 else np.full(len(found), self.low)
+
+    def most(self, found: Array) -> Array:
+        """(n,) upper bounds."""
+        return found[:, self.bounds[3]] if self.bounds and self.bounds[3] >= 0 else np.full(len(found), self.high)
+
+    def put(self, found: Array, sides: Array, low: Array | float = 0.0, high: Array | float = 0.0) -> None:
+        """Set a state's own parameters where it is below the range, inside or beyond, as ``sides`` (n,) say by -1, 0 and 1."""
+        found[:, self.share] = sides == 0
+        found[:, self.constant] = 0.0 if self.bounds else np.where(sides == 0, 0.0, np.where(sides < 0, low, high))
+        for column, is_beyond in zip(self.bounds[:2], (sides < 0, sides > 0), strict=False):
+            if column >= 0:
+                found[:, column] = is_beyond
+
+    def side(self, found: Array, high: Array) -> Array:
+        """(n,) the sides that ``put`` has set."""
+        below, above = self.bounds[:2] or (-1, -1)
+        if max(below, above) < 0:
+            is_above = found[:, self.constant] == high
+        else:
+            is_above = found[:, above] == 1.0 if above >= 0 else found[:, below] != 1.0
+        return np.where(found[:, self.share] == 1.0, 0.0, np.where(is_above, 1.0, -1.0))
 
 
 @dataclass(frozen=True)
@@ -62,10 +98,6 @@ class Zones:
     def _shares(self) -> list[int]:
         return [clamp.share for clamp in self.clamps]
 
-    @functools.cached_property
-    def _constants(self) -> list[int]:
-        return [clamp.constant for clamp in self.clamps]
-
     def settle(self, known: Array, found: Array, high: Array | None = None) -> Array:
         """Set share and constant of each force in the parameters ``found`` of each state, whose other inputs are ``known``.
 
@@ -83,7 +115,7 @@ class Zones:
         """Parameters that ``settle`` has set, with those forces on the other side of a bound that rounding may lead across it."""
         low, high = self._bounds(found, high)
         raw, reach = self.reach(known, found, unit_roundoff)
-        sides = np.where(found[:, self._shares] == 1.0, 0.0, np.where(found[:, self._constants] == high, 1.0, -1.0))
+        sides = np.column_stack([clamp.side(found, most) for clamp, most in zip(self.clamps, high.T, strict=True)])
         for bound, side in ((low, -1.0), (high, 1.0)):
             is_near = np.logical_and(np.abs(raw - bound) <= reach, low < high)
             sides = np.where(is_near, side - sides, sides)
@@ -98,9 +130,8 @@ class Zones:
         return raw.T, _ROUNDINGS * unit_roundoff * spread.T
 
     def _bounds(self, found: Array, high: Array | None) -> tuple[Array, Array]:
-        shape = len(found), len(self.clamps)
-        low = np.broadcast_to([clamp.low for clamp in self.clamps], shape)
-        return low, np.broadcast_to([clamp.high for clamp in self.clamps], shape) if high is None else high
+        low = np.column_stack([clamp.least(found) for clamp in self.clamps])
+        return low, np.column_stack([clamp.most(found) for clamp in self.clamps]) if high is None else high
 
     def _inputs(self, known: Array, found: Array) -> Array:
         """(inputs, n)."""
@@ -108,8 +139,8 @@ class Zones:
 
     def _put(self, found: Array, low: Array, high: Array, sides: Array) -> None:
         """Share and constant of each force below its range, inside or beyond, as ``sides`` say by -1, 0 and 1."""
-        found[:, self._shares] = sides == 0
-        found[:, self._constants] = np.where(sides == 0, 0.0, np.where(sides < 0, low, high))
+        for clamp, *own in zip(self.clamps, sides.T, low.T, high.T, strict=True):
+            clamp.put(found, *own)
 
     def _guessed(self, known: Array, found: Array, low: Array, high: Array) -> Array:
         """The side of each force by float64, (n, clamps)."""

@@ -38,7 +38,7 @@ class MjxEngine(Engine):
     reader = "mujoco"
     takes_inertias_about_tree = True
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
-    why_off: Mapping[str, str] = {EQUALITIES: "the harness asks it without the file's equalities"}
+    why_off: Mapping[str, str] = {EQUALITIES: "the harness asks MJX without the file's equalities"}
     call: Mapping[str, str] = {
         "mjcf": (
             "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; "

@@ -42,6 +42,10 @@ def _forward(model: Any, empty: Any, q: Any, v: Any, tau: Any) -> Any:
     return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
 
 
+def _driven(model: Any, empty: Any, q: Any, v: Any, tau: Any, control: Any, activation: Any) -> Any:
+    return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau, ctrl=control, act=activation)).qacc
+
+
 def _inverse(model: Any, empty: Any, q: Any, v: Any, qdd: Any) -> Any:
     return mjx.inverse(model, empty.replace(qpos=q, qvel=v, qacc=qdd)).qfrc_inverse
 
@@ -70,12 +74,12 @@ def _moved(model: Any, q: Any, moves: Any) -> Any:
 
 
 @functools.cache
-def _compiled(of_a_state: Callable[..., Any]) -> Any:
-    """A function of a model, its empty data and three vectors, of blocks of these; compiled at its first call."""
+def _compiled(of_a_state: Callable[..., Any], vectors: int) -> Any:
+    """A function of a model, its empty data and so many vectors, of blocks of these; compiled at its first call."""
     # What takes less than a second to compile is kept as well: a check asks many models.
     jax.config.update("jax_compilation_cache_dir", str(cache_directory() / "jax"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    of_a_block = jax.vmap(of_a_state, in_axes=(None, None, 0, 0, 0))
+    of_a_block = jax.vmap(of_a_state, in_axes=(None, None, *(0,) * vectors))
     return jax.jit(of_a_block, compiler_options=COMPILER_OPTIONS)
 
 
@@ -95,12 +99,12 @@ class OnDevice:
         with jax.enable_x64(in_float64):
             self._model, self._empty = mjx.put_model(model), mjx.make_data(model)
 
-    def accelerations(self, qpos: Array, qvel: Array, applied: Array) -> Array:
-        """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv)."""
-        return self.evaluate(_forward, qpos, qvel, applied)
+    def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
+        """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv); controls and activations where it drives."""
+        return self.evaluate(_driven if driving else _forward, qpos, qvel, applied, *driving)
 
     def evaluate(self, of_a_state: Callable[..., Any], *given: Array) -> Array:
-        """What a function of the model, its empty data and one state answers, at n states: positions, velocities and a third vector."""
+        """What a function of the model, its empty data and one state answers, at n states: positions, velocities and further vectors."""
         answers, states = [], len(given[0])
         for start in range(0, states, BLOCK):
             block = [values[start : start + BLOCK] for values in given]
@@ -108,7 +112,7 @@ class OnDevice:
             # A block that is not full repeats its first state, as zeros are no quaternion.
             full = [np.concatenate([values, np.repeat(values[:1], BLOCK - count, axis=0)]) for values in block]
             with jax.enable_x64(self._in_float64):
-                answers.append(np.asarray(_compiled(of_a_state)(self._model, self._empty, *full), dtype=np.float64)[:count])
+                answers.append(np.asarray(_compiled(of_a_state, len(given))(self._model, self._empty, *full), dtype=np.float64)[:count])
         return np.concatenate(answers)
 
 
@@ -154,11 +158,25 @@ class MjxFile(LoadedFile):
 
     def __init__(self, compiled: robot.MujocoFile) -> None:
         super().__init__(compiled.request, [joint.name for joint in compiled.found])
+        if compiled.request.driven:
+            _still(compiled.model, compiled.request.driven)
         self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True)
         self.notes = compiled.notes
 
+    def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        run = MjxRun(self._compiled.prepare(q, v, tau, *driving), self._on_device)
+        run.compute()
+        return run.accelerations()
+
     def prepare(self, q: Array, v: Array, tau: Array) -> MjxRun:
         return MjxRun(self._compiled.prepare(q, v, tau), self._on_device)
+
+
+def _still(model: Any, driven: Sequence[int]) -> None:
+    """Have all actuators but these give no force: MJX knows no groups of actuators that are switched off."""
+    off = [number for number in range(model.nu) if number not in driven]
+    model.actuator_gaintype[off], model.actuator_biastype[off] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
+    model.actuator_gainprm[off], model.actuator_biasprm[off] = 0.0, 0.0
 
 
 class MjxRun(EngineRun):
@@ -169,7 +187,8 @@ class MjxRun(EngineRun):
         self._on_device = on_device
 
     def compute(self) -> None:
-        self.found[:] = self._on_device.accelerations(*self.own)
+        own = self.own if self.loaded.request.driven else self.own[:3]
+        self.found[:] = self._on_device.accelerations(*own)
 
 
 def read(request: Request) -> MjxFile:
