@@ -114,7 +114,9 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
     asked, read = _Asked(original, caller), read_as(original, folded.robot)
     off = read if original is meant else read_as(meant, with_actuators(folded.robot, ()))
     switches = [
-        _Switch(group, number, one, group.why_not(one, read.robot))
+        _Switch(
+            group, number, one, f"is off: {caller.why_off[group.what]}" if group.what in caller.why_off else group.why_not(one, read.robot)
+        )
         for group in _GROUPS
         for number, one in enumerate(group.of(original.robot))
     ]

@@ -175,8 +175,10 @@ class MjxFile(LoadedFile):
 def _still(model: Any, driven: Sequence[int]) -> None:
     """Have all actuators but these give no force: MJX knows no groups of actuators that are switched off."""
     off = [number for number in range(model.nu) if number not in driven]
-    model.actuator_gaintype[off], model.actuator_biastype[off] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
     model.actuator_gainprm[off], model.actuator_biasprm[off] = 0.0, 0.0
+    # Numbers alone: another type has XLA compile anew.
+    muscles = [number for number in off if model.actuator_gaintype[number] > mujoco.mjtGain.mjGAIN_AFFINE]
+    model.actuator_gaintype[muscles], model.actuator_biastype[muscles] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
 
 
 class MjxRun(EngineRun):
