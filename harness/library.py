@@ -150,10 +150,6 @@ class Library:
         """The system of a variant, whose equations it has; the name itself for a system's own."""
         return name if (self.systems / f"{name}.py").is_file() else name.partition(".")[0]
 
-    def on_and_off(self) -> list[str]:
-        """What acts in what is asked, and what does not, a sentence for each system of which that is to be said."""
-        return []
-
     def remarks(self) -> list[str]:
         """Remarks on all of its records, a sentence each."""
         return []

@@ -178,32 +178,10 @@ class RobotLibrary(Library):
             if subject.format == model_format
         ]
 
-    def on_and_off(self) -> list[str]:
-        """The actuators that act in accelerations, and what of each file is off."""
-        names, found = names_apart(self.formats), []
-        for path in self.formats:
-            robot = self._read(path)
-            if robot is None:
-                continue
-            driven = [one for one in robot.actuators if self.drives and not one.why_not]
-            parts = [SwitchedOnPart(what=ACTUATORS, kind=one.kind, line=one.line, why_not=one.why_not) for one in robot.actuators]
-            off = stays_off(robot.left_out, parts if driven else [])
-            on = [f"{counted_nouns(len(driven), ACTUATORS)} on"] if driven else []
-            said = "; ".join([*on, *([f"off: {joined(off)}"] if off else [])])
-            found.append(f"{names[path]}: {said}" if len(self.formats) > 1 else said[:1].upper() + said[1:])
-        return list(filter(None, found))
-
     def _trunk(self, path: str) -> str:
         """See ``Robot.trunk_on_the_world``."""
-        robot = self._read(path)
+        robot = _read(path, self.floating_base)
         return "" if robot is None else robot.trunk_on_the_world
-
-    def _read(self, path: str) -> Robot | None:
-        """The robot; None of a file that cannot be read, or not without its meshes."""
-        try:
-            return read_robot(Path(path), floating_base=self.floating_base)
-        except (InvalidModel, OSError, ValueError):
-            return None
 
     def own_mechanism(self, name: str) -> Mechanism:
         """The mechanism of a robot's file.
@@ -221,6 +199,28 @@ class RobotLibrary(Library):
             robot = with_actuators(robot, (one.number for one in robot.actuators if not one.why_not))
         digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
         return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, self.stance))
+
+
+def _read(path: str, floating_base: bool) -> Robot | None:
+    """The robot in a file; None where it cannot be read, or not without its meshes."""
+    try:
+        return read_robot(Path(path), floating_base=floating_base)
+    except (InvalidModel, OSError, ValueError):
+        return None
+
+
+def on_and_off(library: RobotLibrary) -> list[str]:
+    """The actuators that act in accelerations, and what of each file is off, a sentence for each file."""
+    names, found = names_apart(library.formats), []
+    for path in library.formats:
+        if (robot := _read(path, library.floating_base)) is None:
+            continue
+        driven = [one for one in robot.actuators if library.drives and not one.why_not]
+        parts = [SwitchedOnPart(what=ACTUATORS, kind=one.kind, line=one.line, why_not=one.why_not) for one in robot.actuators]
+        off = joined(stays_off(robot.left_out, parts if driven else []))
+        said = "; ".join([*([f"{counted_nouns(len(driven), ACTUATORS)} on"] if driven else []), *([f"off: {off}"] if off else [])])
+        found.append(f"{names[path]}: {said}" if said and len(library.formats) > 1 else said[:1].upper() + said[1:])
+    return list(filter(None, found))
 
 
 def _title(paths: Iterable[str]) -> str:

@@ -113,6 +113,7 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
     smooth, folded = (read_by(one.robot, caller.name, caller, Stance.PLAIN) for one in (meant, original))
     asked, read = _Asked(original, caller), read_as(original, folded.robot)
     off = read if original is meant else read_as(meant, with_actuators(folded.robot, ()))
+    why_off = {what: f"is off: {reason}" for what, reason in caller.why_off.items()}
     switches = [
         _Switch(
             group, number, one, f"is off: {caller.why_off[group.what]}" if group.what in caller.why_off else group.why_not(one, read.robot)

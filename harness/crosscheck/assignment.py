@@ -21,6 +21,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.storage import Kept
+from harness.trees.mechanism import RobotMechanism
 from harness.truth.compare import Certified, Comparison, Flags, compare
 from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
 from harness.truth.quantities.accelerations import AccelerationTruth
@@ -66,8 +67,8 @@ class Assignment:
 
     def about(self, quantity: str) -> Assignment:
         """The same about another quantity: where actuators act, accelerations alone are asked for with them."""
-        mechanism = self.mechanism if find_quantities()[quantity].is_default else self.mechanism.smooth
-        return replace(self, quantity=quantity, mechanism=mechanism)
+        is_driven = find_quantities()[quantity].is_default or not isinstance(self.mechanism, RobotMechanism)
+        return replace(self, quantity=quantity, mechanism=self.mechanism if is_driven else self.mechanism.smooth)
 
     @property
     def as_read(self) -> Assignment:

@@ -72,9 +72,13 @@ def cross_check(
 
 def _sentence(study: CrossCheck, quantities: Sequence[str], robots: RobotComparison | None) -> str:
     """The conclusion on mechanisms, or on files with what of them acts; and on the robots beside them."""
-    answer = study.result().conclusion(quantities)
+    answer, library = study.result().conclusion(quantities), study.settings.library
+    if library.reads_files:
+        from harness.comparison.robot_library import on_and_off
+
+        return " ".join([answer, *(f"{one}." for one in on_and_off(library)[:MOST_SAID])])
     if robots is None:
-        return " ".join([answer, *(f"{one}." for one in study.settings.library.on_and_off()[:MOST_SAID])])
+        return answer
     from harness.results.survey_conclusion import survey_summary
 
     return f"{answer} {survey_summary(robots.result())}"

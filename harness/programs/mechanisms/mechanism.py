@@ -164,11 +164,6 @@ class Mechanism:
     actuation: Any = None
 
     @property
-    def smooth(self) -> Mechanism:
-        """The same without actuators."""
-        return self
-
-    @property
     def handed_to_engines(self) -> Any:
         """The source for an engine that takes equations; of a user's file, the request to load it."""
         return self
@@ -234,11 +229,6 @@ class Mechanism:
         """
         values = self.parameters_at(states) if parameters is None else parameters
         return np.ascontiguousarray(np.vstack([states.q.T, states.v.T, states.tau.T, states.time[None, :], values.T]))
-
-    @property
-    def state_parameters(self) -> frozenset[int]:
-        """The places of parameters that are none of its numbers, for each state has its own."""
-        return frozenset() if self.actuation is None else self.actuation.own
 
     def parameters_at(self, states: States, values: Sequence[float] | Array | None = None) -> Array:
         """(n, number of parameters) at each state: ``values``, by default its own, but for what actuators and a law take from the state."""

@@ -42,7 +42,8 @@ def _forward(model: Any, empty: Any, q: Any, v: Any, tau: Any) -> Any:
     return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
 
 
-def _driven(model: Any, empty: Any, q: Any, v: Any, tau: Any, control: Any, activation: Any) -> Any:
+def _driven(model: Any, empty: Any, q: Any, v: Any, tau: Any, *driving: Any) -> Any:
+    control, activation = driving
     return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau, ctrl=control, act=activation)).qacc
 
 
