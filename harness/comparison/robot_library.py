@@ -209,8 +209,10 @@ def _read(path: str, floating_base: bool) -> Robot | None:
         return None
 
 
-def on_and_off(library: RobotLibrary) -> list[str]:
-    """The actuators that act in accelerations, and what of each file is off, a sentence for each file."""
+def on_and_off(library: Library) -> list[str]:
+    """The actuators that act in accelerations, and what of each file is off, a sentence for each file; none for mechanisms."""
+    if not isinstance(library, RobotLibrary):
+        return []
     names, found = names_apart(library.formats), []
     for path in library.formats:
         if (robot := _read(path, library.floating_base)) is None:

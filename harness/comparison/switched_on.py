@@ -115,9 +115,7 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
     off = read if original is meant else read_as(meant, with_actuators(folded.robot, ()))
     why_off = {what: f"is off: {reason}" for what, reason in caller.why_off.items()}
     switches = [
-        _Switch(
-            group, number, one, f"is off: {caller.why_off[group.what]}" if group.what in caller.why_off else group.why_not(one, read.robot)
-        )
+        _Switch(group, number, one, why_off.get(group.what) or group.why_not(one, read.robot))
         for group in _GROUPS
         for number, one in enumerate(group.of(original.robot))
     ]

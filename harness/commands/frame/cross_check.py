@@ -72,7 +72,8 @@ def cross_check(
 
 def _sentence(study: CrossCheck, quantities: Sequence[str], robots: RobotComparison | None) -> str:
     """The conclusion on mechanisms, or on files with what of them acts; and on the robots beside them."""
-    answer, library = study.result().conclusion(quantities), study.settings.library
+    answer: str = study.result().conclusion(quantities)
+    library = study.settings.library
     if library.reads_files:
         from harness.comparison.robot_library import on_and_off
 
