@@ -67,8 +67,10 @@ class Assignment:
 
     def about(self, quantity: str) -> Assignment:
         """The same about another quantity: where actuators act, accelerations alone are asked for with them."""
-        is_driven = find_quantities()[quantity].is_default or not isinstance(self.mechanism, RobotMechanism)
-        return replace(self, quantity=quantity, mechanism=self.mechanism if is_driven else self.mechanism.smooth)
+        mechanism = self.mechanism
+        if isinstance(mechanism, RobotMechanism) and not find_quantities()[quantity].is_default:
+            mechanism = mechanism.smooth
+        return replace(self, quantity=quantity, mechanism=mechanism)
 
     @property
     def as_read(self) -> Assignment:
