@@ -42,6 +42,7 @@ from harness.engines.interface import (
     Terms,
     Unsupported,
     answer_of,
+    answers_of,
 )
 from harness.environments import environment_of, split_name
 from harness.errors import InvalidModel, InvalidRequest
@@ -79,6 +80,7 @@ __all__ = [
     "Unsupported",
     "accelerations",
     "answer_of",
+    "answers_of",
     "asked_of",
     "describe_engines",
     "engine_files",

@@ -228,10 +228,21 @@ def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[
         InvalidAnswer: it is no array of that shape of floating-point numbers, or other arithmetic is left behind.
         NotOffered: the model has no such method.
     """
+    return answers_of(model, method, [arguments], shape)[0]
+
+
+def answers_of(model: Model, method: str, several: Sequence[Sequence[Any]], shape: tuple[int, ...]) -> list[Array]:
+    """``answer_of`` for each of several arguments; a model in another process is sent them in one request."""
     asked = getattr(model, method, None)
     if asked is None:
         raise NotOffered(f"the engine offers no {method.replace('_', ' ')}")
-    answer = called(method, asked, [np.array(one) if isinstance(one, np.ndarray) else one for one in arguments])
+    given = [[np.array(one) if isinstance(one, np.ndarray) else one for one in arguments] for arguments in several]
+    at_once = getattr(asked, "at_once", None)
+    answers = [called(method, asked, arguments) for arguments in given] if at_once is None else at_once(given)
+    return [_require_floats(method, answer, shape) for answer in answers]
+
+
+def _require_floats(method: str, answer: Any, shape: tuple[int, ...]) -> Array:
     if not isinstance(answer, np.ndarray):
         found = f"a {type(answer).__name__}"
     elif answer.shape != shape or not np.issubdtype(answer.dtype, np.floating):

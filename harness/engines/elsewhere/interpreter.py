@@ -22,6 +22,7 @@ import subprocess
 import sys
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from multiprocessing import Pipe
 from pathlib import Path
 from types import SimpleNamespace
@@ -177,21 +178,21 @@ class DistantModel:
         return self._interpreter.seconds
 
     def _call(self, method: str, *arguments: Any) -> Any:
-        answer = self._asked(method, arguments)
+        answer = self._asked("call", method, arguments)
         if type(answer) is tuple:
-            again = [functools.partial(lambda place: self._asked(method, arguments)[place], place) for place in range(len(answer))]
+            again = [functools.partial(lambda place: self._asked("call", method, arguments)[place], place) for place in range(len(answer))]
             return tuple(map(self._received, answer, again))
-        return self._received(answer, lambda: self._asked(method, arguments))
+        return self._received(answer, lambda: self._asked("call", method, arguments))
 
     def _received(self, answer: Any, again: Callable[[], Any]) -> Any:
         """An answer, and for a model that stays in the interpreter one here; ``again`` asks for it anew."""
         made = [answer]
         return DistantModel(self._current, lambda _: made.pop() if made else again()) if isinstance(answer, Loaded) else answer
 
-    def _asked(self, method: str, arguments: Sequence[Any]) -> Any:
+    def _asked(self, request: str, method: str, arguments: Sequence[Any]) -> Any:
         if self._interpreter.has_ended:
             self._load()
-        return self._interpreter.ask("call", self._number, method, arguments)
+        return self._interpreter.ask(request, self._number, method, arguments)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -200,8 +201,19 @@ class DistantModel:
             return self._attributes[name]
         if name in self._methods:
             # Bound to this object: who holds the method alone must not have the model forgotten.
-            return functools.partial(self._call, name)
+            return _Method(functools.partial(self._call, name), functools.partial(self._asked, "call_for_each", name))
         raise AttributeError(f"the model of {self._interpreter} offers no {name}")
+
+
+@dataclass(frozen=True)
+class _Method:
+    """A method of a distant model; ``at_once`` takes several lists of arguments, and returns the list of what each leads to."""
+
+    call: Callable[..., Any]
+    at_once: Callable[[Sequence[Sequence[Any]]], list[Any]]
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.call(*arguments)
 
 
 class EngineElsewhere:

@@ -78,6 +78,10 @@ class Server:
 
         return tuple(map(handed_out, answer)) if type(answer) is tuple else handed_out(answer)
 
+    def call_for_each(self, number: int, method: str, several: Sequence[Sequence[Any]]) -> list[Any]:
+        """What a method of a model returns for each of several arguments."""
+        return [self.call(number, method, arguments) for arguments in several]
+
     def forget(self, numbers: Collection[int]) -> None:
         """Drop models."""
         for number in numbers:

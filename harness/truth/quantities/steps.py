@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, NotOffered, answer_of
+from harness.engines import Model, NotOffered, answers_of
 from harness.engines.coordinates import multiplied
 from harness.files.rules import ImplicitPart, StepRule
 from harness.programs.evaluation import values
@@ -92,8 +92,8 @@ class StepTruth(Truth):
         """See ``Truth``."""
         n, nv, nq = len(states), states.v.shape[1], states.q.shape[1]
         found = np.zeros((n, 2 * len(self.rules), nv + nq))
-        for number, rule in enumerate(self.rules):
-            after = answer_of(model, "step", (states.q, states.v, states.tau, rule.length, rule.name), (n, nq + nv))
+        asked = [(states.q, states.v, states.tau, rule.length, rule.name) for rule in self.rules]
+        for number, after in enumerate(answers_of(model, "step", asked, (n, nq + nv))):
             found[:, 2 * number + 1, nv:], found[:, 2 * number, :nv] = after[:, :nq], after[:, nq:]
         return found
 
