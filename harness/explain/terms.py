@@ -114,7 +114,7 @@ class TermComparison:
     subject: str
     findings: tuple[TermFinding, ...]
     accelerations_since: str
-    loses_digits: bool = False
+    loses_digits: bool
 
     @property
     def wrong(self) -> tuple[TermFinding, ...]:

@@ -18,6 +18,7 @@ from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
 from harness.crosscheck.superfluous import find_superfluous
+from harness.errors import InvalidInput
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.records import Record
@@ -109,16 +110,26 @@ def test_a_system_that_cannot_be_used_is_an_error_of_every_subject(tmp_path: Pat
     assert {record.verdict for record in records if record.system == "spring_damper"} == {"agrees"} and study.problems
 
 
-def test_a_death_while_certifying_is_nobodys_engine(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("end", "message", "crashes", "faults"),
+    [
+        ({"crash": Crash("crashed by signal 9 (SIGKILL)", "", "")}, "crashed by signal 9 (SIGKILL)", {("bar_pendulum", None)}, []),
+        ({"exception": ValueError("a bug")}, "ValueError: a bug", set(), ["bar_pendulum: the reference failed: ValueError: a bug"]),
+        ({"exception": InvalidInput("file", None, "is wrong")}, "file: is wrong", set(), []),
+    ],
+    ids=["a death", "a fault of the harness", "a file to be mended"],
+)
+def test_what_ends_the_certification_is_nobodys_engine(
+    end: dict[str, Any], message: str, crashes: set[tuple[str, None]], faults: list[str]
+) -> None:
     class Dying(InThisProcess):
         def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:
             for outcome in super().run(tasks, further):
-                died = outcome.task.function is compare_all
-                yield Outcome(outcome.task, crash=Crash("crashed by signal 9 (SIGKILL)", "", "")) if died else outcome
+                yield Outcome(outcome.task, **end) if outcome.task.function is compare_all else outcome
 
     records, study = cross_checked(Settings(library=BUILT_IN, names=["bar_pendulum"], states=40, examples=None), Dying())
-    assert {record.message for record in records} == {"the reference failed: crashed by signal 9 (SIGKILL)"}
-    assert study.crashes == {("bar_pendulum", None)}
+    assert {record.message for record in records} == {f"the reference failed: {message}"}
+    assert (study.crashes, study.faults) == (crashes, faults)
 
 
 class CutOff(InThisProcess):

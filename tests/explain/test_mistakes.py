@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import functools
 import itertools
 import random
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +19,8 @@ from catalogue import BUILT_IN, is_tied
 from harness.diagnosis.faults.campaign import is_valid
 from harness.engines import load_engine
 from harness.errors import InvalidModel
-from harness.explain.changes import Change
-from harness.explain.changes.mistakes import Mistake, mended_mistakes
+from harness.explain.changes import Change, mistakes
+from harness.explain.changes.mistakes import Mistake, find_mistakes, mended_mistakes
 from harness.explain.columns import watch
 from harness.explain.fit import fit
 from harness.explain.model_side import ModelSide
@@ -292,6 +295,30 @@ def test_a_free_candidate_at_its_start_is_the_file_as_it_is(model_format: str) -
                     steps = (1e-3 * candidate.scale, -1e-3 * candidate.scale)
                     # Out of a parent without mass none can be taken.
                     assert any(is_valid(model, candidate.text(candidate.start + step)) for step in steps), candidate
+
+
+def declared_statements() -> Iterator[tuple[str, str]]:
+    """Module and pattern of every statement that a module of mistakes spells out."""
+    for path in sorted(Path(mistakes.__file__).parent.glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("FixedChange", "FreeChange") and node.args:
+                said = node.args[0]
+                parts = said.values if isinstance(said, ast.JoinedStr) else [said]
+                if all(isinstance(part, ast.FormattedValue) or isinstance(getattr(part, "value", None), str) for part in parts):
+                    yield path.stem, "".join(re.escape(part.value) if isinstance(part, ast.Constant) else ".+" for part in parts)
+
+
+@functools.cache
+def made_statements() -> frozenset[str]:
+    models = [turned(model_format) for model_format in FORMATS]
+    models += [healthy(name, model_format) for name in SYSTEMS for model_format in FORMATS]
+    every = itertools.product(find_mistakes(), models)
+    return frozenset(change.statement for mistake, model in every for change in (*mistake.plant(model), *mistake.mend(model)))
+
+
+@pytest.mark.parametrize(("module", "pattern"), sorted(set(declared_statements())))
+def test_every_mistake_that_is_spelled_out_is_made_in_some_model(module: str, pattern: str) -> None:
+    assert any(re.fullmatch(pattern, statement) for statement in made_statements())
 
 
 def test_a_model_of_six_degrees_of_freedom_has_a_few_hundred_candidates() -> None:

@@ -508,6 +508,13 @@ WHOLE_FILES = {
     "not UTF-8": ("mjcf", MJCF.replace("cart", "caf\u00e9").encode("latin-1"), 6, "byte 0xe9 is not UTF-8"),
     "UTF-16": ("urdf", URDF.encode("utf-16"), None, "is in UTF-16"),
     "too large": ("mjcf", b" " * (MAXIMUM_BYTES + 1), None, f"larger than {MAXIMUM_BYTES} bytes"),
+    "not UTF-8 after an empty line": ("mjcf", b"\n\n<mujoco>\xe9", 3, "byte 0xe9 is not UTF-8"),
+    "too deep after many that are closed": (
+        "mjcf",
+        b"<mujoco>\n" + b"<body></body>\n" * 5 + b"<body>" * MAXIMUM_DEPTH,
+        7,
+        f"nested more than {MAXIMUM_DEPTH} deep",
+    ),
     "too deep": ("mjcf", b"<mujoco>\n" + b"<body>" * MAXIMUM_DEPTH, 2, f"nested more than {MAXIMUM_DEPTH} deep"),
     "chain too deep": ("urdf", chain(MAXIMUM_DEPTH).encode(), 2 * MAXIMUM_DEPTH + 1, f"more than {MAXIMUM_DEPTH} joints from the root"),
     "MJCF without joints": ("mjcf", b"<mujoco><worldbody><body/></worldbody></mujoco>", 1, "no joint in any body"),

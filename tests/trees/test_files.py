@@ -220,16 +220,19 @@ def test_a_floating_base_has_a_name_that_no_joint_of_the_file_has(tmp_path: Path
 
 
 def test_what_a_file_leaves_unsaid_has_the_value_of_its_format(tmp_path: Path) -> None:
-    """The axis of a joint of a URDF, and the share of torques in a weld of an MJCF."""
+    """The axis of a joint, and the share of torques in a weld of an MJCF."""
     path = tmp_path / "arm.urdf"
     text = (FILES / "arm.urdf").read_text()
     path.write_text(re.sub(r"<axis [^>]*/>", "", text))
     assert {tuple(map(float, joint.axis)) for joint in read_robot(path).tree.joints if joint.kind.has_axis} == {(1.0, 0.0, 0.0)}
     path = tmp_path / "held.xml"
-    body = '<body name="held"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    arm = '<body><joint name="pin"/><geom size="0.1"/></body>'
+    body = f'<body name="held"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{arm}</body>'
     path.write_text(f'<mujoco><worldbody>{body}</worldbody><equality><weld body1="held"/></equality></mujoco>')
-    [weld] = [one.rows for one in read_robot(path).equalities]
-    assert isinstance(weld, Weld) and float(weld.torque_scale) == mujoco.MjModel.from_xml_path(str(path)).eq_data[0, 10] == 1.0
+    model, robot = mujoco.MjModel.from_xml_path(str(path)), read_robot(path)
+    assert [float(component) for component in robot.joint("pin").axis] == model.joint("pin").axis.tolist() == [0.0, 0.0, 1.0]
+    [weld] = [one.rows for one in robot.equalities]
+    assert isinstance(weld, Weld) and float(weld.torque_scale) == model.eq_data[0, 10] == 1.0
 
 
 def test_a_joint_that_mimics_one_that_mimics_has_the_product_of_both(tmp_path: Path) -> None:
