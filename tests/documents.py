@@ -93,8 +93,9 @@ def shell(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
         for name in ("harness", "pytest", "mkdocs"):
             (programs / name).write_text(f'#!/bin/sh\nPYTHONPATH="{REPOSITORY}" exec "{sys.executable}" -m {name} "$@"\n')
             (programs / name).chmod(0o755)
-        (programs / "python3").write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
-        (programs / "python3").chmod(0o755)
+        for name in ("python", "python3"):
+            (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
+            (programs / name).chmod(0o755)
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "CI"))}
     environment |= {"PATH": f"{programs}:{os.environ['PATH']}", "COLUMNS": "200"}
     environment.pop("PYTHONPATH", None)

@@ -26,7 +26,7 @@ from harness.motion.trajectories import HORIZON, Start, drift
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, without_unused
-from harness.results.benchmark import Drift
+from harness.results.motion_benchmark import Drift
 from harness.study import Note
 from harness.truth.sampling import generic_sample
 

@@ -27,7 +27,7 @@ from harness.motion.taylor import Path
 from harness.motion.trajectories import HORIZON, Metric, Start, TrueMotion, drift, reference_motion
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.numbers import UNIT_ROUNDOFF
-from harness.results.benchmark import MotionCost, MotionTruth, Order
+from harness.results.motion_benchmark import MotionCost, MotionTruth, Order
 from harness.study import Note
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)

@@ -20,7 +20,7 @@ from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
 from harness.programs.mechanisms.kernel import LagrangianKernel
 from harness.programs.mechanisms.mechanism import Mechanism
-from harness.results.benchmark import Stationarity
+from harness.results.motion_benchmark import Stationarity
 from harness.study import Note
 
 # Sizes of the variations, relative to the motion: above what integration errors leave of the first variation,

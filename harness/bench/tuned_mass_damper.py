@@ -28,7 +28,7 @@ from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.mechanisms.mechanism import Mechanism
-from harness.results.benchmark import Figure
+from harness.results.motion_benchmark import Figure
 from harness.study import Note
 
 SYSTEM, DAMPING = "cart_pendulum", "c"

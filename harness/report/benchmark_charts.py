@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.figures import GREY, Points, Style, drawable, inside, log_figure, log_range, styles
-from harness.results.benchmark import AccelerationCost, DerivativeCost, MotionCost
+from harness.results.benchmark import AccelerationCost, DerivativeCost
+from harness.results.motion_benchmark import MotionCost
 from harness.results.pareto import acceleration_front, cost_of, motion_front, way_of
 from harness.results.table import error_text, seconds_text
 from harness.verdict import AGREEMENT

@@ -11,20 +11,8 @@ from pathlib import PurePath
 from typing import Any, TypeVar
 
 from harness.report.sparkline import NO_TREND, Sparkline
-from harness.results.benchmark import (
-    AccelerationCost,
-    Benchmark,
-    DerivativeCost,
-    Drift,
-    EngineFinding,
-    Figure,
-    Growth,
-    MotionCost,
-    MotionTruth,
-    Order,
-    QuantityCost,
-    Stationarity,
-)
+from harness.results.benchmark import AccelerationCost, Benchmark, DerivativeCost, EngineFinding, Growth, QuantityCost
+from harness.results.motion_benchmark import Drift, Figure, MotionCost, MotionTruth, Order, Stationarity
 from harness.results.pareto import error_of, way_of, with_cheapest
 from harness.results.run import Run
 from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, plural, seconds_text

@@ -11,7 +11,8 @@ from dataclasses import replace
 from operator import itemgetter
 from typing import TypeVar
 
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, MotionCost, QuantityCost
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, QuantityCost
+from harness.results.motion_benchmark import MotionCost
 from harness.results.table import counted
 
 _Item = TypeVar("_Item")

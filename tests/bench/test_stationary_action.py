@@ -26,7 +26,7 @@ from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start
 from harness.programs.mechanisms.kernel import LagrangianKernel
 from harness.programs.mechanisms.mechanism import Mechanism
-from harness.results.benchmark import Stationarity
+from harness.results.motion_benchmark import Stationarity
 
 HORIZON = 2.0
 SYSTEMS = ["collar", "bar_pendulum", "spring_damper", "cart_pendulum", "arm_2r", "furuta_pendulum", "quarter_car"]

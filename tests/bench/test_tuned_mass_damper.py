@@ -29,7 +29,7 @@ from harness.crosscheck.scene import Scene
 from harness.errors import InvalidModel
 from harness.library import Library
 from harness.motion.integrators import integrators
-from harness.results.benchmark import Figure
+from harness.results.motion_benchmark import Figure
 
 LIBRARY = Library.built_in()
 

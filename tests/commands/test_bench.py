@@ -21,9 +21,10 @@ from harness.crosscheck.scene import Scene
 from harness.errors import InvalidModel
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Figure, MotionCost, Order
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest
 from harness.results.cross_check import CrossCheckResult
 from harness.results.history import History
+from harness.results.motion_benchmark import Figure, MotionCost, Order
 from harness.study import Inquiry, ask, run_study
 from harness.workers import Crash, Outcome, Task
 

@@ -23,7 +23,7 @@ from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start, drift
 from harness.programs.mechanisms.kernel import EnergyKernel
 from harness.programs.states import States
-from harness.results.benchmark import MotionCost, MotionTruth, Order
+from harness.results.motion_benchmark import MotionCost, MotionTruth, Order
 from harness.truth.manifold import closes
 
 LIBRARY = Library.built_in()

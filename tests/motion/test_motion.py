@@ -21,7 +21,7 @@ from harness.motion.integrators.equations import EULER_CROMER, RUNGE_KUTTA, TAYL
 from harness.motion.integrators.mujoco import RUNGE_KUTTA as MUJOCO_RUNGE_KUTTA
 from harness.motion.integrators.pinocchio import RUNGE_KUTTA as PINOCCHIO_RUNGE_KUTTA
 from harness.motion.integrators.variational import MIDPOINT
-from harness.results.benchmark import Drift, MotionCost, MotionTruth, Order
+from harness.results.motion_benchmark import Drift, MotionCost, MotionTruth, Order
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import generic_sample

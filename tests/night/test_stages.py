@@ -18,9 +18,10 @@ from harness.night.course import digests
 from harness.night.stage import NightChoice
 from harness.night.stages import find_stages
 from harness.results.atlas import Atlas, HardRow
-from harness.results.benchmark import AccelerationCost, Benchmark, Figure
+from harness.results.benchmark import AccelerationCost, Benchmark
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
 from harness.results.cross_check import CrossCheckResult, HeldDifference, SuperfluousPart
+from harness.results.motion_benchmark import Figure
 from harness.results.night import NightSettings
 
 STAGES = find_stages()

@@ -15,21 +15,9 @@ from support import Page, charts_of, missing, pages_of, site_of
 from harness.report import build
 from harness.report.benchmarks import BenchmarkSummary
 from harness.report.markdown import VOLATILE
-from harness.results.benchmark import (
-    AccelerationCost,
-    Benchmark,
-    DerivativeCost,
-    Drift,
-    Figure,
-    Growth,
-    MotionCost,
-    MotionTruth,
-    Order,
-    QuantityCost,
-    Stationarity,
-    Yardstick,
-)
+from harness.results.benchmark import AccelerationCost, Benchmark, DerivativeCost, Growth, QuantityCost, Yardstick
 from harness.results.cross_check import CrossCheckResult
+from harness.results.motion_benchmark import Drift, Figure, MotionCost, MotionTruth, Order, Stationarity
 from harness.results.pareto import acceleration_front, cheapest, front, motion_front
 from harness.results.records import Record
 from harness.results.run import Run

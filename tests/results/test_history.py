@@ -18,10 +18,11 @@ from support_results import CARD, RECORD, RUN
 
 from harness.errors import InvalidInput
 from harness.results.atlas import Atlas
-from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Drift, Growth, MotionCost, MotionTruth, Order
+from harness.results.benchmark import AccelerationCost, Benchmark, Cheapest, Growth
 from harness.results.cross_check import Cause, CrossCheckResult, SuperfluousPart
 from harness.results.hard_states import RankedCase
 from harness.results.history import History
+from harness.results.motion_benchmark import Drift, MotionCost, MotionTruth, Order
 from harness.results.plain_json import dumps
 
 FINDING = SuperfluousPart("arm_2r", "mujoco/mjcf", "mjcf/arm_2r.xml", 7, "joint", "armature", "0", "is not felt; leave it out")
