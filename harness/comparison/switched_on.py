@@ -1,9 +1,9 @@
 """An engine's answer with all elements of a file switched on that are judged, held against the law that it documents for them.
 
-What a smooth answer leaves out is asked once more: points that meet and joints that are coupled act, and actuators drive at controls
-within and beyond their ranges; what is not judged stays off. The tree is that which the engine's readings make of the file. Half of the
-states nearly close the equalities, where impedances vary with the distance. Where the engine's program departs from the documented law,
-that is told, with its effect.
+What a smooth answer leaves out is asked once more: points that meet and joints that are coupled act, joints rub and have limits, and
+actuators drive at controls within and beyond their ranges; what is not judged stays off. The tree is that which the engine's readings make
+of the file. Half of the states nearly close the equalities, where impedances vary with the distance, and some are beyond limits. Where the
+engine's program departs from the documented law, that is told, with its effect.
 
 A kind of elements is a ``_Group``: what of a file it is, and how an engine is told to let some of them act.
 
@@ -27,23 +27,25 @@ from harness.explain.changes.departures import Departure, departed, departures_o
 from harness.explain.changes.readings import element_at
 from harness.explain.file_numbers import left_beside_readings
 from harness.explain.meant import Meant, driven, largest_change, question_of, read_as, reference_of, request_of, spread, worst
-from harness.files.equalities import Equality, Meeting, Sum, TendonLinkage
-from harness.files.findings import ACTUATORS, EQUALITIES, SWITCHED_OFF
+from harness.files.equalities import Constraint, Equality, Meeting, Sum, TendonLinkage, frictions_of, limits_of
+from harness.files.findings import ACTUATORS, EQUALITIES, FRICTION, LIMITS, SWITCHED_OFF, TENDON_LIMITS
 from harness.files.tree import WORLD, Actuator
 from harness.library import Stance
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.readings import FELT, Effect
 from harness.results.switched_on import SwitchedOnPart, SwitchedOnRecord
-from harness.trees.inverse_weights import inverse_weights_of
-from harness.trees.mechanism import tied_tree
 from harness.trees.robot import Robot, with_actuators
-from harness.truth.compare import Comparison, compare
-from harness.truth.declared import DeclaredMechanism, declared, near
+from harness.truth.compare import Comparison, Flags, compare
+from harness.truth.declared import DeclaredMechanism
+from harness.truth.displaced import near, pressed
+from harness.truth.optimum import optimum
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
 
 # Elements whose effect is said; each takes the file's being loaded once more.
 MOST_EFFECTS = 32
+# One of so many states is beyond limits.
+_EACH_PRESSED = 4
 _HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
 _UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
 
@@ -56,14 +58,18 @@ class _Group:
         what: as of ``LeftOut``. of: all of a file, in its order.
         why_not: why an engine's answer with one is not judged, for what its reader makes of the file; "" where it is.
         acts_unjudged: whether an engine may be asked what one does whose answer is not judged.
-        held: what else an engine holds with those of these numbers on.
+        held: what else an engine holds with some of them on.
+        constraints: of a robot, those of them that are constraints, each under a name of its own.
+        is_told_alone: whether it is told what each does alone.
     """
 
     what: str
     of: Callable[[Robot], Sequence[Any]]
     why_not: Callable[[Any, Robot], str]
     acts_unjudged: Callable[[Any], bool]
-    held: Callable[[Held, tuple[int, ...]], Held]
+    held: Callable[[Held, Sequence[_Switch]], Held]
+    constraints: Callable[[Robot, Sequence[_Switch]], list[Constraint]] = lambda robot, switches: []
+    is_told_alone: bool = True
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,7 @@ class _Asked:
         original = self.original.few if few else self.original
         held = Held(tuple(one.kind for one in original.robot.equalities), (), to_the_end)
         for group in _GROUPS:
-            held = group.held(held, tuple(one.number for one in switches if one.group is group))
+            held = group.held(held, [one for one in switches if one.group is group])
         question = question_of(original, Stance.PLAIN, held)
         if at is not None and {joint.name for joint in question.request.joints} <= set(at.robot.joints):
             states = spread(at.robot, at.states, question.request.joints)
@@ -114,18 +120,15 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
     asked, read = _Asked(original, caller), read_as(original, folded.robot)
     off = read if original is meant else read_as(meant, with_actuators(folded.robot, ()))
     why_off = {what: f"is off: {reason}" for what, reason in caller.why_off.items()}
-    switches = [
-        _Switch(group, number, one, why_off.get(group.what) or group.why_not(one, read.robot))
-        for group in _GROUPS
-        for number, one in enumerate(group.of(original.robot))
-    ]
+    on_in_file = _switched_off_by_file(_switches(original.robot, read.robot), read.robot, caller)
+    switches = [replace(one, why_not=why_off.get(one.group.what) or one.why_not) for one in on_in_file]
     record = SwitchedOnRecord(
         path=str(meant.robot.path),
         engine=caller.name,
         title=caller.title,
         format=meant.robot.format,
         parts=[one.part() for one in switches],
-        readings=_of_what_is_on(original, folded, smooth),
+        readings=[*_of_what_is_on(original, folded, smooth), *_of_no_friction(meant, caller)],
         message="; ".join(reason for what, reason in caller.why_off.items() if any(one.group.what == what for one in switches)),
     )
     asked_with = [one for one in switches if one.group.what not in caller.why_off]
@@ -138,18 +141,21 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
         return replace(record, message=refusal or _UNEXPLAINED)
     if not _is_held(compare(off.truth, free.of(joints), factorises=True)):
         return replace(record, message=_UNEXPLAINED)
-    known = [one for one in asked_with if not one.why_not or one.group.acts_unjudged(one.element)][:MOST_EFFECTS]
+    told = [one for one in asked_with if one.group.is_told_alone]
+    known = [one for one in told if not one.why_not or one.group.acts_unjudged(one.element)][:MOST_EFFECTS]
     alone = {id(one): _effect(off, asked.with_those([one], few=True)) for one in known}
     record = replace(record, parts=[one.part(alone.get(id(one))) for one in switches])
-    return _judged(record, asked, folded, _nearly_closed(original, read, caller, judged), judged) if judged else record
+    return _judged(record, asked, folded, *_felt(original, read, caller, judged), judged) if judged else record
 
 
-def _judged(record: SwitchedOnRecord, asked: _Asked, folded: Folded, at: Meant, judged: Sequence[_Switch]) -> SwitchedOnRecord:
-    """The record with the verdict on these elements; ``at`` is what the engine reads, at the states where it is asked."""
+def _judged(
+    record: SwitchedOnRecord, asked: _Asked, folded: Folded, at: Meant, within: Flags, judged: Sequence[_Switch]
+) -> SwitchedOnRecord:
+    """The record with the verdict on these elements; ``at`` and ``within`` as of ``_felt``."""
     caller, joints = asked.caller, at.robot.joints
     # The first answer was given, so that this one is no refusal.
-    answers, equalities = asked.with_those(judged, at), _numbers(judged, EQUALITIES)
-    truth = ReferenceKernel(_documented(at, caller, equalities)).evaluate(at.states)
+    answers, has_constraints = asked.with_those(judged, at), bool(_constraints(at.robot, judged))
+    truth = ReferenceKernel(_documented(at, caller, judged)).evaluate(at.states)
     compared = compare(truth, answers.of(joints), factorises=True)
     without = reference_of(with_actuators(at.robot, ())).evaluate(at.states)
     record = replace(
@@ -157,21 +163,21 @@ def _judged(record: SwitchedOnRecord, asked: _Asked, folded: Folded, at: Meant, 
         verdict=str(compared.verdicts[compared.worst]),
         explained=_is_held(compared),
         backward_error=worst(compared),
-        together=largest_change(without, answers.of(joints), without.certified),
+        together=largest_change(without, answers.of(joints), without.certified & within),
     )
     if record.explained:
         return record
-    departures = _departures(at, caller, equalities, truth)
+    departures = _departures(at, caller, judged, truth)
     computed = truth
     if departures:
-        computed = ReferenceKernel(_documented(at, caller, equalities, departures)).evaluate(at.states)
+        computed = ReferenceKernel(_documented(at, caller, judged, departures)).evaluate(at.states)
         compared = compare(computed, answers.of(joints), factorises=True)
         record = replace(record, explained=_is_held(compared), backward_error=worst(compared), departures=[*departures.values()])
     if not record.explained and caller.to_the_end:
         ended = compare(computed, asked.with_those(judged, at, to_the_end=True).of(joints), factorises=True)
         if _is_held(ended):
             return replace(record, explained=True, to_the_end=worst(ended), remedy=caller.to_the_end)
-    if record.explained or equalities:
+    if record.explained or has_constraints:
         return record
     return replace(record, rest=left_beside_readings(asked.original, folded, at, answers, compared))
 
@@ -183,31 +189,57 @@ def _of_what_is_on(original: Meant, folded: Folded, smooth: Folded) -> list[Effe
     return effects(original, Folded(folded.robot, own)) if own else []
 
 
-def _numbers(switches: Iterable[_Switch], what: str) -> list[int]:
-    return [one.number for one in switches if one.group.what == what]
+def _of_no_friction(meant: Meant, caller: Engine) -> list[Effect]:
+    """What an engine leaves out that documents no dry friction, by the law that another one documents of the file."""
+    own = [one for one in _switches(meant.robot, meant.robot) if one.group.what == FRICTION and not one.why_not]
+    other = _engine_with(FRICTION, meant.robot.format)
+    if not own or FRICTION not in caller.why_off or other is None:
+        return []
+    rubbing = ReferenceKernel(_documented(meant.few, other, own)).evaluate(meant.few.states)
+    lines = tuple(dict.fromkeys(one.element.line for one in own))
+    change = largest_change(meant.few.truth, rubbing.high, meant.few.truth.certified & rubbing.certified)
+    sentence, source = caller.why_off[FRICTION], f"by the law that {other.title} documents"
+    return [Effect(name=FRICTION, sentence=sentence, concerns="joints", lines=lines, count=len(own), alone=change, source=source)]
 
 
-def _nearly_closed(original: Meant, read: Meant, caller: Engine, judged: Sequence[_Switch]) -> Meant:
-    """What is read, where half of the states nearly close the equalities: anywhere else impedances are those of far away."""
+def _engine_with(what: str, model_format: str) -> Engine | None:
+    """The first engine that is asked with elements of a kind, of which it documents a law."""
+    return next((one for one in engines_of_files().values() if what not in one.why_off and model_format in one.formats), None)
+
+
+def _felt(original: Meant, read: Meant, caller: Engine, judged: Sequence[_Switch]) -> tuple[Meant, Flags]:
+    """What is read, at states where constraints are felt, and which of them no limit pushes.
+
+    Half of the states nearly close the equalities: anywhere else impedances are those of far away. A quarter is beyond limits.
+    """
     asked_about = {joint.name for joint in request_of(original.robot, Stance.PLAIN).joints}
-    numbers = _numbers(judged, EQUALITIES)
-    if not numbers or not asked_about <= set(read.robot.joints):
-        return read
-    half = np.arange(len(read.states)) % 2 == 0
-    closing = near(_tied(with_actuators(read.robot, ()), caller, numbers), read.states[half])
-    q, v = read.states.q.copy(), read.states.v.copy()
-    q[half], v[half] = closing.q, closing.v
-    states = replace(read.states, q=q, v=v)
-    return Meant(read.robot, states, reference_of(read.robot).evaluate(states))
+    numbers, within = np.arange(len(read.states)), np.ones(len(read.states), dtype=bool)
+    if not _constraints(read.robot, judged) or not asked_about <= set(read.robot.joints):
+        return read, within
+    mechanism, states = _tied(with_actuators(read.robot, ()), caller, judged), read.states
+    if not isinstance(mechanism, DeclaredMechanism):
+        return read, within
+    for displaced, chosen in (
+        (near if mechanism.constraints else None, numbers % 2 == 0),
+        (pressed if mechanism.pushing else None, numbers % _EACH_PRESSED == 1),
+    ):
+        if displaced is not None:
+            moved = displaced(mechanism, states[chosen])
+            q, v = states.q.copy(), states.v.copy()
+            q[chosen], v[chosen] = moved.q, moved.v
+            states = replace(states, q=q, v=v)
+    if mechanism.pushing:
+        within = ~mechanism.reaches_limits(states)
+    return Meant(read.robot, states, reference_of(read.robot).evaluate(states)), within
 
 
-def _departures(near: Meant, caller: Engine, numbers: Sequence[int], documented: Reference) -> dict[Departure, Effect]:
-    """The engine's departures from the documented laws of some equalities, each with what it does alone; none that does nothing."""
+def _departures(near: Meant, caller: Engine, switches: Sequence[_Switch], documented: Reference) -> dict[Departure, Effect]:
+    """The engine's departures from the documented laws of some constraints, each with what it does alone; none that does nothing."""
     robot, found = near.robot, {}
-    chosen, laws = _laws(robot, caller, numbers)
+    chosen, laws = _laws(robot, caller, switches)
     for one in departures_of(caller.name, caller.reader):
         if concerned := one.concerned(robot.tree, chosen, laws):
-            departed = ReferenceKernel(_documented(near, caller, numbers, [one])).evaluate(near.states)
+            departed = ReferenceKernel(_documented(near, caller, switches, [one])).evaluate(near.states)
             found[one] = effect_of(one, concerned, documented, departed)
     return {one: effect for one, effect in found.items() if effect.alone is None or effect.alone > FELT}
 
@@ -219,12 +251,12 @@ def truth_with(meant: Meant, equality: Equality | None) -> Reference | None:
     """
     if equality is None or not equality.is_active:
         return meant.truth
-    engines = (one for one in engines_of_files().values() if EQUALITIES not in one.why_off and meant.robot.format in one.formats)
-    caller = next(engines, None)
+    caller = _engine_with(EQUALITIES, meant.robot.format)
     if caller is None or _why_no_equality(equality, meant.robot):
         return None
     alone = replace(meant.robot, equalities=(equality,))
-    return ReferenceKernel(_tied(alone, caller, [0])).evaluate(meant.states)
+    own = [one for one in _switches(alone, alone) if one.group.what == EQUALITIES]
+    return ReferenceKernel(_tied(alone, caller, own)).evaluate(meant.states)
 
 
 def _is_held(compared: Comparison) -> bool:
@@ -254,13 +286,48 @@ def _why_not_driven(actuator: Actuator, read: Robot) -> str:
     return actuator.why_not or ("" if is_read else "is left out by the engine's reader")
 
 
+def _why_no_row(constraint: Constraint, read: Robot) -> str:
+    """Why an engine's answer with dry friction or a limit is not judged; "" where it is."""
+    of_tree = [*frictions_of(read.tree), *limits_of(read.tree), *limits_of(read.tree, of_tendons=True)]
+    return constraint.why_not or ("" if any(one.name == constraint.name for one in of_tree) else "is left out by the engine's reader")
+
+
+def _numbered(robot: Robot, switches: Sequence[_Switch]) -> list[Constraint]:
+    return [
+        replace(one, name=f"{one.kind} {number}")
+        for switch in switches
+        for number, one in [(switch.number, robot.equalities[switch.number])]
+    ]
+
+
+def _names(switches: Sequence[_Switch]) -> tuple[str, ...]:
+    return tuple(one.element.says.owner for one in switches)
+
+
+def _limits(what: str, of_tendons: bool) -> _Group:
+    """Limits of joints or tendons, of which an engine has both of one on, or none; within them there is nothing to tell."""
+
+    def of_owners(robot: Robot) -> list[Constraint]:
+        return list({one.name.partition(" of ")[2]: one for one in limits_of(robot.tree, of_tendons)}.values())
+
+    def chosen(robot: Robot, switches: Sequence[_Switch]) -> list[Constraint]:
+        own = {one.element.name.partition(" of ")[2] for one in switches}
+        return [one for one in limits_of(robot.tree, of_tendons) if one.name.partition(" of ")[2] in own]
+
+    def held(held: Held, switches: Sequence[_Switch]) -> Held:
+        return replace(held, limited=(*held.limited, *_names(switches)))
+
+    return _Group(what, of_owners, _why_no_row, lambda _: False, held, chosen, is_told_alone=False)
+
+
 _GROUPS = (
     _Group(
         EQUALITIES,
         of=lambda robot: robot.equalities,
         why_not=_why_no_equality,
         acts_unjudged=lambda one: one.is_active,
-        held=lambda held, numbers: replace(held, switched_on=numbers),
+        held=lambda held, own: replace(held, switched_on=tuple(one.number for one in own)),
+        constraints=_numbered,
     ),
     _Group(
         ACTUATORS,
@@ -268,9 +335,29 @@ _GROUPS = (
         why_not=_why_not_driven,
         # Nobody knows its range.
         acts_unjudged=lambda _: False,
-        held=lambda held, numbers: replace(held, actuators=numbers),
+        held=lambda held, own: replace(held, actuators=tuple(one.number for one in own)),
     ),
+    _Group(
+        FRICTION,
+        of=lambda robot: frictions_of(robot.tree),
+        why_not=_why_no_row,
+        acts_unjudged=lambda _: False,
+        held=lambda held, own: replace(held, rubbing=_names(own)),
+        constraints=lambda robot, own: [one for one in frictions_of(robot.tree) if one.name in {other.element.name for other in own}],
+    ),
+    _limits(LIMITS, of_tendons=False),
+    _limits(TENDON_LIMITS, of_tendons=True),
 )
+
+
+def _switches(original: Robot, read: Robot) -> list[_Switch]:
+    """All elements of a robot; ``read`` is what the engine's reader makes of it."""
+    return [_Switch(group, number, one, group.why_not(one, read)) for group in _GROUPS for number, one in enumerate(group.of(original))]
+
+
+def _constraints(robot: Robot, switches: Sequence[_Switch]) -> list[Constraint]:
+    """The constraints of a robot among what is on."""
+    return [one for group in _GROUPS for one in group.constraints(robot, [switch for switch in switches if switch.group is group])]
 
 
 def _effect(read: Meant, answers: EngineAnswers) -> float | None:
@@ -280,28 +367,27 @@ def _effect(read: Meant, answers: EngineAnswers) -> float | None:
     return largest_change(truth, found, truth.certified)
 
 
-def _laws(robot: Robot, caller: Engine, numbers: Sequence[int]) -> tuple[list[Equality], Mapping[str, ConstraintLaw]]:
-    """Equalities by these numbers under names of their own, and the laws that the engine documents of them."""
-    chosen = [replace(robot.equalities[number], name=f"{robot.equalities[number].kind} {number}") for number in numbers]
+def _laws(robot: Robot, caller: Engine, switches: Sequence[_Switch]) -> tuple[list[Constraint], Mapping[str, ConstraintLaw]]:
+    """The constraints among what is on, and the laws that the engine documents of them."""
+    chosen = _constraints(robot, switches)
     return chosen, caller.laws(element_at(robot.tree.place), robot.format, chosen)
 
 
-def _documented(read: Meant, caller: Engine, numbers: Sequence[int], departures: Iterable[Departure] = ()) -> Mechanism:
-    """What is read, with these equalities by the laws that the engine documents, or with departures from them."""
-    return _tied(read.robot, caller, numbers, departures) if numbers else reference_of(read.robot).mechanism
+def _switched_off_by_file(switches: Sequence[_Switch], read: Robot, caller: Engine) -> list[_Switch]:
+    """The same; an element that the file switches off has no law, and says so."""
+    known = [one for one in switches if not one.why_not and one.group.what not in caller.why_off]
+    chosen, laws = _laws(read, caller, known)
+    lawless = {one.name for one in chosen} - set(laws)
+    return [replace(one, why_not=SWITCHED_OFF) if lawless & {own.name for own in _constraints(read, [one])} else one for one in switches]
 
 
-def _tied(robot: Robot, caller: Engine, numbers: Sequence[int], departures: Iterable[Departure] = ()) -> DeclaredMechanism:
-    """A robot with some of its equalities by the laws that an engine documents, or with departures from them."""
-    chosen, laws = _laws(robot, caller, numbers)
+def _documented(read: Meant, caller: Engine, switches: Sequence[_Switch], departures: Iterable[Departure] = ()) -> Mechanism:
+    """What is read, with these elements by the laws that the engine documents, or with departures from them."""
+    return _tied(read.robot, caller, switches, departures)
+
+
+def _tied(robot: Robot, caller: Engine, switches: Sequence[_Switch], departures: Iterable[Departure] = ()) -> Mechanism:
+    """A robot with some of its constraints by the laws that an engine documents, or with departures from them."""
+    chosen, laws = _laws(robot, caller, switches)
     laws = departed(departures, robot.tree, chosen, laws)
-    tied = tied_tree(robot.tree, robot.joints, {one.name: one.rows for one in chosen if one.rows is not None})
-    weights = inverse_weights_of(
-        robot.tree,
-        (part for law in laws.values() for row in law.weights or () for part in row),
-        caller.fuses(element_at(robot.tree.place), robot.format),
-        (tendon for one in chosen if isinstance(one.rows, TendonLinkage) for tendon in one.rows.tendons),
-    )
-    own = tuple((str(number), float(value), "") for number, value in enumerate(tied.parameters))
-    mechanism = replace(reference_of(robot).mechanism, parameters=own, constraints=tied.constraints, other_charts=(), charts_in_body=())
-    return declared(mechanism, laws, weights)
+    return optimum(reference_of(robot).mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))

@@ -124,7 +124,8 @@ class Held:
         kinds: the tags of all of them, in the order of the file. switched_on: numbers of those that act; no other does.
         to_the_end: whether the engine's solver goes on until nothing changes, and not as far as the file says.
         actuators: numbers of those that act, among all of the file; no other does.
-        rubbing, limited: names of joints whose dry friction acts, and of those whose limits do; no other's does.
+        rubbing, limited: "joint NAME" or "tendon NAME" whose dry friction acts, and of those whose limits do; no other's does. A tendon
+            without a name is "(tendon 2)" by its place in the file.
     """
 
     kinds: tuple[str, ...]

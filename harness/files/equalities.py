@@ -9,13 +9,13 @@ model files", tag drake:ball_constraint; http://wiki.ros.org/urdf/XML/joint, ele
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from harness.files.document.source import one_sign
-from harness.files.given import Place, Pose
+from harness.files.given import Place, Placed, Pose
 from harness.files.joint_kinds import JointKind
 
 if TYPE_CHECKING:
@@ -110,6 +110,21 @@ Tendon = Sum | Polygon
 
 
 @dataclass(frozen=True)
+class BoundTendon(Placed):
+    """A tendon with dry friction or limits, as of ``Joint``; ``why_not``: why the harness writes no rows for it, "" where it does."""
+
+    tendon: Tendon
+    friction_loss: Fraction
+    friction_softness: SolverParameters
+    limits: tuple[Fraction, Fraction] | None
+    margin: Fraction
+    limit_softness: SolverParameters
+    place: Place | None
+    why_not: str = ""
+    in_degrees: bool = False
+
+
+@dataclass(frozen=True)
 class TendonLinkage:
     """Tendon ``tendon`` is a polynomial of tendon ``leader``: one row; without a leader it is the polynomial's constant.
 
@@ -126,20 +141,28 @@ class TendonLinkage:
 
 
 @dataclass(frozen=True)
-class DryFriction:
-    """Dry friction of a joint, which is named, or of a tendon.
-
-    A row for each of its ``velocities``, which leaves nothing and whose force is at most ``bound`` [N or N m].
-    """
+class _Bound:
+    """What bounds a joint, ``of`` its name, or a tendon."""
 
     of: str | Tendon
+
+    @property
+    def owner(self) -> str:
+        """ "joint elbow", "tendon left"."""
+        return f"joint {self.of}" if isinstance(self.of, str) else f"tendon {self.of.name}"
+
+
+@dataclass(frozen=True)
+class DryFriction(_Bound):
+    """Dry friction: a row for each of the ``velocities``, which leaves nothing and whose force is at most ``bound`` [N or N m]."""
+
     bound: Fraction
     velocities: int = 1
 
 
 @dataclass(frozen=True)
-class Limit:
-    """A limit of the position of a joint, which is named, or of the length of a tendon.
+class Limit(_Bound):
+    """A limit of a position, of the angle of a ball joint, or of the length of a tendon.
 
     One row, whose force pushes back alone: the distance to ``bound``, less ``margin``, which is negative where it is there [m or rad].
 
@@ -147,7 +170,6 @@ class Limit:
         is_upper: whether the position is to stay below ``bound``. in_degrees: whether ``bound`` is in degrees.
     """
 
-    of: str | Tendon
     is_upper: bool
     bound: Fraction
     margin: Fraction
@@ -202,32 +224,41 @@ class Equality(Constraint):
 
 
 def frictions_of(tree: Tree) -> list[Constraint]:
-    """Dry friction of the joints of a tree."""
+    """Dry friction of the joints and tendons of a tree."""
+    owners: Sequence[Joint | BoundTendon] = [*tree.joints, *tree.tendons]
     return [
-        _of_joint(joint, "dry friction", DryFriction(joint.name, joint.friction_loss, joint.kind.velocities), joint.friction_softness)
-        for joint in tree.joints
-        if joint.friction_loss
+        _of(one, "dry friction", DryFriction(_owner(one), one.friction_loss, _velocities(one)), one.friction_softness)
+        for one in owners
+        if one.friction_loss
     ]
 
 
-def limits_of(tree: Tree) -> list[Constraint]:
-    """The limits of the joints of a tree, lower ones first."""
+def limits_of(tree: Tree, of_tendons: bool = False) -> list[Constraint]:
+    """The limits of the joints or tendons of a tree, lower ones first; the angle of a ball joint has an upper one alone."""
+    owners: Sequence[Joint | BoundTendon] = tree.tendons if of_tendons else tree.joints
     return [
-        _of_joint(joint, kind, Limit(joint.name, is_upper, joint.limits[is_upper], joint.margin, joint.in_degrees), joint.limit_softness)
-        for joint in tree.joints
-        if joint.limits is not None
+        _of(one, kind, Limit(_owner(one), is_upper, one.limits[is_upper], one.margin, one.in_degrees), one.limit_softness)
+        for one in owners
+        if one.limits is not None
         for is_upper, kind in ((False, "lower limit"), (True, "upper limit"))
+        if is_upper or _velocities(one) == 1
     ]
 
 
-def _of_joint(joint: Joint, kind: str, says: DryFriction | Limit, softness: SolverParameters) -> Constraint:
-    place = joint.places["friction_loss" if isinstance(says, DryFriction) else "limits"]
+def _owner(one: Joint | BoundTendon) -> str | Tendon:
+    return one.tendon if isinstance(one, BoundTendon) else one.name
+
+
+def _velocities(one: Joint | BoundTendon) -> int:
+    return 1 if isinstance(one, BoundTendon) else one.kind.velocities
+
+
+def _of(one: Joint | BoundTendon, kind: str, says: DryFriction | Limit, softness: SolverParameters) -> Constraint:
+    place = one.places["friction_loss" if isinstance(says, DryFriction) else "limits"]
     complaint = one_sign(softness.solref)
-    why_not = f"has solref {softness.solref[0]:g} {softness.solref[1]:g}, which {complaint}" if complaint else _why_not(joint, says)
-    return Constraint(kind, place, place.line, says, why_not, softness, name=f"{kind} of joint {joint.name}")
-
-
-def _why_not(joint: Joint, says: DryFriction | Limit) -> str:
-    if joint.kind is JointKind.PLANAR:
-        return "is of a planar joint, which engines make several of"
-    return ""
+    why_not = f"has solref {softness.solref[0]:g} {softness.solref[1]:g}, which {complaint}" if complaint else ""
+    if isinstance(one, BoundTendon):
+        why_not = one.why_not or why_not
+    elif one.kind is JointKind.PLANAR:
+        why_not = "is of a planar joint, which engines make several of"
+    return Constraint(kind, place, place.line, says, why_not, softness, name=f"{kind} of {says.owner}")

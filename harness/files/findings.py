@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 # Elements that engines are asked with besides, by ``LeftOut.what``.
-EQUALITIES, ACTUATORS = "equalities", "actuators"
+EQUALITIES, ACTUATORS, FRICTION, LIMITS, TENDON_LIMITS = "equalities", "actuators", "dry friction", "joint limits", "tendon limits"
 SWITCHED_OFF = "is switched off in the file"
 
 

@@ -13,7 +13,7 @@ from lxml import etree
 
 from harness.files.document.source import Source
 from harness.files.document.xml import describe, literal_tag
-from harness.files.findings import ACTUATORS, EQUALITIES, LeftOut
+from harness.files.findings import ACTUATORS, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, LeftOut
 from harness.files.given import Place
 from harness.files.mjcf.attributes import JOINTS, Attributes, resolved_text
 from harness.files.tree import WORLD, Tree
@@ -21,7 +21,7 @@ from harness.files.urdf.beside import FORCES_WITHOUT_AXIS, UNREAD_ROTORS, has_ro
 from harness.files.urdf.kinds import BALL_CONSTRAINT, FIXED, JOINT_TAGS, LIMITED, POINT_SPRING
 from harness.files.urdf.reading import DAMPING_OF_SEVERAL
 
-_CONTACTS, _VISUAL, _LIMITS, _FRICTION = "contacts", "visual geometry", "joint limits", "friction loss"
+_CONTACTS, _VISUAL = "contacts", "visual geometry"
 
 # MJCF. What each is, and whether an engine that has it switched on could give other accelerations for it.
 _SECTIONS = {
@@ -46,7 +46,7 @@ _UNKNOWN, _XACRO, _EFFORT = "elements that URDF does not know", "xacro leftovers
 _TRANSMISSIONS, _SAFETY, _GAZEBO = "transmissions", "safety controllers and calibration", "gazebo elements"
 _MUJOCO, _LOOPS = "options of MuJoCo's own reader", "Drake's ball constraints, which no engine's reader reads"
 _BEARS_ON_MOTION = {
-    **dict.fromkeys((_CONTACTS, _LIMITS, _FRICTION, DAMPING_OF_SEVERAL, FORCES_WITHOUT_AXIS, UNREAD_ROTORS, _MUJOCO, _LOOPS), True),
+    **dict.fromkeys((_CONTACTS, LIMITS, FRICTION, DAMPING_OF_SEVERAL, FORCES_WITHOUT_AXIS, UNREAD_ROTORS, _MUJOCO, _LOOPS), True),
     **dict.fromkeys((_EFFORT, _TRANSMISSIONS, _SAFETY, _VISUAL, _GAZEBO, _XACRO, _UNKNOWN), False),
 }
 _OF_PATH = {
@@ -67,7 +67,7 @@ _PATHS_READ = frozenset(
 
 Found = Iterator[tuple[str, bool, etree._Element]]
 # Of elements that are left out: told by the tree and its equalities, and of no bearing.
-_TOLD, _LOOKS = (_LIMITS, _FRICTION, EQUALITIES), ("class", "childclass", "group", "material", "name", "rgba", "user")
+_TOLD, _LOOKS = (LIMITS, FRICTION, EQUALITIES), ("class", "childclass", "group", "material", "name", "rgba", "user")
 _TARGETS = ("joint", "jointinparent", "tendon", "body", "site", "cranksite", "geom1", "geom2", "body1", "body2")
 
 
@@ -161,9 +161,9 @@ def _of_tendons(source: Source) -> Found:
     attributes = Attributes(source)
     for tendon in source.root.iterfind("tendon/*"):
         if attributes.is_limited(tendon):
-            yield "tendon limits", True, tendon
+            yield TENDON_LIMITS, True, tendon
         if _is_felt(resolved_text(tendon, "frictionloss")):
-            yield _FRICTION, True, tendon
+            yield FRICTION, True, tendon
 
 
 def _of_joints(source: Source, tree: Tree) -> Found:
@@ -173,9 +173,9 @@ def _of_joints(source: Source, tree: Tree) -> Found:
         assert joint.place is not None
         element = elements[joint.place]
         if joint.friction_loss:
-            yield _FRICTION, True, element
+            yield FRICTION, True, element
         if joint.limits is not None:
-            yield _LIMITS, True, element
+            yield LIMITS, True, element
         if resolved_text(element, "actuatorfrcrange"):
             yield "limits of actuators' forces", False, element
 
@@ -222,8 +222,8 @@ def _of_joint(source: Source, joint: etree._Element) -> Iterator[tuple[str, etre
     kind, limit, dynamics = joint.get("type"), joint.find("limit"), joint.find("dynamics")
     if limit is not None:
         if kind in LIMITED and source.number(limit, "lower", 0.0) < source.number(limit, "upper", 0.0):
-            yield _LIMITS, limit
+            yield LIMITS, limit
         if {"effort", "velocity"} & set(limit.attrib):
             yield _EFFORT, limit
     if dynamics is not None and kind != FIXED and source.number(dynamics, "friction", 0.0):
-        yield _FRICTION, dynamics
+        yield FRICTION, dynamics

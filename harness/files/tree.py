@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from harness.files.equalities import BY_DEFAULT, SolverParameters
+from harness.files.equalities import BY_DEFAULT, BoundTendon, SolverParameters
 from harness.files.given import ORIGIN, Given, Place, Placed, Pose, Vector
 from harness.files.joint_kinds import JointKind
 
@@ -228,7 +228,8 @@ class Actuator(Placed):
 class Tree(Placed):
     """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
 
-    ``actuators`` are those that act, and ``force_limits`` the ranges [N or N m] of what they do together on joints.
+    ``tendons`` are those with dry friction or limits, ``actuators`` those that act, and ``force_limits`` the ranges [N or N m] of what they
+    do together on joints.
 
     With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
     factor, so that the masses of all bodies sum to it.
@@ -243,6 +244,7 @@ class Tree(Placed):
     bounds: Bounds | None = None
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
+    tendons: tuple[BoundTendon, ...] = ()
 
     @property
     def joints(self) -> tuple[Joint, ...]:

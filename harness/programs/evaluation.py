@@ -182,7 +182,7 @@ def _pi() -> Any:
 
 
 # At the working precision in force.
-BALLS = Arithmetic(_literal, _pi, operator.pow, lambda name, value, *others: getattr(value, name)(*others))
+BALLS = Arithmetic(_literal, _pi, operator.pow, lambda name, value, *others: getattr(type(value), name)(value, *others))
 
 
 def mass_matrix(upper: Sequence[Any], nv: int) -> Any:

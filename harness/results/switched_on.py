@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from harness.files.findings import SWITCHED_OFF, LeftOut
+from harness.files.findings import FRICTION, SWITCHED_OFF, LeftOut
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, names_of, share_of_qdd, share_text
 from harness.results.table import counted_nouns, error_text, grouped, joined, program_name
 from harness.verdict import DEPARTS
@@ -82,7 +82,8 @@ class SwitchedOnRecord:
     @property
     def named(self) -> str:
         """ "2 equalities and 6 actuators", "equality" of one alone."""
-        return joined([counted_nouns(len(own), what) for what, own in self.judged.items()]).removeprefix("1 " if self.is_single else " ")
+        named = joined([_counted(len(own), what) for what, own in self.judged.items()])
+        return named.removeprefix("1 ").removesuffix(" in 1 place") if self.is_single else named
 
     @property
     def is_single(self) -> bool:
@@ -100,6 +101,10 @@ class SwitchedOnRecord:
     def is_felt(self) -> bool:
         """True for an answer that is another than without what is on, or than the file says, or that nobody explains."""
         return not self.explained or bool(self.departures or names_of(self.readings)) or (self.together or 0.0) > FELT
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{what} in {counted_nouns(number, 'places')}" if what == FRICTION else counted_nouns(number, what)
 
 
 def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
@@ -148,7 +153,7 @@ def stays_off(left_out: Sequence[LeftOut], judged: Sequence[SwitchedOnPart]) -> 
     """
     refused = grouped(((part.what, part.why_not), part.line) for part in _refused(judged))
     lines = {key: list(dict.fromkeys(own)) for key, own in refused.items()}
-    parts = [f"{counted_nouns(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
+    parts = [f"{_counted(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
     return [*_whole_kinds(left_out, judged), *parts]
 
 

@@ -9,15 +9,29 @@ Body Dynamics Algorithms, section 3.2 (constraints on position, and their deriva
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from harness.files.equalities import AnyRows, DryFriction, Equality, Limit, Linkage, Meeting, Rows, Sum, TendonLinkage, Weld
+from harness.files.equalities import (
+    AnyRows,
+    DryFriction,
+    Equality,
+    Limit,
+    Linkage,
+    Meeting,
+    Polygon,
+    Rows,
+    Sum,
+    Tendon,
+    TendonLinkage,
+    Weld,
+)
 from harness.files.given import Pose
 from harness.files.tree import WORLD, Tree
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL
-from harness.programs.terms import Matrix, Term, Vector, cross, dot, sqrt, vector
+from harness.programs.terms import Matrix, Term, Vector, cross, dot, length, sqrt, vector
 from harness.trees.bodies.rigid import Spatial, power, spatial
 from harness.trees.bodies.spatial import Frame, angle, placed
 from harness.trees.world_motion import World, accelerations_of_nodes
@@ -196,18 +210,90 @@ def _frames_of(world: World, meeting: Meeting) -> list[Frame]:
 
 
 def _bounded(world: World, name: str, constraint: DryFriction | Limit) -> list[Row]:
-    """That velocities rub; or that a position keeps its distance to a limit."""
+    """That velocities rub; or that a length keeps its distance to a limit."""
     builder = world.kinematics.builder
+    if isinstance(constraint, DryFriction) and isinstance(constraint.of, str):
+        return [Row(name, builder.zero, builder.zero, on_columns=(one,)) for one in _velocities_of(world, constraint.of)]
+    own = _length(world, name, constraint.of)
     if isinstance(constraint, DryFriction):
-        return [Row(name, builder.zero, builder.zero, on_columns=(one,)) for one in _velocities_of(world, str(constraint.of))]
-    node = next(node for node in world.kinematics.nodes if node.joint.name == constraint.of)
-    distance = angle(builder, constraint.bound, constraint.in_degrees) - world.kinematics.coordinates.position(node.joint)
-    columns = _velocities_of(world, node.joint.name)
-    if constraint.is_upper:
-        columns = [(column, -factor) for column, factor in columns]
-    else:
-        distance = -distance
-    return [Row(name, distance - builder.number(constraint.margin), builder.zero, on_columns=tuple(columns))]
+        return [replace(own, residual=builder.zero)]
+    bound = angle(builder, constraint.bound, constraint.in_degrees)
+    distance = bound - own.residual if constraint.is_upper else own.residual - bound
+    own = replace(own, residual=distance - builder.number(constraint.margin))
+    return [_opposed(own) if constraint.is_upper else own]
+
+
+def _opposed(row: Row) -> Row:
+    """The row of minus what is left."""
+    acts = tuple((number, spatial(-moment, -force)) for number, (moment, force) in row.on_nodes)
+    return replace(row, known=-row.known, on_nodes=acts, on_columns=tuple((column, -factor) for column, factor in row.on_columns))
+
+
+def _length(world: World, name: str, of: str | Tendon) -> Row:
+    """A length as a row that leaves all of it: the position of a joint, the angle of a ball joint, or the length of a tendon."""
+    builder, zero = world.kinematics.builder, world.kinematics.builder.zero
+    if isinstance(of, Polygon):
+        return _along_polygon(world, name, of)
+    joints = {node.joint.name: node.joint for node in world.kinematics.nodes}
+    if isinstance(of, str) and not joints[of].kind.is_single:
+        return _turn(world, name, of)
+    total, columns = zero, list[tuple[int, Term]]()
+    for joint, multiple in ((of, Fraction(1)),) if isinstance(of, str) else of.terms:
+        factor = builder.number(multiple)
+        total = total + factor * world.kinematics.coordinates.position(joints[joint])
+        columns += [(column, factor * own) for column, own in _velocities_of(world, joint)]
+    return Row(name, total, zero, on_columns=tuple(columns))
+
+
+def _turn(world: World, name: str, joint: str) -> Row:
+    """The angle of a ball joint, between 0 and half a turn.
+
+    With the quaternion (w, s a) and the velocity v in the body, s >= 0, the angle is 2 atan2(s, |w|), and its rate +-a . v with the sign of
+    w; what changes that besides the accelerations is |w| / 2 s (v^2 - (a . v)^2).
+    """
+    builder, coordinates = world.kinematics.builder, world.kinematics.coordinates
+    w, *rest = coordinates.positions[joint]
+    sine, cosine, columns = length(vector(rest)), sqrt(w * w), coordinates.columns[joint]
+    turn, velocity = builder.number(2) * builder.add("atan2", sine, cosine), coordinates.velocities[columns]
+    axis = vector((w / cosine) * (part / sine) for part in rest)
+    rate = axis @ velocity
+    known = (cosine / (builder.number(2) * sine)) * (velocity @ velocity - rate * rate)
+    return Row(name, turn, known, on_columns=tuple(zip(columns, axis, strict=True)))
+
+
+def _along_polygon(world: World, name: str, polygon: Polygon) -> Row:
+    """The length of a polygon, with e the direction of a side and u the velocity along it: known besides is (u^2 - (e . u)^2) / |side|."""
+    found = Row(name, world.kinematics.builder.zero, world.kinematics.builder.zero)
+    for first, second in itertools.pairwise(_point(world, body, pose) for body, pose in polygon.points):
+        between, relative = second.position - first.position, second.velocity - first.velocity
+        side = length(between)
+        along = between / side
+        rate = along @ relative
+        drawn = along @ (second.drawn - first.drawn) + (relative @ relative - rate * rate) / side
+        acts = [(one.number, spatial(cross(one.arm, force), force)) for one, force in ((first, -along), (second, along)) if one.number >= 0]
+        found = replace(found, residual=found.residual + side, known=found.known + drawn, on_nodes=(*found.on_nodes, *acts))
+    return found
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A point of a body: the number of its node, its arm from there, position and velocity, and its acceleration by the node's spin."""
+
+    number: int
+    arm: Vector
+    position: Vector
+    velocity: Vector
+    drawn: Vector
+
+
+def _point(world: World, body: str, pose: Pose) -> _Point:
+    number, frame = world.kinematics.frames[body]
+    arm = frame.at(placed(world.kinematics.builder, pose).shift)
+    if number < 0:
+        return _Point(number, arm, arm, world.still, world.still)
+    one = world.moving[number]
+    arm = one.orientation @ arm
+    return _Point(number, arm, one.position + arm, one.velocity_at(arm), cross(one.spin, cross(one.spin, arm)))
 
 
 def _velocities_of(world: World, joint: str) -> list[tuple[int, Term]]:

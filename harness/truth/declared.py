@@ -4,17 +4,12 @@ It is the truth of its accelerations at any state, whether constraints hold ther
 distance at each state; the equations take it as linear in the rows around the state, exactly there, so that data roundoff has what the
 rounding of every input does to it.
 
-On the manifold no law is felt but for its impedance at distance 0: what brings a constraint back is zero there. So some of the states
-that a declared truth is asked at are moved off it, by amounts that the state's own bits choose: one state is moved alike whoever asks,
-alone or among others.
-
 Source: MuJoCo documentation, Computation, sections Constraint model and Solver parameters.
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -22,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.coordinates import multiplied
 from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
@@ -38,21 +32,15 @@ from harness.programs.mechanisms.constraint_forces import (
     number_of,
     softened_program,
 )
-from harness.programs.mechanisms.mechanism import JACOBIAN, RESIDUAL, Constraints, Mechanism
+from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
 from harness.programs.mechanisms.zones import Clamp, Zones
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.truth.compare import Flags
-from harness.truth.manifold import closes
 
 _BITS = 192
-# Exponents of 10 of how far positions are moved [m or rad], or of the width in which an impedance varies; and rates, of their range.
-_ANYWHERE, _WITHIN_WIDTH, _OF_RATES = (-7.0, -1.0), (-2.0, 0.5), (-3.0, 0.0)
-
-# Of the way to closed constraints: steps, the longest [m or rad], singular values that count, and residuals that are none.
-_STEPS, _LONGEST, _SINGULAR, _ARRIVED = 40, 0.5, 1e-8, 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +95,11 @@ class DeclaredMechanism(Mechanism):
             return found
         (residuals,) = values(self._residual_program, self._inputs_of_residuals(states, parameters)).values()
         return self.zones.across(states.known, found, unit_roundoff, self._most(self.zones, residuals.T))
+
+    def reaches_limits(self, states: States) -> Flags:
+        """(n,) whether some row that pushes alone is there."""
+        (residuals,) = values(self._residual_program, self._inputs_of_residuals(states, super().parameters_at(states))).values()
+        return np.asarray((residuals[[row for _, row in self.pushing]] < 0).any(axis=0))
 
     def _settle_pushing(self, states: States, residuals: Array, found: Array) -> None:
         """Settle the zones; NaN where half an ulp of what is left by a row that would push decides whether it is there at all."""
@@ -251,60 +244,3 @@ def softened(
         )
 
     return _DECLARED.get((mechanism.key, tied.key, tuple(softness.items()), tuple(by_name.items())), write)
-
-
-def opened(mechanism: DeclaredMechanism, states: States, share: float) -> States:
-    """The states, of which a share of those that close the constraints is moved off them; one that is open stays as it is."""
-    if not len(states) or not mechanism.laws:
-        return states
-    return _moved(mechanism, states, closes(mechanism, states, Mechanism.parameters_at(mechanism, states)), share)
-
-
-def near(mechanism: DeclaredMechanism, states: States) -> States:
-    """The states, led to where constraints are closed as far as steps of least length lead there, and moved off by a little of that."""
-    constraints = mechanism.constraints
-    assert constraints is not None
-    at = states
-    with np.errstate(all="ignore"):
-        for _ in range(_STEPS):
-            found = values(constraints.placing, mechanism.inputs(at, Mechanism.parameters_at(mechanism, at)))
-            residual, jacobian = found[RESIDUAL].T, found[JACOBIAN].reshape(len(constraints.rows), mechanism.nv, -1).transpose(2, 0, 1)
-            usable: Flags = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
-            inverse = np.linalg.pinv(np.where(usable[:, None, None], jacobian, 0.0), rcond=_SINGULAR)
-            step = -np.einsum("nij,nj->ni", inverse, np.where(usable[:, None], residual, 0.0))
-            shorter = np.minimum(1.0, _LONGEST / np.maximum(np.linalg.norm(step, axis=1), _LONGEST))
-            at = replace(at, q=_turned(mechanism, at.q, step * shorter[:, None]))
-    arrived = usable & (np.abs(residual).max(axis=1, initial=0.0) <= _ARRIVED)
-    q = np.where(arrived[:, None], at.q, states.q)
-    return _moved(mechanism, replace(states, q=q), arrived, 1.0)
-
-
-def _turned(mechanism: Mechanism, q: Array, step: Array) -> Array:
-    """Positions (n, nq) after a step along velocities, (n, nv); rotations turn about the body's own axes."""
-    found, place = list[Array](), 0
-    while place < mechanism.nv:
-        first = sum(part.shape[1] for part in found)
-        if place not in mechanism.attitudes:
-            found.append(q[:, [first]] + step[:, [place]])
-            place += 1
-            continue
-        turn = np.hstack([np.ones((len(q), 1)), step[:, place : place + 3] / 2])
-        turned = multiplied(q[:, first : first + 4], turn)
-        found.append(turned / np.linalg.norm(turned, axis=1, keepdims=True))
-        place += 3
-    return np.hstack(found)
-
-
-def _moved(mechanism: DeclaredMechanism, states: States, chosen: Flags, share: float) -> States:
-    """The states, of which a share of the chosen ones is moved by amounts that its own bits choose."""
-    q, v = states.q.copy(), states.v.copy()
-    reach = np.abs(np.array(mechanism.rate_ranges)).max(axis=1)
-    for state in np.flatnonzero(chosen).tolist():
-        bits = b"".join(part[state].tobytes() for part in (states.q, states.v, states.tau))
-        random = np.random.default_rng(int.from_bytes(hashlib.blake2b(bits, digest_size=8).digest()))
-        if random.random() < share:
-            width = random.choice(mechanism.widths or [0.0])
-            amount = width * 10 ** random.uniform(*_WITHIN_WIDTH) if width and random.random() < 0.5 else 10 ** random.uniform(*_ANYWHERE)
-            q[[state]] = _turned(mechanism, q[[state]], amount * random.uniform(-1.0, 1.0, (1, mechanism.nv)))
-            v[state] += 10 ** random.uniform(*_OF_RATES) * reach * random.uniform(-1.0, 1.0, mechanism.nv)
-    return replace(states, q=q, v=v)

@@ -14,7 +14,8 @@ from harness.explain.columns import diagnostic_states, watch
 from harness.explain.model_side import diagnose
 from harness.files.model_file import ModelFile, parse_model
 from harness.library import Library
-from harness.truth.declared import DeclaredMechanism, opened
+from harness.truth.declared import DeclaredMechanism
+from harness.truth.displaced import opened
 from harness.truth.manifold import closes
 from harness.truth.quantities.accelerations import beside_gaps, gaps_of
 from harness.truth.sampling import sample

@@ -118,7 +118,7 @@ def test_what_is_left_out_is_listed_with_its_lines() -> None:
     found = {one.what: one for one in robot.left_out}
     for what, text, bears in (
         ("contacts", "<collision>", True),
-        ("friction loss", 'friction="', True),
+        ("dry friction", 'friction="', True),
         ("visual geometry", "<visual>", False),
         ("safety controllers and calibration", "<safety_controller", False),
         ("transmissions", "<transmission", False),
@@ -138,7 +138,7 @@ def test_what_is_left_out_is_listed_with_its_lines() -> None:
         "fluid",
         "equalities",
         "contacts",
-        "friction loss",
+        "dry friction",
         "joint limits",
     }
 

@@ -46,21 +46,24 @@ SEED, STATES = 7, 24
 BODIES = """
 <body><joint name="a" axis="0 1 0" {a}/><inertial pos=".5 0 0" mass="1" diaginertia=".1 .1 .1"/>
 <body pos="1 0 0"><joint name="b" type="slide" axis="0 .6 .8" {b}/><inertial pos=".3 .1 0" mass="2" diaginertia=".1 .12 .1"/>
-<body pos="0 0 1"><joint name="c" type="ball" {c}/><inertial pos=".3 .1 0" mass="2" diaginertia=".1 .12 .1"/></body></body></body>
-<body><joint name="f" type="free" {f}/><inertial pos=".3 .1 0" mass="2" diaginertia=".1 .12 .1"/></body>"""
+<site name="s" pos=".1 .2 .3"/>
+<body pos="0 0 1"><joint name="c" type="ball" {c}/><site name="t" pos="0 .2 .3"/>
+<inertial pos=".3 .1 0" mass="2" diaginertia=".1 .12 .1"/></body></body></body>
+<body><joint name="f" type="free" {f}/><site name="u" pos=".3 .1 -.2"/><inertial pos=".3 .1 0" mass="2" diaginertia=".1 .12 .1"/></body>"""
 
 
-def written(folder: Path, /, option: str = "", **joints: str) -> Path:
+def written(folder: Path, /, option: str = "", tendons: str = "", **joints: str) -> Path:
     path = folder / "model.xml"
     bodies = BODIES.format(**{name: joints.get(name, "") for name in "abcf"})
-    path.write_text(f"<mujoco>\n{option}\n<worldbody>{bodies}</worldbody>\n</mujoco>")
+    path.write_text(f"<mujoco>\n{option}\n<worldbody>{bodies}</worldbody>\n<tendon>{tendons}</tendon>\n</mujoco>")
     return path
 
 
 def documented(robot: Robot, departures: Sequence[Departure] = ()) -> Mechanism:
     """The robot with its dry friction and limits, by the laws that MuJoCo documents, or with departures from them."""
     engine, root = engine_of("mujoco"), element_at(robot.tree.place)
-    chosen = [one for one in (*frictions_of(robot.tree), *limits_of(robot.tree)) if not one.why_not]
+    bounds = (*frictions_of(robot.tree), *limits_of(robot.tree), *limits_of(robot.tree, of_tendons=True))
+    chosen = [one for one in bounds if not one.why_not]
     laws = departed(departures, robot.tree, chosen, engine.laws(root, robot.format, chosen))
     return optimum(mechanism_of(robot), robot, chosen, laws, engine.fuses(root, robot.format))
 
@@ -333,11 +336,70 @@ def test_an_engine_is_asked_with_friction_and_limits_of_joints_by_name(format: s
         mechanism = documented(own)
         states = states_of(robot, mechanism)
         truth = ReferenceKernel(mechanism).evaluate(states)
-        held = Held((), (), to_the_end=True, rubbing=tuple(rubbing), limited=tuple(limited))
+        held = Held((), (), to_the_end=True, rubbing=owners(rubbing), limited=owners(limited))
         answers = ask_engine("mujoco", question_of(Meant(own, states, truth), Stance.PLAIN, held))
         assert worst(compare(truth, answers.of(robot.joints), factorises=True)) <= AGREEMENT
+
+
+def owners(names: Sequence[str]) -> tuple[str, ...]:
+    return tuple(f"joint {name}" for name in names)
 
 
 def _with(body: Body, rubbing: Sequence[str], limited: Sequence[str]) -> Body:
     joints = [joint if joint.name in rubbing else replace(joint, friction_loss=Fraction(0)) for joint in body.joints]
     return replace(body, joints=tuple(joint if joint.name in limited else replace(joint, limits=None) for joint in joints))
+
+
+SUM = '<fixed {}><joint joint="a" coef="1.5"/><joint joint="b" coef="-2"/></fixed>'
+ALONG = '<spatial {}><site site="s"/><site site="u"/><site site="t"/></spatial>'
+TENDONS = {
+    "friction of a sum": (SUM, 'frictionloss="3" solreffriction="0.3 1"'),
+    "limits of a sum": (SUM, 'range="-2 1" margin="0.1" solimplimit="0.5 0.9 0.4"'),
+    "both of a sum": (SUM, 'name="x" range="-2 1" frictionloss="3"'),
+    "friction through sites": (ALONG, 'frictionloss="30000" solimpfriction="0.5 0.9"'),
+    "limits through sites": (ALONG, 'range="1.5 2.5" solreflimit="-100 -4"'),
+}
+
+
+@pytest.mark.parametrize("name", TENDONS)
+def test_tendons_rub_and_are_limited_as_documented_but_for_their_curvature(name: str, tmp_path: Path) -> None:
+    """Through sites MuJoCo leaves J' v out, where it moves; at rest it is as documented."""
+    tendon, attributes = TENDONS[name]
+    path = written(tmp_path, tendons=tendon.format(attributes))
+    robot = read_robot(path)
+    curved = [one for one in departures_of("mujoco", "") if one.name == "J' v of tendons and ball joints"]
+    assert_departs_where_it_moves(path, robot, curved, departs="sites" in name)
+
+
+@pytest.mark.parametrize("attributes", ['range="0 60"', 'range="0 170" margin="0.4" solimplimit="0.2 0.9 1.5 0.3 2.5"'])
+def test_ball_joints_are_limited_as_documented_but_for_their_curvature(attributes: str, tmp_path: Path) -> None:
+    path = written(tmp_path, c=attributes)
+    curved = [one for one in departures_of("mujoco", "") if one.name == "J' v of tendons and ball joints"]
+    assert_departs_where_it_moves(path, read_robot(path), curved, departs=True)
+
+
+def assert_departs_where_it_moves(path: Path, robot: Robot, departures: Sequence[Departure], departs: bool) -> None:
+    states = sample(documented(robot), STATES, SEED)
+    for moving in (True, False):
+        at = states if moving else replace(states, v=np.zeros_like(states.v))
+        answers = answered(path, at)
+        compared = compare(ReferenceKernel(documented(robot)).evaluate(at), answers, factorises=True)
+        assert (worst(compared) > 10 * AGREEMENT) == (departs and moving), worst(compared)
+        truth = ReferenceKernel(documented(robot, departures)).evaluate(at)
+        assert worst(compare(truth, answers, factorises=True)) <= AGREEMENT
+        without = compare(ReferenceKernel(mechanism_of(robot)).evaluate(at), answers, factorises=True)
+        assert worst(without) > 10 * AGREEMENT
+
+
+def test_a_tendon_around_something_says_why_it_is_not_read(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, tendons='<spatial frictionloss="2" range="0 1"><site site="s"/><pulley divisor="2"/><site site="t"/></spatial>'
+    )
+    tree = read_robot(path).tree
+    found = [*frictions_of(tree), *limits_of(tree, of_tendons=True)]
+    assert [one.name for one in found] == [
+        "dry friction of tendon (tendon 1)",
+        "lower limit of tendon (tendon 1)",
+        "upper limit of tendon (tendon 1)",
+    ]
+    assert {one.why_not for one in found} == {"is about a tendon that runs along a path, or about none of this file"}

@@ -22,7 +22,7 @@ from harness.engines.loaded_file import refuse_joints
 from harness.engines.reading import captured_output, elements_of, moving_mass, text_of, without_root_joint
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
-from harness.files.findings import EQUALITIES
+from harness.files.findings import EQUALITIES, FRICTION, LIMITS
 
 
 class AdamModel(StateByState):
@@ -76,7 +76,11 @@ class AdamEngine(Engine):
             "so are origins that it leaves out"
         )
     }
-    why_off: Mapping[str, str] = {EQUALITIES: "its KinDynComputations couple no joints"}
+    why_off: Mapping[str, str] = {
+        EQUALITIES: "its KinDynComputations couple no joints",
+        FRICTION: "its KinDynComputations apply no dry friction",
+        LIMITS: "its KinDynComputations know no joint limits",
+    }
     why_no_constraints = "adam reads no constraints and couples no joints"
     call: Mapping[str, str] = {
         "urdf": "k = KinDynComputations(PATH, joints); k.mass_matrix(base, q); k.bias_force(base, q, base_velocity, v)"

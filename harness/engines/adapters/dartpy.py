@@ -24,7 +24,7 @@ from harness.engines.loaded_file import refuse_joints
 from harness.engines.reading import captured_standard_error, elements_of, links_without_inertia, text_of, without_shapes
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.files.findings import EQUALITIES
+from harness.files.findings import EQUALITIES, FRICTION, LIMITS
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 
@@ -105,7 +105,11 @@ class DartEngine(Engine):
             "dampers are its own, at a time step of 0"
         )
     }
-    why_off: Mapping[str, str] = {EQUALITIES: "computeForwardDynamics holds no joints together, which a step of its world does"}
+    why_off: Mapping[str, str] = {
+        EQUALITIES: "computeForwardDynamics holds no joints together, which a step of its world does",
+        FRICTION: "computeForwardDynamics applies no dry friction, which a step of its world does",
+        LIMITS: "computeForwardDynamics knows no joint limits, which a step of its world does",
+    }
     call: Mapping[str, str] = {
         "urdf": (
             "loader.setOptions(DartLoaderOptions(defaultRootJointType=DartLoaderRootJointType.FIXED)); "

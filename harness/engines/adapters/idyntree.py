@@ -21,7 +21,7 @@ from harness.engines.loaded_file import refuse_joints
 from harness.engines.reading import captured_standard_error, elements_of, moving_mass, root_link, text_of, without_root_joint
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import FloatingBase, StateByState
-from harness.files.findings import EQUALITIES
+from harness.files.findings import EQUALITIES, FRICTION, LIMITS
 
 
 class IdyntreeModel(StateByState):
@@ -98,7 +98,11 @@ class IdyntreeEngine(Engine):
     supplied: Mapping[str, str] = {
         "urdf": "dampers, springs and rotor inertias of joints, and springs between points, are supplied from the file"
     }
-    why_off: Mapping[str, str] = {EQUALITIES: "KinDynComputations couples no joints"}
+    why_off: Mapping[str, str] = {
+        EQUALITIES: "KinDynComputations couples no joints",
+        FRICTION: "KinDynComputations applies no dry friction",
+        LIMITS: "KinDynComputations knows no joint limits",
+    }
     why_no_constraints = "iDynTree reads no constraints and couples no joints"
     call: Mapping[str, str] = {
         "urdf": (

@@ -33,7 +33,7 @@ from harness.engines.reading import (
 )
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.files.findings import EQUALITIES
+from harness.files.findings import EQUALITIES, FRICTION, LIMITS
 
 # pybullet.URDF_USE_INERTIA_FROM_FILE.
 _INERTIAS_OF_FILE = 2
@@ -131,7 +131,11 @@ class PybulletEngine(Engine):
             "and each link has the inertia that stands there"
         )
     }
-    why_off: Mapping[str, str] = {EQUALITIES: "its mass matrix and inverse dynamics hold no joints together"}
+    why_off: Mapping[str, str] = {
+        EQUALITIES: "its mass matrix and inverse dynamics hold no joints together",
+        FRICTION: "its mass matrix and inverse dynamics have no dry friction",
+        LIMITS: "its mass matrix and inverse dynamics have no joint limits",
+    }
     why_no_constraints = "PyBullet reads no constraints and couples no joints"
     call: Mapping[str, str] = {
         "urdf": (

@@ -14,7 +14,7 @@ from packaging.specifiers import SpecifierSet
 
 from harness.environments import split_name
 from harness.explain.changes.readings import NEWEST
-from harness.files.equalities import Constraint, DryFriction, Limit, Linkage, Meeting, Sum, TendonLinkage
+from harness.files.equalities import AnyRows, Constraint, DryFriction, Limit, Linkage, Polygon, Sum, TendonLinkage
 from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import LEAST_IMPEDANCE, LEAST_WIDTH, MOST_IMPEDANCE, ConstraintLaw, InverseWeight
@@ -106,22 +106,25 @@ def only_slides(tree: Tree, body: Body) -> bool:
     return in_order and all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in body.inertia.pose)
 
 
-def _without_curvature_of_couplings(_: Tree, equality: Constraint, law: ConstraintLaw) -> ConstraintLaw:
-    return law if isinstance(equality.says, Meeting) or _is_linear(equality) else replace(law, has_curvature=False)
+def _without_curvature_of_couplings(tree: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
+    return _without_curvature(tree, constraint, law) if isinstance(constraint.says, Linkage | TendonLinkage) else law
 
 
-def _without_curvature(_: Tree, equality: Constraint, law: ConstraintLaw) -> ConstraintLaw:
-    return law if _is_linear(equality) else replace(law, has_curvature=False)
+def _without_curvature_of_bounds(tree: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
+    return _without_curvature(tree, constraint, law) if isinstance(constraint.says, DryFriction | Limit) else law
 
 
-def _is_linear(equality: Constraint) -> bool:
-    """Whether the rows of a coupling are linear in the positions of joints, so that J is the same everywhere."""
-    says = equality.says
-    if isinstance(says, DryFriction | Limit):
-        return isinstance(says.of, str | Sum)
-    if not isinstance(says, Linkage | TendonLinkage) or any(says.coefficients[2:]):
-        return False
-    return isinstance(says, Linkage) or all(isinstance(one, Sum) for one in says.tendons)
+def _without_curvature(tree: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
+    return law if _is_linear(tree, constraint.says) else replace(law, has_curvature=False)
+
+
+def _is_linear(tree: Tree, says: AnyRows | None) -> bool:
+    """Whether rows are linear in the positions of joints, so that J is the same everywhere."""
+    if isinstance(says, Linkage | TendonLinkage):
+        return not any(says.coefficients[2:]) and (isinstance(says, Linkage) or all(isinstance(one, Sum) for one in says.tendons))
+    if isinstance(says, Limit) and isinstance(says.of, str):
+        return all(joint.kind.is_single for joint in tree.joints if joint.name == says.of)
+    return isinstance(says, DryFriction | Limit) and not isinstance(says.of, Polygon)
 
 
 def _mean_impedance_of_friction(_: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
@@ -163,6 +166,14 @@ _DEPARTURES = (
         remedy="couple by a linear polynomial, or expect the error to grow with the square of the speed",
         source=f"{_DUAL_PROBLEM}; MuJoCo, src/engine/engine_core_constraint.c, mj_Jdotv: rows of connect and weld alone",
         law=_without_curvature_of_couplings,
+    ),
+    Departure(
+        name="J' v of tendons and ball joints",
+        engine="mujoco",
+        sentence="MuJoCo leaves J' v out of limits of ball joints and of limits and dry friction of tendons through sites",
+        remedy="expect the error to grow with the square of the speed",
+        source=f"{_DUAL_PROBLEM}; MuJoCo, src/engine/engine_core_constraint.c, mj_Jdotv: rows of connect and weld alone",
+        law=_without_curvature_of_bounds,
     ),
     Departure(
         name="J' v of all equalities",

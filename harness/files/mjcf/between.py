@@ -17,10 +17,11 @@ from typing import TypeVar
 
 from lxml import etree
 
-from harness.files.document.source import Elements, Source, Unread, one_sign
+from harness.files.document.source import Elements, Source, Unread, not_negative, one_sign
 from harness.files.document.xml import describe
 from harness.files.equalities import (
     POLYNOMIAL,
+    BoundTendon,
     Equality,
     Linkage,
     Meeting,
@@ -111,6 +112,31 @@ class ElementsBetween:
             self._source.refuse(part, f'<joint joint="{name}"> names no hinge or slide of this file; correct the name')
         return name, self._source.number(part, "coef", None)
 
+    # Dry friction and limits.
+
+    def bound_tendons(self) -> tuple[BoundTendon, ...]:
+        """The tendons that have some; one that is not called anything has a name of its place."""
+        found = (self._bound(number, tendon) for number, tendon in enumerate(self._root.iterfind("tendon/*"), start=1))
+        return tuple(one for one in found if one.friction_loss or one.limits is not None)
+
+    def _bound(self, number: int, element: etree._Element) -> BoundTendon:
+        attributes, name, why_not = self._attributes, str(element.get("name") or f"(tendon {number})"), ""
+        try:
+            tendon: Tendon = self._path(name, element)
+        except NotRead as problem:
+            tendon, why_not = Sum(name, ()), str(problem)
+        lower, upper = attributes.numbers(element, "range", (0, 0))
+        return BoundTendon(
+            tendon,
+            friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
+            friction_softness=attributes.softness(element, "friction"),
+            limits=(lower, upper) if attributes.is_limited(element) and lower < upper else None,
+            margin=attributes.number(element, "margin", 0.0),
+            limit_softness=attributes.softness(element, "limit"),
+            place=self._source.place(element),
+            why_not=why_not,
+        )
+
     # Equalities.
 
     def equalities(self) -> tuple[Equality, ...]:
@@ -182,7 +208,10 @@ class ElementsBetween:
 
     def _length(self, element: etree._Element, attribute: str) -> Tendon:
         tendon = self._tendons[named(element, attribute, self._tendons)]
-        name, parts = str(tendon.get("name")), list(tendon.iterchildren("*"))
+        return self._path(str(tendon.get("name")), tendon)
+
+    def _path(self, name: str, tendon: etree._Element) -> Tendon:
+        parts = list(tendon.iterchildren("*"))
         if tendon.tag == "fixed":
             return Sum(name, tuple((self._single(part, "joint"), self._source.number(part, "coef", None)) for part in parts))
         if any(part.tag != "site" for part in parts):

@@ -74,10 +74,11 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> Mj
         _refuse_compensating_actuators(source)
     between, inertias = ElementsBetween(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
-    tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, source.place(source.root), inertias.bounds)
+    place, tendons = source.place(source.root), between.bound_tendons()
+    tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, place, inertias.bounds, tendons=tendons)
     dampers = SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
-    tendons = {str(one.get("name")): one for one in source.root.iterfind("tendon/*") if one.get("name")}
-    driving = ActuatorReader(source, attributes, between, tree.joints, tendons)
+    by_name = {str(one.get("name")): one for one in source.root.iterfind("tendon/*") if one.get("name")}
+    driving = ActuatorReader(source, attributes, between, tree.joints, by_name)
     actuators = driving.actuators()
     limits = tuple(driving.force_limits(reader.elements_of(tree.joints))) if actuators else ()
     return MjcfMeaning(tree, between.equalities(), dampers, actuators, limits)
@@ -207,17 +208,17 @@ class _MjcfReader:
             # A joint has no placement of its own.
             pose=attributes.pose(element)[:-1],
         )
-        if not kind.has_axis:
-            return turned
-        return replace(
+        bound = replace(
             turned,
-            reference=attributes.number(element, "ref", 0.0),
-            spring_reference=attributes.number(element, "springref", 0.0),
-            in_degrees=kind is JointKind.HINGE and attributes.in_degrees,
+            in_degrees=kind is not JointKind.SLIDE and attributes.in_degrees,
             limits=self._limits(element),
             margin=self.attributes.number(element, "margin", 0.0),
             limit_softness=self.attributes.softness(element, "limit"),
         )
+        if not kind.has_axis:
+            return bound
+        reference, spring_reference = (attributes.number(element, name, 0.0) for name in ("ref", "springref"))
+        return replace(bound, reference=reference, spring_reference=spring_reference)
 
     def _limits(self, element: etree._Element) -> tuple[Fraction, Fraction] | None:
         """The range of a joint that is limited."""

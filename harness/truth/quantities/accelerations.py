@@ -149,7 +149,8 @@ class AccelerationTruth(Truth):
         if self.rigid is None:
             return states
         # Imported late: a tree needs nothing of it.
-        from harness.truth.declared import DeclaredMechanism, opened
+        from harness.truth.declared import DeclaredMechanism
+        from harness.truth.displaced import opened
 
         assert isinstance(self.mechanism, DeclaredMechanism)
         return opened(self.mechanism, states, share)

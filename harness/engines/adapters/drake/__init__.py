@@ -23,7 +23,7 @@ from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.files.findings import EQUALITIES
+from harness.files.findings import EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 
@@ -189,7 +189,10 @@ class DrakeEngine(Engine):
         "gravity, springs and rotor inertias of joints, and springs between points, are supplied from the file; dampers are its own",
     )
     why_off: Mapping[str, str] = {
-        EQUALITIES: "it holds equalities in discrete time steps alone, and has no acceleration at a state with them"
+        EQUALITIES: "it holds equalities in discrete time steps alone, and has no acceleration at a state with them",
+        FRICTION: "Drake applies dry friction in discrete time steps alone",
+        LIMITS: "it has joint limits in discrete time steps alone",
+        TENDON_LIMITS: "its parser knows no tendons",
     }
     why_no_constraints = "Drake holds constraints in discrete time steps alone, and has no acceleration at a state with them"
     call: Mapping[str, str] = {

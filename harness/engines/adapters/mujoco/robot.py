@@ -229,12 +229,13 @@ def drive(model: Any, numbers: Sequence[int]) -> None:
 
 
 def let_act(model: Any, joints: Sequence[AskedJoint], held: Held) -> None:
-    """Let joints of these names rub and be limited, and no other; no tendon does either."""
-    places = _places(model, joints)
-    rubbing, limited = ({places[name].id for name in names} for names in (held.rubbing, held.limited))
-    model.dof_frictionloss[[joint not in rubbing for joint in model.dof_jntid]] = 0.0
-    model.jnt_limited[[joint not in limited for joint in range(model.njnt)]] = 0
-    model.tendon_frictionloss[:] = model.tendon_limited[:] = 0
+    """Let joints and tendons of these names rub and be limited, and no other."""
+    own = {joint.id: f"joint {name}" for name, joint in _places(model, joints).items()}
+    tendons = [f"tendon {model.tendon(number).name or f'(tendon {number + 1})'}" for number in range(model.ntendon)]
+    model.dof_frictionloss[[own.get(joint) not in held.rubbing for joint in model.dof_jntid]] = 0.0
+    model.jnt_limited[[own.get(joint) not in held.limited for joint in range(model.njnt)]] = 0
+    model.tendon_frictionloss[[one not in held.rubbing for one in tendons]] = 0.0
+    model.tendon_limited[[one not in held.limited for one in tendons]] = 0
 
 
 class MujocoFile(LoadedFile):

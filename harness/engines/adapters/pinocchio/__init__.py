@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from harness.engines import Engine
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
-from harness.files.findings import EQUALITIES
+from harness.files.findings import EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -43,7 +43,12 @@ class PinocchioEngine(Engine):
         formats,
         "gravity, dampers, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file",
     )
-    why_off: Mapping[str, str] = {EQUALITIES: "pin.aba holds no equality, whatever its readers make of it"}
+    why_off: Mapping[str, str] = {
+        EQUALITIES: "pin.aba holds no equality, whatever its readers make of it",
+        FRICTION: "pin.aba applies no dry friction",
+        LIMITS: "pin.aba knows no joint limits",
+        TENDON_LIMITS: "pin.aba knows no tendons",
+    }
     call: Mapping[str, str] = {
         "urdf": "pin.aba(m := pin.buildModelFromUrdf(PATH), m.createData(), q, v, tau)",
         "mjcf": "pin.aba(m := pin.buildModelFromMJCF(PATH), m.createData(), q, v, tau)",

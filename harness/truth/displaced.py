@@ -1,0 +1,121 @@
+"""States at which the law of constraints that give is felt, made of others: near closed constraints, off them, and beyond limits.
+
+On the manifold no law is felt but for its impedance at distance 0: what brings a constraint back is zero there. So some of the states
+that a declared truth is asked at are moved off it, by amounts that the state's own bits choose: one state is moved alike whoever asks,
+alone or among others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines.coordinates import multiplied
+from harness.programs.evaluation import values
+from harness.programs.mechanisms.mechanism import JACOBIAN, RESIDUAL, Constraints, Mechanism
+from harness.programs.states import States
+from harness.truth.compare import Flags
+from harness.truth.declared import DeclaredMechanism
+from harness.truth.manifold import closes
+
+# Exponents of 10 of how far positions are moved [m or rad], or of the width in which an impedance varies; and rates, of their range.
+_ANYWHERE, _WITHIN_WIDTH, _OF_RATES = (-7.0, -1.0), (-2.0, 0.5), (-3.0, 0.0)
+
+# Of the way to closed constraints: steps, the longest [m or rad], singular values that count, and residuals that are none.
+_STEPS, _LONGEST, _SINGULAR, _ARRIVED = 40, 0.5, 1e-8, 1e-9
+# Limits that a state is beyond at most, and steps there, of which joints of one axis take one.
+_MOST_LIMITS, _PRESSES = 3, 8
+
+
+def opened(mechanism: DeclaredMechanism, states: States, share: float) -> States:
+    """The states, of which a share of those that close the constraints is moved off them; one that is open stays as it is."""
+    if not len(states) or not mechanism.laws:
+        return states
+    return _moved(mechanism, states, closes(mechanism, states, Mechanism.parameters_at(mechanism, states)), share)
+
+
+def near(mechanism: DeclaredMechanism, states: States) -> States:
+    """The states, led to where constraints are closed as far as steps of least length lead there, and moved off by a little of that."""
+    constraints = mechanism.constraints
+    assert constraints is not None
+    at, every = states, np.ones((len(states), len(constraints.rows)))
+    for _ in range(_STEPS):
+        at, residual, usable = _nearer(mechanism, constraints, at, every, 0.0 * every, _LONGEST)
+    arrived = usable & (np.abs(residual).max(axis=1, initial=0.0) <= _ARRIVED)
+    q = np.where(arrived[:, None], at.q, states.q)
+    return _moved(mechanism, replace(states, q=q), arrived, 1.0)
+
+
+def pressed(mechanism: DeclaredMechanism, states: States) -> States:
+    """The states, each beyond one to three limits that its own bits choose, by a little of what their impedances vary in."""
+    rows = mechanism.softened
+    if rows is None or not mechanism.pushing:
+        return states
+    chosen, depth = np.zeros((2, len(states), len(rows.rows)))
+    laws = dict(mechanism.laws)
+    for state in range(len(states)):
+        random = _random_of(states, state)
+        for _, row in random.permutation(mechanism.pushing)[: random.integers(1, _MOST_LIMITS + 1)]:
+            width = laws[rows.rows[row]].impedance.width
+            chosen[state, row], depth[state, row] = 1.0, width * 10 ** random.uniform(*_WITHIN_WIDTH) + 10 ** random.uniform(*_ANYWHERE)
+    at = states
+    for _ in range(_PRESSES):
+        at, _, usable = _nearer(mechanism, rows, at, chosen, -depth, math.inf)
+    return replace(states, q=np.where((usable & np.isfinite(at.q).all(axis=1))[:, None], at.q, states.q))
+
+
+def _nearer(
+    mechanism: DeclaredMechanism, rows: Constraints, at: States, chosen: Array, wanted: Array, longest: float
+) -> tuple[States, Array, Flags]:
+    """States after a step of least length to where the chosen rows leave what is wanted, (n, rows) both.
+
+    And what they leave before it, and whether that and its Jacobian are finite.
+    """
+    with np.errstate(all="ignore"):
+        found = values(rows.placing, mechanism.inputs(at, Mechanism.parameters_at(mechanism, at)))
+        residual, jacobian = found[RESIDUAL].T, found[JACOBIAN].reshape(len(rows.rows), mechanism.nv, -1).transpose(2, 0, 1)
+        usable: Flags = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
+        inverse = np.linalg.pinv(np.where(usable[:, None, None], chosen[:, :, None] * jacobian, 0.0), rcond=_SINGULAR)
+        step = -np.einsum("nij,nj->ni", inverse, np.where(usable[:, None], chosen * (residual - wanted), 0.0))
+        length = np.linalg.norm(step, axis=1)
+        shorter = np.where(length > longest, longest / length, 1.0)
+        return replace(at, q=_turned(mechanism, at.q, step * shorter[:, None])), residual, usable
+
+
+def _random_of(states: States, state: int) -> np.random.Generator:
+    bits = b"".join(part[state].tobytes() for part in (states.q, states.v, states.tau))
+    return np.random.default_rng(int.from_bytes(hashlib.blake2b(bits, digest_size=8).digest()))
+
+
+def _turned(mechanism: Mechanism, q: Array, step: Array) -> Array:
+    """Positions (n, nq) after a step along velocities, (n, nv); rotations turn about the body's own axes."""
+    found, place = list[Array](), 0
+    while place < mechanism.nv:
+        first = sum(part.shape[1] for part in found)
+        if place not in mechanism.attitudes:
+            found.append(q[:, [first]] + step[:, [place]])
+            place += 1
+            continue
+        turn = np.hstack([np.ones((len(q), 1)), step[:, place : place + 3] / 2])
+        turned = multiplied(q[:, first : first + 4], turn)
+        found.append(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+        place += 3
+    return np.hstack(found)
+
+
+def _moved(mechanism: DeclaredMechanism, states: States, chosen: Flags, share: float) -> States:
+    """The states, of which a share of the chosen ones is moved by amounts that its own bits choose."""
+    q, v = states.q.copy(), states.v.copy()
+    reach = np.abs(np.array(mechanism.rate_ranges)).max(axis=1)
+    for state in np.flatnonzero(chosen).tolist():
+        random = _random_of(states, state)
+        if random.random() < share:
+            width = random.choice(mechanism.widths or [0.0])
+            amount = width * 10 ** random.uniform(*_WITHIN_WIDTH) if width and random.random() < 0.5 else 10 ** random.uniform(*_ANYWHERE)
+            q[[state]] = _turned(mechanism, q[[state]], amount * random.uniform(-1.0, 1.0, (1, mechanism.nv)))
+            v[state] += 10 ** random.uniform(*_OF_RATES) * reach * random.uniform(-1.0, 1.0, mechanism.nv)
+    return replace(states, q=q, v=v)
