@@ -123,7 +123,7 @@ def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
     verb = f"{agree} with" if record.explained else f"{are} {error_text(record.backward_error)} data roundoffs away from"
     what = f"the file as {their} readings have it" if names_of(record.readings) else f"{their} documentation"
     without = f"without {'it' if record.is_single else 'them'}"
-    moved = f", {share_of_qdd(share_text(record.together))} away from the file {without}" if record.together else ""
+    moved = f", {share_of_qdd(share_text(record.together))} away from the file {without}" if (record.together or 0.0) > FELT else ""
     return f"{verb} {what}{moved}{remedy}"
 
 
