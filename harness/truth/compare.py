@@ -94,12 +94,6 @@ class Certified(Rows):
         """Lengths of vectors that are shaped as the values."""
         return np.asarray(np.linalg.norm(self._in_metric(vectors), axis=2))
 
-    def whitened(self, differences: Array) -> Array:
-        """Differences of answers in multiples of ``roundoff_with_share``; 0 where nothing is certified."""
-        with np.errstate(all="ignore"):
-            found = self._in_metric(differences) / self.roundoff_with_share[:, :, None]
-        return np.where(self.certified[:, None, None] & np.isfinite(found), found, 0.0)
-
     def _in_metric(self, vectors: Array) -> Array:
         return np.asarray(vectors @ self.norm_factor.transpose(0, 2, 1))
 

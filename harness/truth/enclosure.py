@@ -174,12 +174,6 @@ class Encloser:
                     break
         return found
 
-    def residual(self, q: Sequence[float]) -> Sequence[Any]:
-        """Residual of the holonomic rows at positions, as ``arb`` at the working precision in force."""
-        import flint
-
-        return self._parts(self._bound(flint.ctx.prec)(*q, *[0.0] * (2 * self._mechanism.nv + 1)))[0]
-
     def _enclosed(self, q: Sequence[float], v: Sequence[float], precision: int) -> Enclosure | None:
         import flint
 

@@ -18,6 +18,7 @@ from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.crosscheck.stages import compare_all
 from harness.crosscheck.superfluous import find_superfluous
+from harness.engines.files import engine_files
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.programs.states import States
@@ -98,6 +99,27 @@ def test_an_engine_that_cannot_be_loaded_is_not_asked_again(tmp_path: Path) -> N
     assert unlicensed and {found[subject].verdict for subject in found.keys() - unlicensed} == {"agrees"}
     assert all("no licence" in found[subject].message and found[subject].failed for subject in unlicensed)
     assert study.crashes == {("bar_pendulum", subject) for subject in unlicensed}
+
+
+def test_an_engine_that_is_not_installed_is_unsupported_and_is_not_asked(tmp_path: Path) -> None:
+    lacking = changed_engine("raise RuntimeError('asked')") + "\nENGINE.requires = ('nowhere_at_all', 'nowhere-at-all')\n"
+    root = make_library(tmp_path / "library", ["bar_pendulum"], {"lacking": lacking})
+    subjects = ["lagrange", "lacking/mjcf"]
+    records, study = cross_checked(Settings(library=Library.at(root), subjects=subjects, states=8, examples=None))
+    found = by_subject(records)["lacking/mjcf"]
+    assert found.verdict == "unsupported" and "nowhere-at-all" in found.message and not study.crashes
+
+
+@pytest.mark.parametrize(("oldest", "verdict", "message"), [("0.1", "agrees", ""), ("99.0", "unsupported", "is older than 99.0")])
+def test_a_version_elsewhere_is_asked_unless_it_is_too_old(
+    oldest: str, verdict: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = dict(engine_files(BUILT_IN))
+    files["mujoco"] = replace(files["mujoco"], elsewhere=True, oldest={"mjcf": oldest})
+    monkeypatch.setattr("harness.crosscheck.loading.engine_files", lambda library: files)
+    settings = Settings(library=BUILT_IN, names=["bar_pendulum"], subjects=["mujoco/mjcf"], states=8, examples=None)
+    [record], _ = cross_checked(settings)
+    assert record.verdict == verdict and message in record.message
 
 
 def test_a_system_that_cannot_be_used_is_an_error_of_every_subject(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from harness.explain.changes import NUMBER, PARAMETER, Change
 from harness.explain.columns import derivative
+from harness.explain.result import TriedChange
 from harness.explain.search import ALL_BUT_ZERO, Tried
 from harness.files.text.scan import TextPlace, tag
 
@@ -66,3 +67,12 @@ def test_a_place_is_told_as_it_stands_in_a_file() -> None:
     attribute, text = (TextPlace(3, "mass", name, None, "2") for name in ("value", ""))
     assert tag(attribute, "2") == '<mass value="2">' and tag(attribute, "") == "<mass value>"
     assert tag(text, "1 2") == "<mass>1 2</mass>" and tag(text, "") == "<mass>"
+
+
+def test_a_change_as_plain_data_has_its_place_beside_what_it_is() -> None:
+    place = TextPlace(3, "mass", "value", 0, "2")
+    change = TriedChange("number", "too heavy", place, 1.5, '<mass value="2">', "1.5", 0.7, True)
+    assert change.as_json() == {
+        "line": 3, "element": "mass", "attribute": "value", "index": 0, "found": "2", "hypothesis": "number", "statement": "too heavy",
+        "value": 1.5, "tag": '<mass value="2">', "shown": "1.5", "residual": 0.7, "explains": True,
+    }  # fmt: skip

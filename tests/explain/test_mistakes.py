@@ -297,6 +297,14 @@ def test_a_free_candidate_at_its_start_is_the_file_as_it_is(model_format: str) -
                     assert any(is_valid(model, candidate.text(candidate.start + step)) for step in steps), candidate
 
 
+def test_a_quaternion_in_the_other_order_has_the_same_numbers() -> None:
+    model = turned("mjcf")
+    model = parse_model(model.path, model.text.replace('quat="0.8 0 0.6 0"', 'quat="0.8 0.48 0.36 0"'), "mjcf")
+    made = {change.statement: change.text(1.0) for change in MISTAKES["frame_rotation"].plant(model)}
+    assert 'quat="0 0.8 0.48 0.36"' in made["quaternion with its scalar first"]
+    assert 'quat="0.48 0.36 0 0.8"' in made["quaternion with its scalar last"]
+
+
 def declared_statements() -> Iterator[tuple[str, str]]:
     """Module and pattern of every statement that a module of mistakes spells out."""
     for path in sorted(Path(mistakes.__file__).parent.glob("*.py")):

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from harness.errors import InvalidModel
 from harness.files.equalities import Weld
 from harness.files.given import Given
 from harness.trees.mechanism import mechanism_of
@@ -247,6 +248,18 @@ def test_a_joint_that_mimics_one_that_mimics_has_the_product_of_both(tmp_path: P
         ("to_b", 4.0, 0.125),
         ("to_b", 2.0, 0.8125),
     ]
+
+
+def test_replicas_are_counted_before_they_are_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four of three elements below the one that replicates, in a file of six."""
+    body = '<body><joint name="pin"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    path = tmp_path / "many.xml"
+    path.write_text(f'<mujoco><worldbody><replicate count="4" offset="1 0 0">{body}</replicate></worldbody></mujoco>')
+    monkeypatch.setattr("harness.files.mjcf.reading.MAXIMUM_ELEMENTS", 18)
+    assert len(read_robot(path).joints) == 4
+    monkeypatch.setattr("harness.files.mjcf.reading.MAXIMUM_ELEMENTS", 17)
+    with pytest.raises(InvalidModel, match="makes 18 elements; expected at most 17"):
+        read_robot(path)
 
 
 LEG = """<link name="{side}_thigh"/><link name="{side}_{foot}"/>

@@ -1,0 +1,51 @@
+"""Answers at light links far from the centre of their tree are unstable where that explains their error, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from catalogue import ROBOTS
+
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import read_robot
+from harness.truth.compare import Comparison, compare
+from harness.truth.quantities.accelerations import FarLinks
+from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import sample
+from harness.verdict import Verdict
+
+ARM = next(path for path in ROBOTS if path.name == "arm.urdf")
+
+
+def test_what_the_distance_explains_is_unstable_and_the_rest_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = read_robot(ARM)
+    mechanism = mechanism_of(robot)
+    states = sample(mechanism, 4, 0)
+    truth = ReferenceKernel(mechanism).evaluate(states)
+    far = FarLinks(robot)
+    # Two of the four disagree, and of these, as of the others, the distance explains one.
+    wrong = np.array([True, True, False, False])
+    answers = truth.high * np.where(wrong, 1.001, 1.0)[:, None]
+    monkeypatch.setattr(far, "explain", lambda *given: np.array([True, False, True, False]))
+
+    def judged(accelerations: np.ndarray) -> tuple[Comparison, list[str]]:
+        found = compare(truth, accelerations)
+        return found, far.excused(found, truth, states, accelerations).verdicts.tolist()
+
+    assert judged(answers)[1] == [Verdict.UNSTABLE.value, Verdict.DISAGREES.value, Verdict.AGREES.value, Verdict.AGREES.value]
+    found, verdicts = judged(truth.high)
+    assert verdicts == found.verdicts.tolist() == [Verdict.AGREES.value] * 4
+
+
+def test_an_error_is_explained_in_proportion_to_mass_and_arm() -> None:
+    """One unit roundoff of m r^2 in M; 0.1 % of an acceleration is no rounding."""
+    robot = read_robot(ARM)
+    mechanism = mechanism_of(robot)
+    states = sample(mechanism, 4, 0)
+    truth = ReferenceKernel(mechanism).evaluate(states)
+    far = FarLinks(robot)
+    assert far.masses.shape == far.arms.shape == (mechanism.nv,)
+    # Each link of an arm carries those behind it, which are further from the centre of all.
+    assert (np.diff(far.masses) < 0).all() and (np.diff(far.arms) > 0).all() and far.arms[0] < 1e-15
+    assert far.explain(truth, states, truth.high).all()
+    assert not far.explain(truth, states, truth.high * 1.001).any()
