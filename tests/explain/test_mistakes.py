@@ -324,6 +324,16 @@ def made_statements() -> frozenset[str]:
     return frozenset(change.statement for mistake, model in every for change in (*mistake.plant(model), *mistake.mend(model)))
 
 
+@pytest.mark.parametrize("model_format", FORMATS)
+def test_offsets_angles_axes_and_masses_are_all_looked_for(model_format: str) -> None:
+    """What the docstrings of the mistakes promise of any file, in one that has all of it."""
+    model = turned(model_format)
+    statements = {change.statement for mistake in MISTAKES.values() for change in (*mistake.plant(model), *mistake.mend(model))}
+    assert {"axis reversed", "y and z of the axis exchanged", "degrees for radians", "radians for degrees"} <= statements
+    if model_format == "mjcf":
+        assert {"offset of hand left in", "joints hinge and wrist exchanged", "angles of the whole file in the other unit"} <= statements
+
+
 @pytest.mark.parametrize(("module", "pattern"), sorted(set(declared_statements())))
 def test_every_mistake_that_is_spelled_out_is_made_in_some_model(module: str, pattern: str) -> None:
     assert any(re.fullmatch(pattern, statement) for statement in made_statements())

@@ -262,6 +262,15 @@ def test_replicas_are_counted_before_they_are_made(tmp_path: Path, monkeypatch: 
         read_robot(path)
 
 
+@pytest.mark.parametrize("numbers", ["0.1 0", "0 0.1", "0.1 -1"])
+def test_a_time_constant_without_a_damping_ratio_is_refused(numbers: str, tmp_path: Path) -> None:
+    path = tmp_path / "one.xml"
+    joint = f'<joint name="pin" springdamper="{numbers}"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    path.write_text(f"<mujoco><worldbody><body>{joint}</body></worldbody></mujoco>")
+    with pytest.raises(InvalidModel, match="expected two positive numbers"):
+        read_robot(path)
+
+
 LEG = """<link name="{side}_thigh"/><link name="{side}_{foot}"/>
 <joint name="{side}_hip" type="revolute"><parent link="base"/><child link="{side}_thigh"/></joint>
 <joint name="{side}_knee" type="revolute"><parent link="{side}_thigh"/><child link="{side}_{foot}"/></joint>"""
