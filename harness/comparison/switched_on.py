@@ -25,7 +25,7 @@ from harness.engines.request import EngineAnswers, Held
 from harness.explain.as_read import Folded, effects, read_by
 from harness.explain.changes.departures import Departure, departed, departures_of
 from harness.explain.changes.readings import element_at
-from harness.explain.file_numbers import left_beside_readings
+from harness.explain.file_numbers import left_beside_readings, unexplained
 from harness.explain.meant import Meant, driven, largest_change, question_of, read_as, reference_of, request_of, spread, worst
 from harness.files.equalities import Constraint, Equality, Meeting, Sum, TendonLinkage, frictions_of, limits_of
 from harness.files.findings import ACTUATORS, EQUALITIES, FRICTION, LIMITS, SWITCHED_OFF, TENDON_LIMITS
@@ -177,9 +177,12 @@ def _judged(
         ended = compare(computed, asked.with_those(judged, at, to_the_end=True).of(joints), factorises=True)
         if _is_held(ended):
             return replace(record, explained=True, to_the_end=worst(ended), remedy=caller.to_the_end)
-    if record.explained or has_constraints:
+    if record.explained:
         return record
-    return replace(record, rest=left_beside_readings(asked.original, folded, at, answers, compared))
+    if not has_constraints:
+        return replace(record, rest=left_beside_readings(asked.original, folded, at, answers, compared))
+    kernel = ReferenceKernel(_documented(at, caller, judged, departures))
+    return replace(record, rest=unexplained(replace(at, certified=computed), answers.of(joints), kernel))
 
 
 def _of_what_is_on(original: Meant, folded: Folded, smooth: Folded) -> list[Effect]:

@@ -173,7 +173,7 @@ class FileAsRead:
     def computed(self) -> Mechanism:
         """The mechanism that the engine computes with on a user's file; raises as ``Assignment.as_read``."""
         own, read, engine = self.mechanism, self.folded.robot, self.engine
-        if not isinstance(own, RobotMechanism) or own.reader or read is self.robot:
+        if not isinstance(own, RobotMechanism) or own.reader or not self.folded.applied:
             return own
         if self.why_not:
             raise Unsupported(f"as {engine} reads the file, {self.why_not}")

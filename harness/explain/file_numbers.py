@@ -23,6 +23,7 @@ from harness.trees.bodies.inertias import impossible_inertias
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, compare
+from harness.truth.reference import ReferenceKernel
 from harness.verdict import AGREEMENT, Verdict
 
 # Numbers that are named, and the share of the error that a small change or a fitted value of one may leave to be of interest.
@@ -102,10 +103,12 @@ def is_explained_by_number(side: TextbookSide) -> bool:
     return least < OF_INTEREST * _left_by_rounding(side)
 
 
-def side_of(meant: Meant, accelerations: Array) -> TextbookSide:
-    """Accelerations (n, nv) beside the truth of a file, at the states that have both."""
+def side_of(meant: Meant, accelerations: Array, kernel: ReferenceKernel | None = None) -> TextbookSide:
+    """Accelerations (n, nv) beside the truth of a file, at the states that have both; ``kernel`` as of ``unexplained``."""
     kept = np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
-    return TextbookSide(reference_of(meant.robot), meant.states[kept], accelerations[kept], meant.robot.path, certified=meant.truth[kept])
+    return TextbookSide(
+        kernel or reference_of(meant.robot), meant.states[kept], accelerations[kept], meant.robot.path, certified=meant.truth[kept]
+    )
 
 
 def _left_by_rounding(side: TextbookSide) -> float:
@@ -130,9 +133,12 @@ def left_beside_readings(found: Meant, folded: Folded, read: Meant, answers: Eng
     return readings_that_do_not_hold(found, folded, answers) or unexplained(read, accelerations)
 
 
-def unexplained(meant: Meant, accelerations: Array) -> list[str]:
-    """Sentences on accelerations (n, nv) that differ from what a tree means: numbers that explain them, or where they differ."""
-    numbers = numbers_that_explain(side_of(meant, accelerations), meant.robot)
+def unexplained(meant: Meant, accelerations: Array, kernel: ReferenceKernel | None = None) -> list[str]:
+    """Sentences on accelerations (n, nv) that differ from what a tree means: numbers that explain them, or where they differ.
+
+    ``kernel`` gives the truth of ``meant``, by default that of its tree alone.
+    """
+    numbers = numbers_that_explain(side_of(meant, accelerations, kernel), meant.robot)
     return numbers or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
 
 

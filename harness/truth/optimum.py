@@ -14,7 +14,7 @@ from harness.files.equalities import AnyRows, Constraint, DryFriction, Equality,
 from harness.files.rules import ConstraintLaw
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.trees.inverse_weights import inverse_weights_of
-from harness.trees.mechanism import tied_tree
+from harness.trees.mechanism import named, tied_tree
 from harness.trees.robot import Robot
 from harness.truth.declared import declared
 
@@ -39,8 +39,7 @@ def optimum(
     )
     equalities = {one.name for one in acting if isinstance(one, Equality)}
     holding = tied.constraints.first(sum(name in equalities for name in tied.constraints.rows))
-    own = tuple((str(number), float(value), "") for number, value in enumerate(tied.parameters))
-    plain = replace(mechanism, parameters=own, constraints=holding, other_charts=(), charts_in_body=())
+    plain = replace(mechanism, parameters=named(tied.parameters), constraints=holding, other_charts=(), charts_in_body=())
     return declared(plain, {one.name: laws[one.name] for one in acting}, weights, tied.constraints)
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import lxml.html
 import numpy as np
@@ -14,6 +16,7 @@ from support import Done, call_engines_here, expected_entry, harness, make_libra
 
 import harness as public
 from harness.arrays import Array
+from harness.engines.adapters.mujoco import robot as adapter
 from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
 from harness.library import Library, robots_folder
@@ -22,6 +25,7 @@ from harness.trees.robot import read_robot
 BUILT_IN = Library.built_in()
 HERE = Path(__file__).parent.parent
 TWO_LINKS, MIMIC = HERE / "comparison" / "files" / "arm.urdf", HERE / "comparison" / "files" / "mimic.urdf"
+DRIVEN = HERE / "comparison" / "files" / "driven.xml"
 ARM = HERE / "trees" / "files" / "arm.urdf"
 # Pinocchio's reader passes over the frame with all that it holds.
 FRAMED = """<mujoco>
@@ -377,3 +381,48 @@ def test_a_trunk_that_hangs_on_the_world_is_told_by_a_check_too(folder: Path) ->
     assert told in harness("check", "dog.urdf", "--states", "4", cwd=folder).stdout
     assert "fixed base" not in harness("check", "dog.urdf", "--floating-base", "--states", "4", cwd=folder).stdout
     assert "fixed base" not in harness("check", "arm.urdf", "--states", "4", cwd=folder).stdout
+
+
+# Actuators
+
+
+def test_the_actuators_of_a_file_act_and_a_replay_gives_their_controls(folder: Path) -> None:
+    shutil.copy(DRIVEN, folder)
+    done = harness("check", "driven.xml", "--subject", "mujoco/mjcf", "--states", "16", "--json", "found.json", cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    first, (record,) = done.stdout.splitlines()[0], json.loads((folder / "found.json").read_text())["records"]
+    assert "agrees. 3 actuators on; off: equalities and 1 actuator (line 26: it is of a kind that is not read)." in first
+    state = record["worst_state"]
+    assert len(state["control"]) == len(state["activation"]) == 3 and state["activation"][:2] == [0.0, 0.0]
+    words = ("check", "driven.xml", "--subject", "mujoco/mjcf", "--json", "again.json", "--state")
+    assert harness(*words, json.dumps(state), cwd=folder).returncode == 0
+    (again,) = json.loads((folder / "again.json").read_text())["records"]
+    assert again["backward_error"] == record["backward_error"] and again["worst_state"] == state
+    # Without controls it is another question.
+    assert harness(*words, json.dumps({name: state[name] for name in ("q", "v", "tau")}), cwd=folder).returncode == 0
+    (still,) = json.loads((folder / "again.json").read_text())["records"]
+    assert "control" not in still["worst_state"] and still["backward_error"] != record["backward_error"]
+    refused = harness(*words, json.dumps({**state, "control": [1.0]}), cwd=folder)
+    assert refused.returncode == 2 and "--state has 1 numbers for control" in refused.stderr
+
+
+def test_a_gain_that_an_engine_holds_otherwise_is_red_and_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = adapter.drive
+
+    def doubled(model: Any, acting: Sequence[int]) -> None:
+        drive(model, acting)
+        model.actuator_gear[0, 0] *= 2
+
+    shutil.copy(DRIVEN, folder)
+    call_engines_here(monkeypatch)
+    monkeypatch.setattr(adapter, "drive", doubled)
+    done = harness("diagnose", "driven.xml", "--subject", "mujoco/mjcf", "--states", "16", cwd=folder)
+    assert done.returncode == 1 and "gear = 3" in done.stdout and "6" in done.stdout, done.stdout
+
+
+def test_other_quantities_of_a_driven_file_are_those_without_its_actuators(folder: Path) -> None:
+    shutil.copy(DRIVEN, folder)
+    words = ("--quantity", "inverse_dynamics", "--quantity", "mass_matrix", "--quantity", "accelerations")
+    done = harness("check", "driven.xml", "--subject", "mujoco/mjcf", "--states", "8", *words, "--json", "found.json", cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {one["verdict"] for one in json.loads((folder / "found.json").read_text())["records"]} == {"agrees"}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
@@ -266,3 +268,34 @@ def test_a_reader_that_passes_over_actuators_is_told_with_their_effect() -> None
     assert (record.verdict, record.explained, reading.name, reading.count) == ("", True, "actuators", 3)
     assert reading.lines == tuple(line_of(DRIVEN, f'name="{name}"') for name in ("push", "servo", "winder"))
     assert (reading.alone or 0.0) > 0.1 and reading.remedy
+
+
+# What MuJoCo is made to hold otherwise after loading, by field and place, and the number of the file that is named for it.
+WRONG = {
+    "gear": ({"gear": {(0, 0): 3.003}}, "motor gear = 3: the engine behaves as with 3.003"),
+    "kp": ({"gainprm": {(1, 0): 24.024}, "biasprm": {(1, 1): -24.024}}, "position kp = 24: the engine behaves as with 24.024"),
+    "dampratio": ({"biasprm": {(1, 2): -2.8}}, "position damping of actuator 1 by dampratio = "),
+    "ctrlrange": ({"ctrlrange": {(0, 1): 4.004}}, "motor ctrlrange [1] = 4: the engine behaves as with 4.004"),
+    "forcerange": ({"forcerange": {(1, 1): 5.005}}, "position forcerange [1] = 5: the engine behaves as with 5.005"),
+    "kv": ({"biasprm": {(2, 2): -0.5005}}, "intvelocity kv = 0.5: the engine behaves as with 0.5005"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("has_equality", [True, False])
+def test_a_number_that_the_engine_holds_otherwise_is_named(
+    name: str, has_equality: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive, (numbers, named) = adapter.drive, WRONG[name]
+
+    def driven_wrong(model: Any, acting: Sequence[int]) -> None:
+        drive(model, acting)
+        for field, values in numbers.items():
+            for place, value in values.items():
+                getattr(model, f"actuator_{field}")[place] = value
+
+    call_engines_here(monkeypatch)
+    monkeypatch.setattr(adapter, "drive", driven_wrong)
+    path = DRIVEN if has_equality else edited(DRIVEN, tmp_path, ("<equality>", "<!--"), ("</equality>", "-->"))
+    record = held_by(path)
+    assert not record.explained and record.rest and named in record.rest[0], record.rest

@@ -223,3 +223,15 @@ def test_automatic_derivatives_are_on_the_chart(name: str, environment: Callable
     found = {one["method"]: one for one in found}
     own = [method.name for method in find_methods("derivatives") if method.engine == name]
     assert len(own) == 2 and all(not found[one]["note"] and found[one]["error"] < 1e-12 for one in own)
+
+
+DRIVEN = Path(__file__).parents[1] / "comparison" / "files" / "driven.xml"
+
+
+@pytest.mark.nightly
+def test_mjx_drives_actuators_as_the_file_says(environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """Those that are read; a muscle beside them, which is not, gives no force."""
+    found = found_by(environment("mjx"), tmp_path, "check", str(DRIVEN), "--subject", "mjx/mjcf", "--states", "64")
+    (record,) = found["records"]
+    assert record["verdict"] == "agrees" and set(record["worst_state"]) >= {"q", "v", "tau", "control"}
+    assert "3 actuators on; off: equalities and 1 actuator (line" in found["summary"]

@@ -178,7 +178,7 @@ def _still(model: Any, driven: Sequence[int]) -> None:
     off = [number for number in range(model.nu) if number not in driven]
     model.actuator_gainprm[off], model.actuator_biasprm[off] = 0.0, 0.0
     # Numbers alone: another type has XLA compile anew.
-    muscles = [number for number in off if model.actuator_gaintype[number] > mujoco.mjtGain.mjGAIN_AFFINE]
+    muscles = [number for number in off if model.actuator_gaintype[number] > int(mujoco.mjtGain.mjGAIN_AFFINE)]
     model.actuator_gaintype[muscles], model.actuator_biastype[muscles] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
 
 
