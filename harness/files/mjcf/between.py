@@ -12,6 +12,7 @@ Source: MuJoCo documentation, XML reference, ``tendon/spatial``, ``tendon/fixed`
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import TypeVar
 
@@ -33,7 +34,7 @@ from harness.files.equalities import (
     TendonLinkage,
     Weld,
 )
-from harness.files.given import Given, Placement, Pose, Quaternion, vector
+from harness.files.given import Given, Place, Placement, Pose, Quaternion, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import JOINTS, Attributes, NotRead, is_on, named, resolved, resolved_text
 from harness.files.tree import WORLD, Body, Coupling, Spring
@@ -115,27 +116,16 @@ class ElementsBetween:
     # Dry friction and limits.
 
     def bound_tendons(self) -> tuple[BoundTendon, ...]:
-        """The tendons that have some; one that is not called anything has a name of its place."""
-        found = (self._bound(number, tendon) for number, tendon in enumerate(self._root.iterfind("tendon/*"), start=1))
+        """The tendons that have some; one without a name has one of its place."""
+        found = []
+        for number, element in enumerate(self._root.iterfind("tendon/*"), start=1):
+            name, why_not = str(element.get("name") or f"(tendon {number})"), ""
+            try:
+                tendon: Tendon = replace(self._tendon(element), name=name)
+            except NotRead as problem:
+                tendon, why_not = Sum(name, ()), str(problem)
+            found.append(_bound(self._attributes, element, tendon, self._source.place(element), why_not))
         return tuple(one for one in found if one.friction_loss or one.limits is not None)
-
-    def _bound(self, number: int, element: etree._Element) -> BoundTendon:
-        attributes, name, why_not = self._attributes, str(element.get("name") or f"(tendon {number})"), ""
-        try:
-            tendon: Tendon = self._path(name, element)
-        except NotRead as problem:
-            tendon, why_not = Sum(name, ()), str(problem)
-        lower, upper = attributes.numbers(element, "range", (0, 0))
-        return BoundTendon(
-            tendon,
-            friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
-            friction_softness=attributes.softness(element, "friction"),
-            limits=(lower, upper) if attributes.is_limited(element) and lower < upper else None,
-            margin=attributes.number(element, "margin", 0.0),
-            limit_softness=attributes.softness(element, "limit"),
-            place=self._source.place(element),
-            why_not=why_not,
-        )
 
     # Equalities.
 
@@ -149,7 +139,7 @@ class ElementsBetween:
             "connect": self._connect,
             "weld": self._weld,
             "joint": lambda coupling: Linkage(*self._coupled(coupling, self._single)),
-            "tendon": lambda coupling: TendonLinkage(*self._coupled(coupling, self._length)),
+            "tendon": lambda coupling: TendonLinkage(*self._coupled(coupling, self._tendon)),
         }
         says, why_not, softness = None, _UNWRITTEN, None
         try:
@@ -206,17 +196,29 @@ class ElementsBetween:
         tied, leader = read(element, first), read(element, second) if second in element.attrib else None
         return tied, leader, self._attributes.numbers(element, "polycoef", POLYNOMIAL)
 
-    def _length(self, element: etree._Element, attribute: str) -> Tendon:
-        tendon = self._tendons[named(element, attribute, self._tendons)]
-        return self._path(str(tendon.get("name")), tendon)
-
-    def _path(self, name: str, tendon: etree._Element) -> Tendon:
-        parts = list(tendon.iterchildren("*"))
+    def _tendon(self, element: etree._Element, attribute: str = "") -> Tendon:
+        """A tendon that is an element, or that an attribute of it names."""
+        tendon = self._tendons[named(element, attribute, self._tendons)] if attribute else element
+        name, parts = str(tendon.get("name")), list(tendon.iterchildren("*"))
         if tendon.tag == "fixed":
             return Sum(name, tuple((self._single(part, "joint"), self._source.number(part, "coef", None)) for part in parts))
         if any(part.tag != "site" for part in parts):
             raise NotRead(_ALONG_PATH)
         return Polygon(name, tuple(self.at(self.sites[named(part, "site", self.sites)]) for part in parts))
+
+
+def _bound(attributes: Attributes, element: etree._Element, tendon: Tendon, place: Place, why_not: str) -> BoundTendon:
+    lower, upper = attributes.numbers(element, "range", (0, 0))
+    return BoundTendon(
+        tendon,
+        friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),
+        friction_softness=attributes.softness(element, "friction"),
+        limits=(lower, upper) if attributes.is_limited(element) and lower < upper else None,
+        margin=attributes.number(element, "margin", 0.0),
+        limit_softness=attributes.softness(element, "limit"),
+        place=place,
+        why_not=why_not,
+    )
 
 
 def _note_what_is_always_on(source: Source, attributes: Attributes) -> None:
