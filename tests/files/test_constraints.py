@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 from pathlib import Path
 
 import pytest
@@ -278,3 +279,20 @@ def test_a_joint_is_found_beside_a_coupling_of_its_name() -> None:
     coupling = '<equality><joint name="crank" joint1="crank"/></equality>'
     file = four_bar("mjcf", ("<worldbody>", f"{coupling}<worldbody>"))
     assert lines_of(file, JOINT, "crank") == (file.joint_lines["crank"],) != (file.constraints[0].line,)
+
+
+@pytest.mark.parametrize(
+    ("system", "element"),
+    [
+        ("four_bar", "drake:ball_constraint_p_AP"),
+        ("four_bar", "drake:ball_constraint_p_BQ"),
+        ("collar", "drake:linear_spring_damper_p_AP"),
+        ("collar", "drake:linear_spring_damper_p_BQ"),
+    ],
+)
+def test_a_point_of_a_urdf_must_be_given(system: str, element: str) -> None:
+    path = LIBRARY.model_path(system, "urdf")
+    without = re.sub(rf"<{element} value=\"[^\"]*\"", f"<{element}", path.read_text())
+    assert without != path.read_text()
+    with pytest.raises(InvalidModel, match=f"<{element}> has no attribute 'value'"):
+        parse_model(path, without, "urdf")

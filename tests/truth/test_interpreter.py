@@ -229,3 +229,13 @@ def test_machine_code_is_made_once_and_is_not_read_where_it_is_damaged(tmp_path:
     assert interpreter.kept() is not None
     entry.write_text(content[: len(content) // 2] + "AAAA" + content[len(content) // 2 + 4 :])
     assert interpreter.kept() is None
+
+
+@pytest.mark.parametrize("name", ["arm_2r", "cart_pendulum", "stanford_arm"])
+def test_what_bounds_the_error_of_a_derivative_is_no_smaller_than_the_derivative(name: str) -> None:
+    """It is the sum of the absolute values of all that the derivative is the sum of."""
+    mechanism = load_mechanism(BUILT_IN, name)
+    states = sample(mechanism, 8, 3)
+    reference = ReferenceKernel(mechanism).evaluate(states)
+    found, sizes = derivatives(encoded(mechanism.program), mechanism.inputs(states).T, reference.high)
+    assert (np.abs(found).max(axis=1) <= sizes * (1 + 1e-9)).all() and (np.abs(found) > 0).any(axis=(0, 1)).sum() > 3
