@@ -391,7 +391,7 @@ def test_the_actuators_of_a_file_act_and_a_replay_gives_their_controls(folder: P
     done = harness("check", "driven.xml", "--subject", "mujoco/mjcf", "--states", "16", "--json", "found.json", cwd=folder)
     assert done.returncode == 0, done.stdout + done.stderr
     first, (record,) = done.stdout.splitlines()[0], json.loads((folder / "found.json").read_text())["records"]
-    assert "agrees. 3 actuators on; off: equalities and 1 actuator (line 26: it is of a kind that is not read)." in first
+    assert "agrees. 3 actuators on; off: equalities and 1 actuator (line 26: it is of the kind <muscle>, which is not read)." in first
     state = record["worst_state"]
     assert len(state["control"]) == len(state["activation"]) == 3 and state["activation"][:2] == [0.0, 0.0]
     words = ("check", "driven.xml", "--subject", "mujoco/mjcf", "--json", "again.json", "--state")

@@ -264,8 +264,8 @@ def test_the_rule_of_damping_ratios_before_3_15_is_seen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("actuator", "why"),
     [
-        ('<adhesion body="x" ctrlrange="0 1"/>', "is of a kind that is not read"),
-        ('<dcmotor joint="a" motorconst="1"/>', "is of a kind that is not read"),
+        ('<adhesion body="x" ctrlrange="0 1"/>', "is of the kind <adhesion>, which is not read"),
+        ('<dcmotor joint="a" motorconst="1"/>', "is of the kind <dcmotor>, which is not read"),
         ('<general joint="a" dyntype="muscle"/>', "has dyntype 'muscle', which is not read"),
         ('<general joint="a" dyntype="filter" actearly="true"/>', "depends on the time step"),
         ('<position joint="c" kp="3"/>', "feels the length of a ball joint"),

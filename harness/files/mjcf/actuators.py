@@ -29,7 +29,6 @@ _FORCES = ("none", "fixed", "affine")
 _GEAR = 6
 _ZERO: Signed = (1, Fraction(0))
 _RANGES = ("ctrl", "act", "force")
-_UNREAD_KIND = "is of a kind that is not read"
 
 
 @dataclass
@@ -84,7 +83,7 @@ class ActuatorReader:
 
     def _read(self, element: etree._Element, known: Actuator) -> Actuator:
         if element.tag not in _MEANINGS:
-            raise NotRead(_UNREAD_KIND)
+            raise NotRead(f"is of the kind <{element.tag}>, which is not read")
         if not is_on(self._source.root, "actuation") or resolved_text(element, "group", "0") in self._groups:
             raise NotRead(SWITCHED_OFF)
         for attribute in ("delay", "nsample", "actdim"):
