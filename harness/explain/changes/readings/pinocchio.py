@@ -70,7 +70,7 @@ READINGS = readings_of(
         },
         _MJCF: {
             _left_out.actuators: (
-                "pin.aba drives no actuator of an MJCF",
+                "Pinocchio's ABA drives no actuator",
                 _left_out.DRIVE,
                 "Pinocchio documentation, aba, whose one input of forces is tau; parsers/mjcf/mjcf-graph.cpp, which reads no <actuator>",
             ),
