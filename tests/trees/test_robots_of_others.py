@@ -13,7 +13,9 @@ from support_robots import by_mujoco, by_pinocchio, only_single_axes
 from trees.test_actuators import judged, worst
 
 from harness.comparison.robot_library import robot_at
+from harness.comparison.switched_on import has_switches, judge_switched_on
 from harness.errors import InvalidModel
+from harness.explain.meant import meant
 from harness.trees.mechanism import mechanism_of
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel
@@ -80,3 +82,16 @@ def test_mujoco_agrees_with_the_actuators_of_a_robot_that_are_read(path: Path | 
     if robot.joints:
         assert all(one.why_not or one.gain for one in robot.actuators)
         assert worst(judged(path, robot)) <= AGREEMENT
+
+
+@pytest.mark.parametrize("path", robots() or [None], ids=lambda path: path.name if path else "none")
+def test_mujoco_with_all_on_that_is_judged_is_explained(path: Path | None) -> None:
+    """What a file's user has, but for contacts and what is refused by name: it agrees, or is a departure or a solver that stops early."""
+    assert path is not None, "no robots are installed; install the extra: pip install 'rigid-body-harness[robots]'"
+    if path.name in REFUSED:
+        return
+    found = meant(robot_at(path), STATES, SEED)
+    if found.certified is None or not has_switches(found.robot):
+        return
+    record = judge_switched_on(found, "mujoco")
+    assert record.explained, (record.message, record.rest)
