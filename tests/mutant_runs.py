@@ -29,6 +29,8 @@ TESTS = Path(__file__).resolve().parent
 # What a mutant may take: so many times the processor seconds of its tests without it, and as many to start. What waits may be waiting for
 # a processor, and does so for so many times as long, and as many seconds [s].
 TIMES, STARTING, WAITING, AT_LEAST = 4, 30, 10, 600
+# How long servers of engines may take to end after the tests [s].
+ENDING = 20
 # Of pytest: tests failed, their collection was broken off, and it was asked for what there is not.
 FAILED, BROKEN_OFF, NOT_FOUND = 1, 2, 4
 IGNORED = shutil.ignore_patterns("__pycache__", ".mypy_cache", ".ruff_cache", ".git", ".venv", ".mutation")
@@ -236,7 +238,8 @@ class Copy:
             try:
                 status = process.wait(max(WAITING * seconds, AT_LEAST) if seconds else None)
                 # Servers of engines save their coverage when they find that nobody asks them any more.
-                while not seconds and _is_alive(process.pid):
+                last = time.monotonic() + ENDING
+                while not seconds and _is_alive(process.pid) and time.monotonic() < last:
                     time.sleep(0.1)
                 return status
             finally:
