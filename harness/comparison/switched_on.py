@@ -196,7 +196,8 @@ def _of_no_friction(meant: Meant, caller: Engine) -> list[Effect]:
     """What an engine leaves out that documents no dry friction, by the law that another one documents of the file."""
     own = [one for one in _switches(meant.robot, meant.robot) if one.group.what == FRICTION and not one.why_not]
     other = _engine_with(FRICTION, meant.robot.format)
-    if not own or FRICTION not in caller.why_off or other is None:
+    # One that documents a law applies some.
+    if not own or FRICTION not in caller.why_off or other is None or _laws(meant.robot, caller, own)[1]:
         return []
     rubbing = ReferenceKernel(_documented(meant.few, other, own)).evaluate(meant.few.states)
     lines = tuple(dict.fromkeys(one.element.line for one in own))
