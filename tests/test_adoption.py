@@ -287,6 +287,17 @@ def test_the_oldest_versions_are_the_lower_bounds() -> None:
         runpy.run_path(str(REPOSITORY / ".ci" / "lowest.py"))["lowest"](PROJECT | {"dependencies": ["numpy"]})
 
 
+@pytest.mark.nightly
+def test_the_oldest_versions_can_be_installed_together(tmp_path: Path) -> None:
+    lowest = subprocess.check_output([sys.executable, REPOSITORY / ".ci" / "lowest.py"], text=True)
+    (tmp_path / "lowest.txt").write_text(lowest)
+    (tmp_path / "all.txt").write_text("\n".join(line.partition("==")[0] for line in lowest.splitlines()))
+    wanted = ["--python-version", PYTHONS[0], "--only-binary=:all:", "--target", str(tmp_path / "target")]
+    command = [sys.executable, "-m", "pip", "install", "--dry-run", "--ignore-installed", *wanted, "-c", "lowest.txt", "-r", "all.txt"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=1200, check=False)
+    assert done.returncode == 0 and "Would install" in done.stdout, done.stderr[-3000:]
+
+
 def test_paths_of_the_core_are_there() -> None:
     core = WORKFLOWS["ci"]["env"]["CORE"].split()
     assert core and [path for path in core if not (REPOSITORY / path).exists()] == []
