@@ -178,9 +178,10 @@ class Copy:
             try:
                 status = self.pytest(["-x", f"@{results / 'arguments'}"], results, seconds=limit)
                 if status == NOT_FOUND:
-                    # A file that cannot be collected has no tests of any name; what is said of the file is an answer.
+                    # A file that cannot be collected has no tests of any name: whether it can is asked of the file.
                     (results / "arguments").write_text("\n".join(dict.fromkeys(map(_file, chosen))), encoding="utf-8")
-                    status = self.pytest(["-x", f"@{results / 'arguments'}"], results, seconds=limit)
+                    collected = self.pytest(["--collect-only", f"@{results / 'arguments'}"], results, seconds=limit)
+                    status = BROKEN_OFF if collected == BROKEN_OFF else NOT_FOUND
             except subprocess.TimeoutExpired:
                 return Run(set(chosen), how="waits without end")
             outcomes = [json.loads(line) for line in _text(results / "outcomes").splitlines()]
