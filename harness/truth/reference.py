@@ -71,7 +71,8 @@ class Reference(Certified):
         """See ``Certified``."""
         for index in np.flatnonzero(~self.certified):
             if not np.isfinite(self.high[index]).all():
-                yield f"M is not certainly regular at {PRECISIONS[-1]} bits, or on which side of its range a force lies is not certain"
+                regular = f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits"
+                yield f"{regular}, or it is not certain on which side of its range a force lies"
             elif not np.isfinite(self.condition[index]):
                 yield "M is not certainly positive definite, so that data roundoff has no energy norm"
             elif not np.isfinite(self.sensitivity[index]):
