@@ -169,6 +169,7 @@ def pull_request(tmp_path: Path) -> tuple[Path, dict[str, str]]:
 INSTALL = "Install the harness"
 
 
+@pytest.mark.ci
 def test_the_action_says_what_a_pull_request_changes(tmp_path: Path, pull_request: tuple[Path, dict[str, str]]) -> None:
     runner = Runner(tmp_path, *pull_request, files="robots", states="8", comment="true")
     assert runner.run(INSTALL) == 0, runner.said
@@ -188,6 +189,7 @@ def test_the_action_says_what_a_pull_request_changes(tmp_path: Path, pull_reques
     assert git(pull_request[0], "status", "--short") == ""
 
 
+@pytest.mark.ci
 def test_the_action_on_a_push_says_what_engines_make_of_robots(tmp_path: Path, pull_request: tuple[Path, dict[str, str]]) -> None:
     runner = Runner(
         tmp_path, pull_request[0], {"event_name": "push"}, files="robots/arm.urdf", states="8", engines="pinocchio", comment="true"
@@ -198,6 +200,7 @@ def test_the_action_on_a_push_says_what_engines_make_of_robots(tmp_path: Path, p
     assert not (tmp_path / "calls").exists()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("text", "fail", "ends"), [("huge", "true", 1), ("huge", "false", 0), ("none", "false", 2)])
 def test_the_action_fails_as_it_is_asked_to(
     tmp_path: Path, pull_request: tuple[Path, dict[str, str]], text: str, fail: str, ends: int

@@ -123,6 +123,7 @@ def test_the_costs_are_of_the_commands_that_are_measured() -> None:
 RUN = [page for page in PAGES if page.name != "README.md" and commands(page.read_text(encoding="utf-8"))]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("page", RUN, ids=page_name)
 def test_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     Page(page.read_text(encoding="utf-8"), tmp_path).run()
@@ -161,6 +162,7 @@ def test_a_page_that_is_wrong_is_found(tmp_path: Path) -> None:
         Page(page.replace("status 3", "status 0").format("agree"), tmp_path).run()
 
 
+@pytest.mark.ci
 def test_the_tutorial_runs_and_has_no_outputs_in_git(tmp_path: Path) -> None:
     notebook = nbformat.read(DOCS / "start" / "tutorial.ipynb", as_version=4)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
