@@ -86,14 +86,14 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 @pytest.mark.ci
 def test_a_survey_of_our_own_files_leaves_no_row_unexplained(survey: dict[str, Any]) -> None:
     assert len(survey["files"]) >= len(FILES)
-    assert [row for row in [*survey["subjects"], *survey["equalities"]] if not row["explained"]] == []
+    assert [row for row in [*survey["subjects"], *survey["switched_on"]] if not row["explained"]] == []
 
 
 @pytest.mark.ci
 def test_constraints_that_give_have_one_verdict_by_name_and_by_path(survey: dict[str, Any], by_name: Verdicts) -> None:
-    """By path they are the equalities of a file, which are asked for beside the plain answer."""
+    """By path they are among what a file has switched on, which is asked for beside the plain answer."""
     names = {str(BUILT_IN.model_path(name, one)): name for name, one in FILES}
-    rows = [row for row in survey["equalities"] if row["engine"] == "mujoco" and row["verdict"] and row["path"] in names]
+    rows = [row for row in survey["switched_on"] if row["engine"] == "mujoco" and row["verdict"] and row["path"] in names]
     verdicts_of = {(names[row["path"]], f"mujoco/{row['format']}"): "explained" if row["departures"] else row["verdict"] for row in rows}
     told = {key: SOUND.get(verdict, verdict) for key, verdict in verdicts_of.items()}
     assert len(told) > 10 and told == {key: by_name[key] for key in told}
