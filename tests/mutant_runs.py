@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib.util
 import json
 import math
 import os
@@ -149,7 +150,9 @@ class Copy:
         (hook / "sitecustomize.py").write_text("import covering\n\ncovering.save_in_killed_processes()\n")
         search = os.pathsep.join(map(str, (self.root, hook, TESTS)))
         self.environment = os.environ | {"PYTHONPATH": search, "HARNESS_CACHE": str(self.root / ".cache")}
-        self.environment.pop("HEYOKA_CACHE_DIR", None)
+        # Options of the run that this one is part of are not for the tests of a mutant, which may not know them.
+        for name in ("HEYOKA_CACHE_DIR", "PYTEST_ADDOPTS"):
+            self.environment.pop(name, None)
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -159,11 +162,16 @@ class Copy:
     def with_text(self, path: Path, text: str) -> Iterator[None]:
         self._place, self._changed = self.root / path.relative_to(self.repository), _module(path, self.repository)
         self._original = self._place.read_bytes()
-        self._place.write_text(text, encoding="utf-8")
+        self._write(text.encode())
         try:
             yield
         finally:
-            self._place.write_bytes(self._original)
+            self._write(self._original)
+
+    def _write(self, content: bytes) -> None:
+        """Write the module. Python takes the code of another mutant of the same second and length for its own, where that is cached."""
+        self._place.write_bytes(content)
+        Path(importlib.util.cache_from_source(str(self._place))).unlink(missing_ok=True)
 
     def run(self, tests: Mapping[str, float], budget: float) -> Run:
         """Run tests of which the processor seconds are known, in their order, until one fails; as many as the budget allows."""
@@ -208,11 +216,11 @@ class Copy:
     def _collects_without(self, results: Path) -> bool:
         """Whether the tests can be collected in the module as it was."""
         mutant = self._place.read_bytes()
-        self._place.write_bytes(self._original)
+        self._write(self._original)
         try:
             return self.pytest(["--collect-only", f"@{results / 'arguments'}"], results) == 0
         finally:
-            self._place.write_bytes(mutant)
+            self._write(mutant)
 
     def pytest(self, arguments: list[str], results: Path, *before: str, seconds: float | None = None) -> int:
         """The exit status of pytest, of which ``results`` gets the output and a line for each test.

@@ -114,10 +114,8 @@ def evaluated(function: Any, inputs: Array) -> Array:
 
     heyoka evaluates what is left over one by one, with other sines and cosines.
     """
-    import heyoka
-
     states = inputs.shape[1]
-    missing = -states % heyoka.recommended_simd_size()
+    missing = -states % load_heyoka().recommended_simd_size()
     filled = np.pad(inputs, ((0, 0), (0, missing)), mode="edge") if missing and states else inputs
     return np.ascontiguousarray(np.asarray(function(filled))[:, :states])
 
