@@ -63,10 +63,11 @@ class Cluster:
         self._session = secrets.token_hex(16)
         self._owners: dict[Hashable, Seat] = {}
         with contextlib.ExitStack() as stack:
-            # Dask logs what is part of an outcome or of an error here.
-            logger = logging.getLogger("distributed")
-            stack.callback(setattr, logger, "propagate", logger.propagate)
-            logger.propagate = False
+            # Dask logs, with a traceback where a message was under way, what is part of an outcome or of an error here. Both have handlers.
+            for logger in map(logging.getLogger, ("distributed", "distributed.client")):
+                for attribute, silent in {"propagate": False, "handlers": [logging.NullHandler()]}.items():
+                    stack.callback(setattr, logger, attribute, getattr(logger, attribute))
+                    setattr(logger, attribute, silent)
             files = {"tls_ca_file": scheduler.ca_file, "tls_client_cert": scheduler.certificate, "tls_client_key": scheduler.key}
             try:
                 security = Security(**files, require_encryption=True) if any(files.values()) else None
