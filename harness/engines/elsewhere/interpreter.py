@@ -161,17 +161,16 @@ class DistantModel:
     """A model in the interpreter of its engine: a ``harness.engines.Model`` that offers what its engine file offers.
 
     Args:
-        interpreter: gives the one that answers by now. make: what is asked of it to have the model; again, where it is another one.
+        make: asks an interpreter for the model, and returns both; it is called again where that interpreter has ended.
     """
 
-    def __init__(self, interpreter: Callable[[], Interpreter], make: Callable[[Interpreter], Loaded]) -> None:
-        self._current, self._make = interpreter, make
+    def __init__(self, make: Callable[[], tuple[Interpreter, Loaded]]) -> None:
+        self._make = make
         self._load()
 
     def _load(self) -> None:
-        self._interpreter = interpreter = self._current()
-        self._number, self._attributes, self._methods = self._make(interpreter)
-        weakref.finalize(self, interpreter.forget, self._number)
+        self._interpreter, (self._number, self._attributes, self._methods) = self._make()
+        weakref.finalize(self, self._interpreter.forget, self._number)
 
     def clock(self) -> float:
         """See ``harness.engines.Model``."""
@@ -186,8 +185,11 @@ class DistantModel:
 
     def _received(self, answer: Any, again: Callable[[], Any]) -> Any:
         """An answer, and for a model that stays in the interpreter one here; ``again`` asks for it anew."""
+        if not isinstance(answer, Loaded):
+            return answer
         made = [answer]
-        return DistantModel(self._current, lambda _: made.pop() if made else again()) if isinstance(answer, Loaded) else answer
+        # The interpreter is this model's, which need not be the one that the next model would be loaded by.
+        return DistantModel(lambda: (made.pop() if made else again(), self._interpreter)[::-1])
 
     def _asked(self, request: str, method: str, arguments: Sequence[Any]) -> Any:
         if self._interpreter.has_ended:
@@ -233,13 +235,18 @@ class EngineElsewhere:
 
     def load(self, source: ModelFile | Mechanism, joints: Sequence[str], gravity: float) -> Model:
         """See ``harness.engines.Engine``; raises what the engine file raises."""
-        request = "load", str(self._path), self._said.name, (handed_over(source), joints, gravity)
-        return cast("Model", DistantModel(self._interpreter, lambda interpreter: interpreter.ask(*request)))
+        return cast("Model", self._made("load", handed_over(source), joints, gravity))
 
     def read(self, request: Request) -> LoadedFile:
         """See ``harness.engines.Engine``."""
-        asked = "read", str(self._path), self._said.name, (request,)
-        return cast("LoadedFile", DistantModel(self._interpreter, lambda interpreter: interpreter.ask(*asked)))
+        return cast("LoadedFile", self._made("read", request))
+
+    def _made(self, method: str, *arguments: Any) -> DistantModel:
+        def make() -> tuple[Interpreter, Loaded]:
+            interpreter = self._interpreter()
+            return interpreter, interpreter.ask(method, str(self._path), self._said.name, arguments)
+
+        return DistantModel(make)
 
     def ask(self, question: EngineQuestion) -> EngineAnswers:
         """See ``harness.engines.Engine``."""
