@@ -29,7 +29,8 @@ from harness.trees.bodies.spatial import skew
 from harness.trees.mechanism import independent_rows
 from harness.trees.nodes import kinematics
 from harness.trees.recursion import forces_of_joints
-from harness.trees.rows import jacobian_of, rows_in, rows_of, untied
+from harness.trees.row import jacobian_of
+from harness.trees.rows import rows_in, rows_of, untied
 from harness.trees.world_motion import Moving, in_world
 
 _BITS = 64

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from harness.files.document.source import one_sign
 from harness.files.given import Place, Placed, Pose
 from harness.files.joint_kinds import JointKind
+from harness.files.touching import Touch
 
 if TYPE_CHECKING:
     from harness.files.tree import Joint, Tree
@@ -177,7 +178,7 @@ class Limit(_Bound):
 
 
 Rows = Meeting | Linkage | TendonLinkage
-AnyRows = Rows | DryFriction | Limit
+AnyRows = Rows | DryFriction | Limit | Touch
 
 
 @dataclass(frozen=True)

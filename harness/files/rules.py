@@ -10,6 +10,13 @@ J = dr/dq and
 A row whose force has a ``force_range`` gives D (aref - J qdd) within it, and its bound beyond: dry friction within its bound on both
 sides, a limit above 0 alone. A row that pushes alone is there where r < 0, and nowhere else.
 
+The rows of a contact with friction have one impedance, that of its distance, and one R_1 of the row along the normal, from which those
+of the others follow with the coefficients mu of friction and the ratio i of impedances: of a pyramid, whose edges push alone, all are
+2 mu_1^2 / i R_1, where A_1 is (1 + mu_1^2) times the sum of its weights. Of an elliptic cone R_2 = R_1 / i and
+R_j mu_j-1^2 = R_2 mu_1^2; with mu = mu_1 / sqrt(i), N = mu y_1, U_j = mu_j-1 y_j and T = |U|, y = J qdd - aref, the cost is half the
+square of the distance to the dual cone: 0 where N >= mu T, that of rows without a range where mu N + T <= 0, and else
+(N - mu T)^2 / (2 R_1 mu^2 (1 + mu^2)).
+
 By a ``StepRule``, from positions q and velocities v under forces tau, a step of length h leads to q' and v'. With M a0 = f the equations
 of motion at the start, f the sum of all forces, a rule of one stage is
 
@@ -20,7 +27,8 @@ linearly implicit Euler method, and the semi-implicit one where they are empty. 
 Positions that are rotations go along the exponential map: q + h v is the rotation q, followed by one about the body's own axes by the
 vector h v. A Runge-Kutta method works in this vector, whose rate is v at the start alone.
 
-Sources: MuJoCo documentation, Computation, sections Constraint model and Solver parameters; Hairer, Wanner, Solving Ordinary
+Sources: MuJoCo documentation, Computation, sections Constraint model, Solver parameters and Friction cones, and MuJoCo 4.0,
+engine_core_constraint.c (mj_makeImpedance, mj_constraintUpdate), for R of cones and the three zones; Hairer, Wanner, Solving Ordinary
 Differential Equations II, 2nd ed., section IV.7 (linearly implicit methods); Munthe-Kaas, High order Runge-Kutta methods on manifolds,
 Appl. Numer. Math. 29 (1999).
 """
@@ -80,6 +88,21 @@ class Impedance:
 
 
 @dataclass(frozen=True)
+class FrictionCone:
+    """The forces of a contact.
+
+    Attributes:
+        friction: mu_j. impedance_ratio: i. is_elliptic: whether the cone is round. sliding_damping: b of the rows across the normal of an
+            elliptic cone [1/s]; None for that of the normal.
+    """
+
+    friction: tuple[float, ...]
+    impedance_ratio: float
+    is_elliptic: bool
+    sliding_damping: float | None = None
+
+
+@dataclass(frozen=True)
 class ConstraintLaw:
     """Softness of one constraint.
 
@@ -89,6 +112,8 @@ class ConstraintLaw:
         has_curvature: whether aref takes account of the change of J along the motion.
         least_regularisation: least R_i.
         force_range: the least and the largest force of each row [N or N m].
+        is_contact: whether it is of a point in which bodies touch, whose impedance is that of its first row.
+        cone: of a contact with friction, whose ``weights`` are those of its row along the normal alone.
     """
 
     impedance: Impedance
@@ -98,6 +123,8 @@ class ConstraintLaw:
     has_curvature: bool
     least_regularisation: float
     force_range: tuple[float, float] = (-math.inf, math.inf)
+    is_contact: bool = False
+    cone: FrictionCone | None = None
 
     @property
     def pushes_alone(self) -> bool:

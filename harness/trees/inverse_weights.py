@@ -24,7 +24,8 @@ from harness.trees.bodies.rigid import Rigid, Spatial, joined, spatial
 from harness.trees.bodies.spatial import placed, unit
 from harness.trees.nodes import standing
 from harness.trees.robot import tree_of
-from harness.trees.rows import Row, jacobian_of, untied
+from harness.trees.row import Row, jacobian_of
+from harness.trees.rows import untied
 from harness.trees.world_motion import World, in_world
 
 _BITS = 192

@@ -36,7 +36,8 @@ from harness.trees.bodies.spatial import FileProgram, parameter_name
 from harness.trees.nodes import kinematics
 from harness.trees.recursion import actuated_program, recursion_program
 from harness.trees.robot import Robot, tree_of, with_actuators
-from harness.trees.rows import Row, equations_of_rows, rows_in, rows_of, untied
+from harness.trees.row import Row, equations_of_rows
+from harness.trees.rows import rows_in, rows_of, untied
 from harness.trees.world_motion import World, in_world
 
 # Of accelerations, and certain ones at least; of the rows of constraints.

@@ -29,34 +29,17 @@ from harness.files.equalities import (
     Weld,
 )
 from harness.files.given import Pose
+from harness.files.touching import Touch
 from harness.files.tree import WORLD, Tree
-from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL
 from harness.programs.terms import Matrix, Term, Vector, cross, dot, length, sqrt, vector
-from harness.trees.bodies.rigid import Spatial, power, spatial
+from harness.trees.bodies.rigid import spatial
 from harness.trees.bodies.spatial import Frame, angle, placed
-from harness.trees.world_motion import World, accelerations_of_nodes
+from harness.trees.row import Row, opposed
+from harness.trees.touching_rows import touching_rows
+from harness.trees.world_motion import World
 
 # Joints and the multiples of their positions.
 Terms = Sequence[tuple[str, Fraction]]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of a constraint; moments and forces are along the world's axes.
-
-    Attributes:
-        constraint: its name.
-        on_nodes: (number of a node, moment about the origin of its frame and force) of a multiplier of 1.
-        on_columns: (place of a velocity, generalised force).
-        residual: what the row leaves.
-        known: the part of the row's acceleration that is due to neither the accelerations of nodes nor those of velocities.
-    """
-
-    constraint: str
-    residual: Term
-    known: Term
-    on_nodes: tuple[tuple[int, Spatial], ...] = ()
-    on_columns: tuple[tuple[int, Term], ...] = ()
 
 
 def untied(tree: Tree, joints: Sequence[str]) -> Tree:
@@ -85,33 +68,6 @@ def rows_in(world: World, constraints: Mapping[str, AnyRows]) -> list[Row]:
     return [row for name, one in constraints.items() for row in _rows_of(world, name, one)]
 
 
-def jacobian_of(world: World, row: Row) -> Vector:
-    """By which each velocity changes a row, (nv,)."""
-    found = world.kinematics.builder.zeros(world.kinematics.nv)
-    for number, (moment, force) in row.on_nodes:
-        for one in world.up_from(number):
-            arm = world.moving[number].position + -one.position
-            for (about, along), column in one.rates:
-                found[column] = found[column] + (moment @ about + force @ (along + cross(about, arm)))
-    for column, factor in row.on_columns:
-        found[column] = found[column] + factor
-    return found
-
-
-def equations_of_rows(world: World, rows: Sequence[Row]) -> dict[str, list[Term]]:
-    """The outputs of ``harness.programs.mechanisms.mechanism`` for rows."""
-    jacobian = [jacobian_of(world, row) for row in rows]
-    rates = [row @ world.kinematics.coordinates.velocities for row in jacobian]
-    # Of nodes where no velocity changes.
-    carried = accelerations_of_nodes(world, world.kinematics.builder.zeros(world.kinematics.nv))
-    return {
-        RESIDUAL: [row.residual for row in rows],
-        JACOBIAN: [entry for row in jacobian for entry in row],
-        RATE: rates,
-        BIAS: [sum((power(acts, carried[number]) for number, acts in row.on_nodes), row.known) for row in rows],
-    }
-
-
 # Kinds.
 
 
@@ -120,6 +76,8 @@ def _rows_of(world: World, name: str, constraint: AnyRows) -> list[Row]:
         return _held(world, name, constraint)
     if isinstance(constraint, DryFriction | Limit):
         return _bounded(world, name, constraint)
+    if isinstance(constraint, Touch):
+        return touching_rows(world, name, constraint)
     if isinstance(constraint, TendonLinkage):
         sums: list[Terms] = [tendon.terms for tendon in constraint.tendons if isinstance(tendon, Sum)]
     else:
@@ -220,13 +178,7 @@ def _bounded(world: World, name: str, constraint: DryFriction | Limit) -> list[R
     bound = angle(builder, constraint.bound, constraint.in_degrees)
     distance = bound - own.residual if constraint.is_upper else own.residual - bound
     own = replace(own, residual=distance - builder.number(constraint.margin))
-    return [_opposed(own) if constraint.is_upper else own]
-
-
-def _opposed(row: Row) -> Row:
-    """The row of minus what is left."""
-    acts = tuple((number, spatial(-moment, -force)) for number, (moment, force) in row.on_nodes)
-    return replace(row, known=-row.known, on_nodes=acts, on_columns=tuple((column, -factor) for column, factor in row.on_columns))
+    return [opposed(own) if constraint.is_upper else own]
 
 
 def _length(world: World, name: str, of: str | Tendon) -> Row:

@@ -20,20 +20,28 @@ from harness.arrays import Array
 from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
-from harness.programs.mechanisms.constraint_forces import (
+from harness.programs.mechanisms.cones import Cone
+from harness.programs.mechanisms.descent import sides_at_least
+from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
+from harness.programs.mechanisms.softened import (
     CONSTANT,
     DISTANCE,
+    FRICTION,
     IMPEDANCE,
     INVERSE_MASS,
+    RATIO,
     REST,
+    REST_OF_TOWARDS,
     SHARE,
+    SLIDING,
     SLOPE,
+    STICKING,
+    TOWARDS,
     Softness,
     number_of,
     softened_program,
 )
-from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
-from harness.programs.mechanisms.zones import Clamp, Zones
+from harness.programs.mechanisms.zones import Clamp, Sides, Zones
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
@@ -51,11 +59,13 @@ class DeclaredMechanism(Mechanism):
         laws: of each constraint by its name.
         zones: of the rows whose forces have a range; None without any.
         pushing: rows that push alone, by the places of their force in ``zones``.
+        problem: as of ``SoftenedProgram``, where contacts are among the constraints: so many sides are found as a least; None elsewhere.
     """
 
     laws: tuple[tuple[str, ConstraintLaw], ...] = ()
     zones: Zones | None = None
     pushing: tuple[tuple[int, int], ...] = ()
+    problem: StraightLineProgram | None = None
 
     @property
     def key(self) -> Hashable:
@@ -85,8 +95,12 @@ class DeclaredMechanism(Mechanism):
                 self._settle_pushing(states, np.array(residuals), found)
                 return found
         if self.zones is not None:
-            self.zones.settle(states.known, found)
+            self.zones.settle(states.known, found, start=self._start(self.zones, states, found))
         return found
+
+    def _start(self, zones: Zones, states: States, found: Array, high: Array | None = None) -> Sides | None:
+        """The sides at the least of the documented function, in float64."""
+        return None if self.problem is None else sides_at_least(zones, self.problem, self.inputs(states, found), found, high)
 
     def across(self, states: States, parameters: Array, unit_roundoff: float) -> Array:
         """See ``Mechanism``."""
@@ -104,7 +118,8 @@ class DeclaredMechanism(Mechanism):
     def _settle_pushing(self, states: States, residuals: Array, found: Array) -> None:
         """Settle the zones; NaN where half an ulp of what is left by a row that would push decides whether it is there at all."""
         assert self.zones is not None
-        raw = self.zones.settle(states.known, found, self._most(self.zones, residuals))
+        high = self._most(self.zones, residuals)
+        raw = self.zones.settle(states.known, found, high, self._start(self.zones, states, found, high))
         inputs = self._inputs_of_residuals(states, found)
         (spread,) = values_and_spread(self._residual_program, inputs, np.abs(inputs))[1].values()
         is_at = np.abs(residuals) <= UNIT_ROUNDOFF * spread.T
@@ -131,13 +146,16 @@ class DeclaredMechanism(Mechanism):
         import flint
 
         rows = self._rows[name]
-        distance = sum((flint.arb(residual[row]) ** 2 for row in rows), flint.arb(0)).sqrt()
+        # That of a contact is in each of its edges.
+        measured = rows[:1] if law.is_contact else rows
+        distance = sum((flint.arb(residual[row]) ** 2 for row in measured), flint.arb(0)).sqrt()
         impedance, slope = _linear(law.impedance, distance)
         rounded = float(impedance.mid())
         found = [(number_of(name, IMPEDANCE), rounded), (number_of(name, REST), float((impedance - rounded).mid()))]
         for place, row in enumerate(rows):
             # At distance 0 no direction is another's: the first stands for all.
             share = flint.arb(residual[row]) / distance if distance != 0 else flint.arb(place == 0)
+            share = share if row in measured else flint.arb(0)
             found += [(number_of(name, DISTANCE, row), residual[row]), (number_of(name, SLOPE, row), float((slope * share).mid()))]
             if (number := number_of(name, INVERSE_MASS, row)) in columns:
                 found.append((number, max(float(own[columns[number]]), _least(law, rounded))))
@@ -185,7 +203,21 @@ def _linear(impedance: Impedance, distance: Any) -> tuple[Any, Any]:
 
 def _least(law: ConstraintLaw, impedance: float) -> float:
     """The least inverse mass of a row whose regularisation is no less than the engine's least number."""
-    return law.least_regularisation * impedance / (1 - impedance)
+    # An edge of a pyramid weighs so many times what its normal does.
+    edge = 1 + law.cone.friction[0] ** 2 if law.cone is not None and not law.cone.is_elliptic and law.weights is not None else 1.0
+    return law.least_regularisation * impedance / ((1 - impedance) * edge)
+
+
+def _cone_of(name: str, rows: Sequence[int], friction: int, columns: Mapping[str, int]) -> Cone:
+    """The places of the numbers of a contact with so many coefficients of friction, whose rows have these numbers."""
+    return Cone(
+        columns[number_of(name, STICKING)],
+        columns[number_of(name, SLIDING)],
+        tuple(columns[number_of(name, TOWARDS, row)] for row in rows),
+        tuple(columns[number_of(name, REST_OF_TOWARDS, row)] for row in rows),
+        tuple(columns[number_of(f"{name} {number}", FRICTION)] for number in range(friction)),
+        columns[number_of(name, RATIO)],
+    )
 
 
 def declared(
@@ -213,7 +245,12 @@ def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[Invers
         if len(own) != count and len(set(own)) > 1:
             raise ValueError(f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
         inverse_masses = tuple(own if len(own) == count else [own[0]] * count)
-    return Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature, law.force_range)
+    plain = Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature, law.force_range)
+    if (cone := law.cone) is None:
+        return plain
+    return replace(
+        plain, friction=cone.friction, ratio=cone.impedance_ratio, is_round=cone.is_elliptic, sliding_damping=cone.sliding_damping
+    )
 
 
 def softened(
@@ -234,12 +271,15 @@ def softened(
             Clamp(columns[number_of(name, SHARE, row)], columns[number_of(name, CONSTANT, row)], *softness[name].force_range)
             for name, row in written.ranged
         ]
+        numbers = {name: [row for row, owner in enumerate(tied.rows) if owner == name] for name in written.round}
+        cones = [_cone_of(name, rows, len(softness[name].friction), columns) for name, rows in numbers.items()]
         own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}
         own |= {"parameters": parameters, "program": written.program, "softened": tied}
         return DeclaredMechanism(
             **own,
             laws=tuple(by_name.items()),
-            zones=Zones(tuple(clamps), written.unbounded) if clamps else None,
+            zones=Zones(tuple(clamps), written.unbounded, tuple(cones)) if clamps or cones else None,
+            problem=written.problem if any(law.is_contact for law in by_name.values()) else None,
             pushing=tuple((place, row) for place, (name, row) in enumerate(written.ranged) if by_name[name].pushes_alone),
         )
 

@@ -17,8 +17,9 @@ from harness.lagrange.euler_angles import Attitude
 from harness.lagrange.system import TIME
 from harness.programs.evaluation import values
 from harness.programs.kernels import full_matrices
-from harness.programs.mechanisms.constraint_forces import Softness, by_reduction, constrained_program, softened_program
+from harness.programs.mechanisms.constraint_forces import by_reduction, constrained_program
 from harness.programs.mechanisms.mechanism import Constraints, Mechanism
+from harness.programs.mechanisms.softened import Softness, softened_program
 from harness.programs.program import StraightLineProgram, right_hand_side
 from harness.programs.states import States
 from harness.truth.compare import compare

@@ -27,7 +27,7 @@ from harness.bench.methods import Method, Prepared, reproducer_of
 from harness.crosscheck.scene import Scene
 from harness.engines.adapters.pinocchio.solver import Solver
 from harness.library import CONSTRAINED, MECHANISMS
-from harness.programs.mechanisms.constraint_forces import Softness
+from harness.programs.mechanisms.softened import Softness
 from harness.programs.states import States
 from harness.truth.declared import softened
 from harness.truth.quantities.accelerations import AccelerationTruth

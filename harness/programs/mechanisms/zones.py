@@ -6,6 +6,9 @@ depend on the other forces in their ranges, and on itself: of a convex optimum t
 exchanging all that do not fit at once, and at last the first of them alone. The force is the same on both sides of a bound that it
 reaches, and data roundoff is not: where roundings lead across, the other side counts too.
 
+A contact whose forces lie in a round cone parts, sticks or slides. Where it slides the force is as of weights that depend on the
+direction of y = J a - aref alone (``harness.programs.mechanisms.cones``): each exchange is a step of Newton's method.
+
 Source: Portugal, Judice, Vicente, A comparison of block pivoting and interior-point algorithms for linear least squares problems with
 nonnegative variables, Math. Comp. 63 (1994); Murty, Note on a Bard-type scheme for solving the complementarity problem, Opsearch 11 (1974).
 """
@@ -13,22 +16,31 @@ nonnegative variables, Math. Comp. 63 (1994); Murty, Note on a Bard-type scheme 
 from __future__ import annotations
 
 import functools
-from collections.abc import Hashable
+import itertools
+import math
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Rows
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.cones import Cone, Zone
 from harness.programs.program import StraightLineProgram
 from harness.storage import Kept
+
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 _BITS = 192
 # Exchanges of all that do not fit, then of the first alone, in float64; and of all with bounds.
 _BLOCKS, _SINGLE, _PROVED = 12, 200, 8
 # Data roundoffs: evaluating a force in float64 rounds about as often as its inputs are rounded.
 _ROUNDINGS = 8
+# Of the length of y, by which it may still move where a contact slides, in float64 and in balls: what is then left of the force is the
+# square of that.
+_SETTLED, _SAME = 1e-6, 2.0**-90
 _KERNELS: Kept[BallKernel] = Kept(32)
 
 
@@ -78,95 +90,154 @@ class Clamp:
 
 
 @dataclass(frozen=True)
+class Sides(Rows):
+    """On which side of its range each force lies, and what each contact does, at n states.
+
+    Attributes:
+        clamps: (n, clamps) -1 below the range, 0 inside and 1 beyond. cones: (n, cones) of ``Zone``.
+        towards, rest: (n, rows of cones) y where contacts slide.
+    """
+
+    clamps: Array
+    cones: Array
+    towards: Array
+    rest: Array
+
+
+@dataclass(frozen=True)
 class Zones:
-    """The ranges of some forces.
+    """The ranges of some forces, and the cones of some contacts.
 
     Attributes:
         clamps: of a force that is part of another the own one first.
-        program: its only output is what each force would be; inputs are the mechanism's, up to the last that it takes.
+        program: its only output is what each force would be, and y of the rows of the cones; inputs are the mechanism's, up to the last
+            that it takes.
+        cones: of contacts whose forces lie in round ones.
     """
 
     clamps: tuple[Clamp, ...]
     program: StraightLineProgram
+    cones: tuple[Cone, ...] = ()
 
     @property
     def key(self) -> Hashable:
         """Equal for what settles equal states alike."""
-        return self.clamps, self.program.key
+        return self.clamps, self.cones, self.program.key
 
     @functools.cached_property
     def _shares(self) -> list[int]:
-        return [clamp.share for clamp in self.clamps]
+        return [*(clamp.share for clamp in self.clamps), *(cone.sticking for cone in self.cones)]
 
-    def settle(self, known: Array, found: Array, high: Array | None = None) -> Array:
+    @functools.cached_property
+    def parts(self) -> list[slice]:
+        """The rows of each cone among those of all."""
+        ends = list(itertools.accumulate((cone.size for cone in self.cones), initial=0))
+        return [slice(*bounds) for bounds in itertools.pairwise(ends)]
+
+    def settle(self, known: Array, found: Array, high: Array | None = None, start: Sides | None = None) -> Array:
         """Set share and constant of each force in the parameters ``found`` of each state, whose other inputs are ``known``.
 
-        ``high``, (n, clamps), are the largest forces where states have other ones. Shares are NaN where no side of some force is proved.
+        ``high``, (n, clamps), are the largest forces where states have other ones; ``start`` is where the search begins, by default with
+        all forces inside their ranges. Shares are NaN where no side of some force is proved.
         Returns what each force would be without its range, (n, clamps).
         """
-        low, high = self._bounds(found, high)
-        sides = self._guessed(known, found, low, high)
-        raw = self._proved(known, found, low, high, sides)
+        low, high = self.bounds(found, high)
+        sides = self._guessed(known, found, low, high, self.sides(np.zeros(low.shape)) if start is None else start[:])
+        raw, is_proved = self._proved(known, found, low, high, sides)
         self._put(found, low, high, sides)
-        found[:, self._shares] = np.where(np.isnan(raw).any(axis=1, keepdims=True), np.nan, found[:, self._shares])
+        found[:, self._shares] = np.where(is_proved[:, None], found[:, self._shares], np.nan)
         return raw
+
+    def sides(self, clamps: Array, y: Array | None = None, found: Array | None = None) -> Sides:
+        """Sides of n states; ``y``, (n, rows of cones), and the parameters are of the states of contacts, which part without them."""
+        cones = np.zeros((len(clamps), len(self.cones)))
+        towards = np.zeros((len(clamps), sum(cone.size for cone in self.cones))) if y is None else y
+        if y is not None and found is not None:
+            for state in range(len(clamps)):
+                for number, (cone, part) in enumerate(zip(self.cones, self.parts, strict=True)):
+                    cones[state, number] = cone.zone(found[state], y[state, part].tolist(), math.sqrt) or Zone.PARTS
+        return Sides(clamps, cones, towards.copy(), np.zeros_like(towards))
 
     def across(self, known: Array, found: Array, unit_roundoff: float, high: Array | None = None) -> Array:
         """Parameters that ``settle`` has set, with those forces on the other side of a bound that rounding may lead across it."""
-        low, high = self._bounds(found, high)
+        low, high = self.bounds(found, high)
         raw, reach = self.reach(known, found, unit_roundoff)
-        sides = np.column_stack([clamp.side(found, most) for clamp, most in zip(self.clamps, high.T, strict=True)])
+        own, y, count = raw[:, : len(self.clamps)], raw[:, len(self.clamps) :], len(self.clamps)
+        sides = np.zeros(low.shape)
+        for place, clamp in enumerate(self.clamps):
+            sides[:, place] = clamp.side(found, high[:, place])
         for bound, side in ((low, -1.0), (high, 1.0)):
-            is_near = np.logical_and(np.abs(raw - bound) <= reach, low < high)
+            is_near = np.logical_and(np.abs(own - bound) <= reach[:, :count], low < high)
             sides = np.where(is_near, side - sides, sides)
         other = found.copy()
-        self._put(other, low, high, sides)
+        self._put_clamps(other, low, high, sides)
+        for state in range(len(found)):
+            for cone, part in zip(self.cones, self.parts, strict=True):
+                zone = cone.across(found[state], y[state, part], reach[state, count:][part])
+                if zone is not None:
+                    cone.put(other[state], zone, y[state, part], np.zeros(cone.size))
         return np.where(np.isnan(found), found, other)
 
     def reach(self, known: Array, found: Array, unit_roundoff: float) -> tuple[Array, Array]:
-        """What each force would be without its range, (n, clamps), in float64, and how far roundings of that and of its inputs lead."""
+        """What each force would be without its range, and y of cones, (n, both), in float64, and how far roundings lead.
+
+        Those are roundings of that and of its inputs.
+        """
         inputs = self._inputs(known, found)
         [raw], [spread] = (list(rows.values()) for rows in values_and_spread(self.program, inputs, np.abs(inputs)))
         return raw.T, _ROUNDINGS * unit_roundoff * spread.T
 
-    def _bounds(self, found: Array, high: Array | None) -> tuple[Array, Array]:
-        low = np.column_stack([clamp.least(found) for clamp in self.clamps])
-        return low, np.column_stack([clamp.most(found) for clamp in self.clamps]) if high is None else high
+    def bounds(self, found: Array, high: Array | None) -> tuple[Array, Array]:
+        """The least and the largest force of each range, (n, clamps) each; ``high`` as of ``settle``."""
+        low, own = (np.zeros((len(found), len(self.clamps))) for _ in range(2))
+        for place, clamp in enumerate(self.clamps):
+            low[:, place], own[:, place] = clamp.least(found), clamp.most(found)
+        return low, own if high is None else high
 
     def _inputs(self, known: Array, found: Array) -> Array:
         """(inputs, n)."""
         return np.ascontiguousarray(np.hstack([known, found[:, : len(self.program.inputs) - known.shape[1]]]).T)
 
-    def _put(self, found: Array, low: Array, high: Array, sides: Array) -> None:
+    def _put(self, found: Array, low: Array, high: Array, sides: Sides) -> None:
+        """What ``sides`` say of each force and contact."""
+        self._put_clamps(found, low, high, sides.clamps)
+        for state in range(len(found)):
+            for number, (cone, part) in enumerate(zip(self.cones, self.parts, strict=True)):
+                cone.put(found[state], int(sides.cones[state, number]), sides.towards[state, part], sides.rest[state, part])
+
+    def _put_clamps(self, found: Array, low: Array, high: Array, sides: Array) -> None:
         """Share and constant of each force below its range, inside or beyond, as ``sides`` say by -1, 0 and 1."""
         for clamp, *own in zip(self.clamps, sides.T, low.T, high.T, strict=True):
             clamp.put(found, *own)
 
-    def _guessed(self, known: Array, found: Array, low: Array, high: Array) -> Array:
-        """The side of each force by float64, (n, clamps)."""
-        sides, left = np.zeros(low.shape), np.arange(len(low))
+    def _guessed(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> Sides:
+        """The side of each force by float64."""
+        left, count = np.arange(len(low)), len(self.clamps)
         for exchange in range(_BLOCKS + _SINGLE):
             if not len(left):
                 break
-            part = found[left]
-            self._put(part, low[left], high[left], sides[left])
+            part, before = found[left], sides[left]
+            self._put(part, low[left], high[left], before)
             (raw,) = values(self.program, self._inputs(known[left], part)).values()
-            fitting = np.where(low[left] > raw.T, -1.0, np.where(high[left] < raw.T, 1.0, 0.0))
-            unfit = np.not_equal(fitting, sides[left])
+            own, cones = raw.T[:, :count], self.sides(before.clamps, raw.T[:, count:], part)
+            fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
+            unfit = np.not_equal(fitting, before.clamps)
             if exchange >= _BLOCKS:
                 unfit &= np.cumsum(unfit, axis=1) == 1
-            sides[left] = np.where(unfit, _exchanged(sides[left], fitting), sides[left])
-            left = left[unfit.any(axis=1)]
+            sides.clamps[left] = np.where(unfit, _exchanged(before.clamps, fitting), before.clamps)
+            sides.cones[left], sides.towards[left] = cones.cones, cones.towards
+            moved = np.linalg.norm(cones.towards - before.towards, axis=1) > _SETTLED * np.linalg.norm(cones.towards, axis=1)
+            left = left[unfit.any(axis=1) | (cones.cones != before.cones).any(axis=1) | (moved & (cones.cones == Zone.SLIDES).any(axis=1))]
         return sides
 
-    def _proved(self, known: Array, found: Array, low: Array, high: Array, sides: Array) -> Array:
-        """What each force would be without its range, where balls show that all are on sides that fit; NaN where they do not.
+    def _proved(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Array, Flags]:
+        """What each force would be without its range, where balls show that all are on sides that fit; NaN where they do not, and whether.
 
-        Sides that do not fit are exchanged in ``sides``.
+        Sides that do not fit are exchanged in ``sides``, and contacts that slide do so along y to twice float64's digits.
         """
         import flint
 
-        raw = np.full(low.shape, np.nan)
+        raw, is_proved, count = np.full(low.shape, np.nan), np.zeros(len(low), dtype=bool), len(self.clamps)
         kernel = _KERNELS.get(self.program.key, lambda: BallKernel(self.program, 0))
         with flint.ctx.workprec(_BITS):
             evaluate = kernel.bind([])
@@ -176,13 +247,36 @@ class Zones:
                     self._put(part := found[at].copy(), low[at], high[at], sides[at])
                     balls = evaluate(*self._inputs(known[at], part)[:, 0].tolist())
                     fitting = [
-                        -1.0 if ball < least else 1.0 if ball > most else 0.0 for ball, (least, most) in zip(balls, bounds, strict=True)
+                        -1.0 if ball < least else 1.0 if ball > most else 0.0
+                        for ball, (least, most) in zip(balls[:count], bounds, strict=True)
                     ]
-                    if fitting == sides[state].tolist():
-                        raw[state] = [float(ball.mid()) for ball in balls]
+                    own = sides.clamps[state]
+                    contacts_fit = [self._cone_fits(number, part[0], balls[count:], sides, state) for number in range(len(self.cones))]
+                    if fitting == own.tolist() and all(contacts_fit):
+                        raw[state], is_proved[state] = [float(ball.mid()) for ball in balls[:count]], True
                         break
-                    sides[state] = np.where(fitting != sides[state], _exchanged(sides[state], np.array(fitting)), sides[state])
-        return raw
+                    sides.clamps[state] = np.where(fitting != own, _exchanged(own, np.array(fitting)), own)
+        return raw, is_proved
+
+    def _cone_fits(self, number: int, found: Array, balls: Sequence[Any], sides: Sides, state: int) -> bool:
+        """Whether balls of y show that a contact does what ``sides`` say, which says what they do afterwards."""
+        import flint
+
+        part = self.parts[number]
+        y, before = balls[part], Zone(int(sides.cones[state, number]))
+        zone = self.cones[number].zone(found, y, flint.arb.sqrt)
+        # On an edge the force is the same on both sides.
+        zone = before if zone is None and all(ball.is_finite() for ball in y) else zone
+        if zone is None:
+            return False
+        towards = sides.towards[state, part].tolist(), sides.rest[state, part].tolist()
+        sides.cones[state, number] = zone
+        if zone != Zone.SLIDES:
+            return zone == before
+        sides.towards[state, part] = high = [float(ball.mid()) for ball in y]
+        sides.rest[state, part] = [float((ball - whole).mid()) for ball, whole in zip(y, high, strict=True)]
+        apart = sum(((ball - one) - other) ** 2 for ball, one, other in zip(y, *towards, strict=True)).sqrt()
+        return bool(zone == before and apart < _SAME * sum(ball**2 for ball in y).sqrt())
 
 
 def _exchanged(sides: Array, fitting: Array) -> Array:

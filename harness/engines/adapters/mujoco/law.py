@@ -10,7 +10,8 @@ lengths, and the velocity terms of bodies that float alone. ``RK4`` is the class
 exponential map. All of this is documented: that dampers across branches are left out, with the integrators; Munthe-Kaas' correction of
 ``RK4``, in the release notes of 4.0.0.
 
-Source: MuJoCo documentation, Computation, sections Solver parameters and Numerical integration; Modeling, URDF extensions; XML reference,
+Source: MuJoCo documentation, Computation, sections Contact, Friction cones, Solver parameters and Numerical integration; Modeling, URDF
+extensions; XML reference,
 ``compiler/fusestatic``; release notes of 3.13.0, ``discrete``; MuJoCo 4.0, engine_core_constraint.c (getsolparam, mj_makeImpedance,
 mj_diagApprox), mj_step and engine_metric.c (springs on lengths count by the first derivatives of these).
 """
@@ -27,7 +28,17 @@ from lxml import etree
 
 from harness.files.equalities import AnyRows, Constraint, DryFriction, Limit, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
 from harness.files.mjcf.attributes import is_on
-from harness.files.rules import LEAST_IMPEDANCE, MOST_IMPEDANCE, ConstraintLaw, Impedance, ImplicitPart, InverseWeight, StepRule
+from harness.files.rules import (
+    LEAST_IMPEDANCE,
+    MOST_IMPEDANCE,
+    ConstraintLaw,
+    FrictionCone,
+    Impedance,
+    ImplicitPart,
+    InverseWeight,
+    StepRule,
+)
+from harness.files.touching import ConeKind, Touch
 
 # mjMINVAL.
 LEAST_NUMBER = 1e-15
@@ -59,11 +70,22 @@ def laws_in(root: etree._Element, constraints: Iterable[Constraint]) -> dict[str
     """The law of each of some constraints of the file with this root element; none of dry friction and limits that it switches off."""
     least_time = _least_time_constant(root)
     exact = [flag.get("diagexact") for flag in root.iterfind("option/flag[@diagexact]")][-1:] == ["enable"]
-    return {one.name: _law(one, least_time, exact) for one in constraints if _acts(root, one)}
+    ratio = float(_option(root, "impratio") or 1.0)
+    return {one.name: _law(one, least_time, exact, ratio) for one in constraints if _acts(root, one)}
+
+
+def cone_of(root: etree._Element) -> ConeKind:
+    """The cones of the file with this root element."""
+    return ConeKind(_option(root, "cone") or ConeKind.PYRAMIDAL)
+
+
+def _option(root: etree._Element, name: str) -> str | None:
+    """An attribute of the options, the last that is given."""
+    return next(reversed([option.get(name) for option in root.iterfind(f"option[@{name}]")]), None)
 
 
 def _acts(root: etree._Element, constraint: Constraint) -> bool:
-    stages = {DryFriction: ("constraint", "frictionloss"), Limit: ("constraint", "limit")}
+    stages = {DryFriction: ("constraint", "frictionloss"), Limit: ("constraint", "limit"), Touch: ("constraint", "contact")}
     return all(is_on(root, stage) for stage in stages.get(type(constraint.says), ()))
 
 
@@ -73,11 +95,10 @@ def _least_time_constant(root: etree._Element) -> Fraction:
 
 
 def _time_step(root: etree._Element) -> float:
-    written = [option.get("timestep") for option in root.iterfind("option[@timestep]")]
-    return float(written[-1]) if written else _TIMESTEP
+    return float(_option(root, "timestep") or _TIMESTEP)
 
 
-def _law(constraint: Constraint, least_time: Fraction, exact: bool) -> ConstraintLaw:
+def _law(constraint: Constraint, least_time: Fraction, exact: bool, ratio: float) -> ConstraintLaw:
     softness, says = constraint.softness or SolverParameters(), constraint.says
     impedance = _impedance(softness)
     stiffness, damping = _stiffness_and_damping(softness, Fraction(impedance.most), least_time)
@@ -89,16 +110,28 @@ def _law(constraint: Constraint, least_time: Fraction, exact: bool) -> Constrain
         stiffness=float(stiffness),
         damping=float(damping),
         weights=None if exact else _weights(constraint),
-        has_curvature=True,
+        # "For contacts, the term remains omitted."
+        has_curvature=not isinstance(says, Touch),
         least_regularisation=LEAST_NUMBER,
         force_range=_force_range(says),
+        is_contact=isinstance(says, Touch),
+        cone=_cone(says, impedance, least_time, ratio) if isinstance(says, Touch) and says.friction else None,
     )
 
 
 def _force_range(says: AnyRows | None) -> tuple[float, float]:
     if isinstance(says, DryFriction):
         return -float(says.bound), float(says.bound)
-    return (0.0 if isinstance(says, Limit) else -math.inf), math.inf
+    pushes_alone = isinstance(says, Limit) or (isinstance(says, Touch) and not says.is_elliptic)
+    return (0.0 if pushes_alone else -math.inf), math.inf
+
+
+def _cone(touch: Touch, impedance: Impedance, least_time: Fraction, ratio: float) -> FrictionCone:
+    damping = None
+    if touch.is_elliptic and any(touch.sliding):
+        sliding = replace(SolverParameters(), solref=touch.sliding)
+        damping = float(_stiffness_and_damping(sliding, Fraction(impedance.most), least_time)[1])
+    return FrictionCone(tuple(map(float, touch.friction)), max(LEAST_NUMBER, ratio), touch.is_elliptic, damping)
 
 
 def _impedance(softness: SolverParameters) -> Impedance:
@@ -126,6 +159,8 @@ def _weights(constraint: Constraint) -> tuple[tuple[InverseWeight, ...], ...]:
         return (tuple(InverseWeight("joint", name) for name in (says.joint, says.leader) if name is not None),)
     if isinstance(says, TendonLinkage):
         return (tuple(InverseWeight("tendon", one.name) for one in says.tendons),)
+    if isinstance(says, Touch):
+        return (tuple(InverseWeight("translation", body) for body in says.bodies),)
     assert isinstance(says, DryFriction | Limit)
     if not isinstance(says.of, str):
         return ((InverseWeight("tendon", says.of.name),),)
@@ -136,7 +171,7 @@ def _weights(constraint: Constraint) -> tuple[tuple[InverseWeight, ...], ...]:
 def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
     """The rules of all integrators by the options of a file with this root element, first the one that the file chooses."""
     length = _time_step(root)
-    chosen = [option.get("integrator") for option in root.iterfind("option[@integrator]")][-1:]
+    chosen = _option(root, "integrator")
     euler = frozenset({ImplicitPart.JOINT_DAMPERS} if is_on(root, "eulerdamp") else ())
     rules = (
         StepRule("Euler", length, euler),
@@ -149,4 +184,4 @@ def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
             _DAMPERS | _SPRINGS | {ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES},
         ),
     )
-    return tuple(sorted(rules, key=lambda rule: rule.name not in chosen))
+    return tuple(sorted(rules, key=lambda rule: rule.name != chosen))

@@ -1,0 +1,45 @@
+"""The contacts that MuJoCo finds at a state, as plain data.
+
+Source: MuJoCo documentation, API reference, ``mjContact``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from harness.files.contacts import FoundContact
+from harness.files.tree import WORLD
+
+_DEFORMABLE = "is of a deformable body"
+# What a contact may have that the harness has no rows for, by the name of its field, which older versions do not know.
+_UNREAD = {"adhesion": "has adhesion", "surfacevel": "is of a surface that moves by itself"}
+
+
+def found_contacts(model: Any, data: Any) -> list[FoundContact]:
+    """The contacts of a state after ``mj_forward``, those that do not push among them."""
+    return [_found(model, one) for one in data.contact[: data.ncon]]
+
+
+def _found(model: Any, one: Any) -> FoundContact:
+    is_rigid = min(one.geom) >= 0
+    bodies = [model.geom_bodyid[geom] for geom in one.geom] if is_rigid else [0, 0]
+    first, second = (WORLD if not body else model.body(body).name for body in bodies)
+    why_not = next((why for field, why in _UNREAD.items() if np.any(getattr(one, field, 0.0))), "") if is_rigid else _DEFORMABLE
+    point, frame, friction = (tuple(map(float, own)) for own in (one.pos, one.frame, one.friction[: one.dim - 1]))
+    (time, ratio), (sliding, slid), (least, most, width, midpoint, power) = (
+        map(float, own) for own in (one.solref, one.solreffriction, one.solimp)
+    )
+    return FoundContact(
+        bodies=(first, second),
+        point=point,
+        frame=frame,
+        distance=float(one.dist),
+        margin=float(one.includemargin),
+        friction=friction,
+        solref=(time, ratio),
+        solimp=(least, most, width, midpoint, power),
+        sliding=(sliding, slid),
+        why_not=why_not,
+    )

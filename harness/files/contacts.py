@@ -1,0 +1,59 @@
+"""Contacts as an engine found them at one state, as plain data, and as constraints whose numbers are inputs of the truth.
+
+Law and solver are so judged apart from geometry.
+
+Source: MuJoCo documentation, Computation, section Contact; API reference, ``mjContact``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from harness.files.equalities import Constraint, SolverParameters
+from harness.files.given import Given, Place
+from harness.files.touching import ConeKind, Touch
+
+
+@dataclass(frozen=True)
+class FoundContact:
+    """One contact, in the world's frame.
+
+    Attributes:
+        bodies: the first and the second. point: (3,) [m]. frame: (9,), the rows of ``Touch.frame``.
+        distance, margin, friction, sliding: as of ``Touch``.
+        solref, solimp: as of ``SolverParameters``. why_not: what the harness has no rows for, "" where it has.
+    """
+
+    bodies: tuple[str, str]
+    point: tuple[float, ...]
+    frame: tuple[float, ...]
+    distance: float
+    margin: float
+    friction: tuple[float, ...]
+    solref: tuple[float, float]
+    solimp: tuple[float, float, float, float, float]
+    sliding: tuple[float, float] = (0.0, 0.0)
+    why_not: str = ""
+
+
+def contacts_of(found: Sequence[FoundContact], place: Place, cone: ConeKind) -> list[Constraint]:
+    """The constraints of contacts that push, whose numbers stand at ``place``."""
+    own = [_contact(one, number, place, cone) for number, one in enumerate(found)]
+    return [one for one in own if isinstance(one.says, Touch) and one.says.pushes]
+
+
+def _contact(found: FoundContact, number: int, place: Place, cone: ConeKind) -> Constraint:
+    name = f"contact {number}"
+
+    def given(values: Sequence[float], what: str) -> list[Fraction]:
+        return [Given(value, place, f"{name} {what}", index) for index, value in enumerate(values)]
+
+    x, y, z = given(found.point, "point")
+    axes = given(found.frame, "frame")
+    distance, margin = given([found.distance], "distance") + given([found.margin], "margin")
+    first, second, third = ((axes[start], axes[start + 1], axes[start + 2]) for start in (0, 3, 6))
+    friction = tuple(given(found.friction, "friction"))
+    touch = Touch(found.bodies, (x, y, z), (first, second, third), distance, margin, friction, cone, found.sliding)
+    return Constraint("contact", place, place.line, touch, found.why_not, SolverParameters(found.solref, found.solimp), name=name)

@@ -1,0 +1,61 @@
+"""Points in which bodies touch at one state, as whoever looked for them found them: what rows need of a contact.
+
+Source: MuJoCo documentation, Computation, sections Contact and Friction cones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+
+from harness.files.given import Vector
+
+
+class ConeKind(StrEnum):
+    """The forces that friction lets a contact have; of a contact without friction both are the same."""
+
+    PYRAMIDAL = "pyramidal"
+    ELLIPTIC = "elliptic"
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Two bodies touch in a point; all in the world's frame.
+
+    Its rows are the relative motion of the second body against the first along the axes of its frame and about them, in the order normal,
+    first and second tangent, about the normal, about the tangents; of a pyramid the sums and differences of that along the normal and
+    each other one times its coefficient of friction.
+
+    Attributes:
+        bodies: the first and the second. point: where [m].
+        frame: unit vectors: the normal from the first body to the second, and two tangents.
+        distance: of the surfaces, negative where they overlap [m]. margin: the distance below which they push [m].
+        friction: a coefficient for each motion beside that along the normal, of turns in metres; none, 2, 3 or 5.
+        sliding: ``solref`` of the rows that friction acts in, of an elliptic cone; (0, 0) for that of the normal.
+    """
+
+    bodies: tuple[str, str]
+    point: Vector
+    frame: tuple[Vector, Vector, Vector]
+    distance: Fraction
+    margin: Fraction
+    friction: tuple[Fraction, ...]
+    cone: ConeKind
+    sliding: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def is_elliptic(self) -> bool:
+        """Whether its force lies in a round cone; without friction it lies on a ray."""
+        return bool(self.friction) and self.cone is ConeKind.ELLIPTIC
+
+    @property
+    def pushes(self) -> bool:
+        return self.distance <= self.margin
+
+    @property
+    def directions(self) -> Sequence[tuple[Vector, bool]]:
+        """The axis of each motion that friction resists, and whether it is about the axis."""
+        first, *tangents = self.frame
+        return [*((axis, False) for axis in tangents), *((axis, True) for axis in (first, *tangents))][: len(self.friction)]

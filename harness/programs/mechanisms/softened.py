@@ -1,0 +1,189 @@
+"""The equations of motion of a tree under constraints that give, by a law whose numbers are parameters.
+
+Proofs and sources: docs/inside/numerics.md, "Constraint forces".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from harness.programs.mechanisms.cones import sliding_weights
+from harness.programs.mechanisms.constraint_forces import solved, tied_equations
+from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
+from harness.programs.program import StraightLineProgram, without_unused
+from harness.programs.terms import Matrix, Term, Vector, matrix, vector
+
+
+@dataclass(frozen=True)
+class Softness:
+    """How one constraint gives: numbers of a model file.
+
+    Attributes:
+        impedance: d where the constraint holds, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].
+        inverse_masses: A of each row [1/kg, or 1/(kg m^2)]; None for (J M^-1 J')_ii at the state.
+        has_bias: whether the law takes account of J' v; without it, it leaves b out.
+        force_range: the least and the largest force of each row [N or N m].
+        friction, ratio: mu_j of a contact, and the ratio of impedances; () of all other constraints. Its R are those of its first row.
+        is_round: whether its forces lie in an elliptic cone.
+        sliding_damping: b of its rows across the normal [1/s]; None for that of the normal.
+    """
+
+    impedance: float
+    stiffness: float
+    damping: float
+    inverse_masses: tuple[float | None, ...]
+    has_bias: bool = True
+    force_range: tuple[float, float] = (-math.inf, math.inf)
+    friction: tuple[float, ...] = ()
+    ratio: float = 1.0
+    is_round: bool = False
+    sliding_damping: float | None = None
+
+    @property
+    def has_range(self) -> bool:
+        return self.force_range != Softness.force_range
+
+
+# Numbers of a law that a state may have of its own, behind the names of constraint and row.
+IMPEDANCE, REST, DISTANCE, SLOPE, INVERSE_MASS = "impedance", "rest of impedance", "distance", "slope", "inverse mass"
+SHARE, CONSTANT, UNBOUNDED = "share", "constant", "unbounded"
+# And of a contact with friction.
+FRICTION, RATIO, SLIDING_DAMPING = "friction", "ratio of impedances", "damping across the normal"
+STICKING, SLIDING, TOWARDS, REST_OF_TOWARDS = "sticking", "sliding", "towards", "rest of towards"
+
+
+def number_of(name: str, what: str, row: int | None = None) -> str:
+    """The name of a number of the law of a constraint, or of one of its rows by its number among all."""
+    return f"{name}{'' if row is None else f'[{row}]'} {what}"
+
+
+@dataclass(frozen=True)
+class SoftenedProgram:
+    """The program of a softened problem.
+
+    Attributes:
+        numbers: names and values of the parameters that it has behind the others.
+        unbounded: a program of the same inputs whose output is, of each row that has a range of forces, the force without it, and then,
+            of the rows of elliptic cones, J a - aref.
+        ranged: the rows with a range by their constraint and number among all. round: the constraints with elliptic cones.
+        problem: a program of the same inputs: ``mass`` and ``force`` of the tree, ``jacobian``, ``wanted`` (aref less J' v) and
+            ``weights`` (D) of the rows in the order of ``unbounded``, and then of those that hold on both sides.
+    """
+
+    program: StraightLineProgram
+    numbers: list[tuple[str, float]]
+    unbounded: StraightLineProgram
+    ranged: list[tuple[str, int]]
+    round: list[str]
+    problem: StraightLineProgram
+
+
+def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> SoftenedProgram:
+    """The program of the softened problem.
+
+    ``laws`` is that of every constraint, redundant rows included. The program has an output more, the ``multipliers``, minus the force of
+    each row: share D (r - b - J a) + constant, where a share of 1 and a constant of 0 are those of rows without a range of forces.
+    Around a state the impedance of a constraint is linear in its rows, d = impedance + rest + sum of slope_i (phi_i - distance_i), so
+    that its derivative by all inputs is felt; slopes and rests are 0 unless a state has its own.
+
+    Raises:
+        ValueError: there are other rows, or rolling ones.
+    """
+    places = {name: [row for row, owner in enumerate(constraints.rows) if owner == name] for name in constraints.names}
+    given = {name: len(law.inverse_masses) for name, law in laws.items()}
+    if given != {name: len(rows) for name, rows in places.items()} or constraints.holonomic != len(constraints.rows):
+        count = f"{sum(given.values())} laws for {len(constraints.rows)} rows"
+        raise ValueError(f"{count}, of which {constraints.holonomic} hold positions")
+    numbers = [number for name, rows in places.items() for number in _numbers(name, rows, laws[name])]
+    tied = tied_equations(constraints, [name for name, _ in numbers], independent_only=False)
+    builder, mass, jacobian, zero = tied.builder, tied.mass, tied.jacobian, tied.builder.number(0)
+    known = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
+    exact = [row for name, rows in places.items() for row, own in zip(rows, laws[name].inverse_masses, strict=True) if own is None]
+    columns = dict(zip(exact, solved(mass, [jacobian[row] for row in exact]) if exact else [], strict=True))
+    weights, wanted, constants = (builder.zeros(len(constraints.rows)) for _ in range(3))
+    ranged, shares = list[tuple[str, int]](), builder.vector([1] * len(constraints.rows))
+    blocks = dict[str, Matrix]()
+    for name, rows in places.items():
+        law = laws[name]
+        impedance, rest, stiffness, damping = (known[number_of(name, what)] for what in (IMPEDANCE, REST, "stiffness", "damping"))
+        for row in rows:
+            slope, distance = (known[number_of(name, what, row)] for what in (SLOPE, DISTANCE))
+            rest = rest + slope * (tied.residual[row] - distance)
+        impedance = impedance + rest
+        for place, row in enumerate(rows):
+            own = jacobian[row] @ columns[row] if row in columns else known[number_of(name, INVERSE_MASS, row)]
+            weights[row] = impedance / ((1 - impedance) * own)
+            back = (stiffness * impedance) * tied.residual[row]
+            bias = tied.bias[row] if law.has_bias else zero
+            slowed = known.get(number_of(name, SLIDING_DAMPING), damping) if place else damping
+            wanted[row] = -((slowed * tied.rate[row] + back) + bias)
+            if law.has_range:
+                shares[row], constants[row] = (known[number_of(name, what, row)] for what in (SHARE, CONSTANT))
+                ranged.append((name, row))
+        if law.friction:
+            friction = vector(known[number_of(f"{name} {number}", FRICTION)] for number in range(len(law.friction)))
+            ratio = known[number_of(name, RATIO)]
+            weights[rows] = _of_cone(law, weights[rows[0]], friction, ratio, len(rows))
+            if law.is_round:
+                sticking, sliding = (known[number_of(name, what)] for what in (STICKING, SLIDING))
+                towards = vector(known[number_of(name, TOWARDS, row)] + known[number_of(name, REST_OF_TOWARDS, row)] for row in rows)
+                block = sliding * sliding_weights(weights[rows[0]], friction, ratio, towards)
+                for place, row in enumerate(rows):
+                    block[place, place] = block[place, place] + sticking * weights[row]
+                blocks[name] = block
+    weighted = matrix([share * weight * row for share, weight, row in zip(shares, weights, jacobian, strict=True)])
+    for name, block in blocks.items():
+        weighted[places[name]] = block @ jacobian[places[name]]
+    required = vector(wanted)
+    stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
+    pushed = [force + column @ constants for force, column in zip(tied.force, jacobian.T, strict=True)]
+    pulled = vector(force + column @ required for force, column in zip(pushed, weighted.T, strict=True))
+    [moved] = solved(stiffened, [pulled])
+    missing = required - jacobian @ moved
+    unbounded = vector(weight * force for weight, force in zip(weights, missing, strict=True))
+    held = vector(share * force for share, force in zip(shares, unbounded, strict=True)) + constants
+    for name, block in blocks.items():
+        held[places[name]] = block @ missing[places[name]]
+    outside = [*(unbounded[row] for _, row in ranged), *(-missing[row] for name in blocks for row in places[name])]
+    first = [*(row for _, row in ranged), *(row for name in blocks for row in places[name])]
+    order = [*first, *(row for row in range(len(constraints.rows)) if row not in first)]
+    asked = {"mass": tied.equations["mass"], "force": tied.force, JACOBIAN: jacobian[order].ravel()}
+    asked |= {"wanted": required[order], "weights": weights[order]}
+    return SoftenedProgram(
+        # Minus, as those of the rigid forces -J' lambda.
+        tied.with_forces(weighted.T @ missing + jacobian.T @ constants, vector(-one for one in held)),
+        numbers,
+        without_unused(builder.program({UNBOUNDED: outside})),
+        ranged,
+        list(blocks),
+        without_unused(builder.program(asked)),
+    )
+
+
+def _of_cone(law: Softness, first: Term, friction: Vector, ratio: Term, count: int) -> Vector:
+    """The weights D of the rows of a contact with friction, from that of an impedance and an inverse mass."""
+    steepest = friction[0] * friction[0]
+    if law.is_round:
+        return vector([first, *((first * ratio) * ((own * own) / steepest) for own in friction)])
+    # The diagonal of J M^-1 J' is that of the edge itself.
+    edge = first if law.inverse_masses[0] is None else first / (steepest + 1)
+    return vector([(edge * ratio) / (2 * steepest)] * count)
+
+
+def _numbers(name: str, rows: Sequence[int], law: Softness) -> Iterator[tuple[str, float]]:
+    """Names and values of the numbers of the law of a constraint."""
+    of_all = {IMPEDANCE: law.impedance, REST: 0.0, "stiffness": law.stiffness, "damping": law.damping}
+    if law.friction:
+        of_all |= {RATIO: law.ratio}
+        of_all |= {} if law.sliding_damping is None else {SLIDING_DAMPING: law.sliding_damping}
+        of_all |= {STICKING: 0.0, SLIDING: 0.0} if law.is_round else {}
+        yield from ((number_of(f"{name} {number}", FRICTION), value) for number, value in enumerate(law.friction))
+    yield from ((number_of(name, what), value) for what, value in of_all.items())
+    for row, inverse_mass in zip(rows, law.inverse_masses, strict=True):
+        own = {DISTANCE: 0.0, SLOPE: 0.0} | ({} if inverse_mass is None else {INVERSE_MASS: inverse_mass})
+        own |= {SHARE: 1.0, CONSTANT: 0.0} if law.has_range else {}
+        # Anything across the normal, until a state has its own.
+        own |= {TOWARDS: 1.0, REST_OF_TOWARDS: 0.0} if law.is_round else {}
+        yield from ((number_of(name, what, row), value) for what, value in own.items())

@@ -1,0 +1,233 @@
+"""Contacts of which points, frames and numbers are given: the certified optimum against an evaluation of its own, and MuJoCo's answers."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import mpmath
+import mujoco
+import numpy as np
+import pytest
+from contact_optimum import DIGITS, MODEL, STEP, Point
+from contact_optimum import optimum as documented_optimum
+from mpmath import mpf
+
+from harness.engines.adapters.mujoco import law
+from harness.engines.adapters.mujoco.contacts import found_contacts
+from harness.explain.changes.readings import element_at
+from harness.files.contacts import FoundContact, contacts_of
+from harness.programs.mechanisms import cones
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import Robot, read_robot
+from harness.truth.compare import compare
+from harness.truth.optimum import optimum
+from harness.truth.reference import Reference, ReferenceKernel
+from harness.verdict import AGREEMENT
+
+SIZES = (0, 2, 3, 5)
+CONES = ("pyramidal", "elliptic")
+DEEP = (0.3, 0.9, 0.5, 0.375, 2.5)
+
+
+def touched(robot: Robot, found: Sequence[FoundContact]) -> Mechanism:
+    """The robot with these contacts by the law that MuJoCo documents."""
+    assert robot.tree.place is not None
+    root = element_at(robot.tree.place)
+    chosen = contacts_of(found, robot.tree.place, law.cone_of(root))
+    return optimum(mechanism_of(robot), robot, chosen, law.laws_in(root, chosen), law.fuses(root, robot.format))
+
+
+def truth_of(robot: Robot, found: Sequence[FoundContact], states: States) -> Reference:
+    return ReferenceKernel(touched(robot, found)).evaluate(states)
+
+
+def state(q: Sequence[float], v: Sequence[float], tau: Sequence[float]) -> States:
+    return States(*(np.array([own], dtype=np.float64) for own in (q, v, tau)), np.zeros(1))
+
+
+# Against an evaluation of its own.
+
+
+def drawn(random: np.random.Generator, size: int, solref: tuple[float, float], sliding: tuple[float, float]) -> FoundContact:
+    """A contact of two bodies anywhere, with so many coefficients of friction."""
+    axes, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    pairs = [("world", "ball"), ("ball", "arm"), ("arm", "world"), ("arm", "ball")]
+    return FoundContact(
+        bodies=pairs[random.integers(len(pairs))],
+        point=tuple(random.normal(size=3).tolist()),
+        frame=tuple(axes.T.ravel().tolist()),
+        distance=float(random.uniform(-0.4, 0.1)),
+        margin=0.125,
+        friction=tuple(random.uniform(0.1, 1.5, size).tolist()),
+        solref=solref,
+        solimp=DEEP,
+        sliding=sliding,
+    )
+
+
+def point_of(found: FoundContact) -> Point:
+    (_, most, *_), (time, ratio) = DEEP, found.solref
+    with mpmath.workdps(DIGITS):
+        if time > 0:
+            time = max(mpf(time), 2 * mpf(STEP))
+            spring, damper = 1 / (mpf(most) * time * mpf(ratio)) ** 2, 2 / (mpf(most) * time)
+        else:
+            spring, damper = -mpf(time) / mpf(most) ** 2, -mpf(ratio) / mpf(most)
+        sliding = 2 / (mpf(most) * mpf(found.sliding[0])) if found.sliding[0] else damper
+        return Point(
+            found.bodies,
+            found.point,
+            np.reshape(found.frame, (3, 3)).tolist(),
+            found.distance,
+            found.margin,
+            found.friction,
+            DEEP,
+            *(float(one) for one in (spring, damper, sliding)),
+        )
+
+
+def farthest(folder: Path, cone: str, ratio: float, states: int) -> float:
+    """The largest distance from the evaluation of its own, of the length of that, relative to the energy norm."""
+    path = folder / f"{cone}{ratio:g}.xml"
+    path.write_text(MODEL.format(option=f'cone="{cone}" impratio="{ratio:g}"', flag=""))
+    robot, random, worst = read_robot(path), np.random.default_rng(int(ratio)), 0.0
+    for number in range(states):
+        solref = [(0.25, 1.0), (0.001, 0.5), (-64.0, -4.0)][number % 3]
+        found = [
+            drawn(random, SIZES[(number + more) % 4], solref, (0.5, 1.0) if number % 2 else (0.0, 0.0)) for more in range(1 + number % 3)
+        ]
+        quaternion = random.normal(size=4)
+        q = np.r_[random.normal(size=3), quaternion / np.linalg.norm(quaternion), random.normal()]
+        v, tau = random.normal(size=7) * 10 ** random.uniform(-2, 1), random.normal(size=7) * 10 ** random.uniform(0, 2)
+        truth = truth_of(robot, found, state(q, v, tau))
+        assert truth.certified.all()
+        own = documented_optimum(q, v, tau, [point_of(one) for one in found], cone == "elliptic", ratio)
+        with mpmath.workdps(DIGITS):
+            pairs = zip(own, truth.high[0].tolist(), truth.low[0].tolist(), strict=True)
+            apart = mpmath.norm([one - mpf(high) - mpf(low) for one, high, low in pairs])
+            worst = max(worst, float(apart / mpmath.norm(own)))
+    return worst
+
+
+# What is left of y where a contact slides is squared; the quaternion is normalised in both.
+_DIGITS = 1e-27
+
+
+@pytest.mark.parametrize(("cone", "ratio"), [*itertools.product(CONES, (1.0, 10.0))])
+def test_the_optimum_is_that_of_another_evaluation(cone: str, ratio: float, tmp_path: Path) -> None:
+    assert farthest(tmp_path, cone, ratio, 8) < _DIGITS
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("cone", "ratio"), [*itertools.product(CONES, (1.0, 10.0, 0.25))])
+def test_the_optimum_is_that_of_another_evaluation_at_many_states(cone: str, ratio: float, tmp_path: Path) -> None:
+    assert farthest(tmp_path, cone, ratio, 400) < _DIGITS
+
+
+# Against MuJoCo.
+
+ON_PLANE = """<mujoco><option cone="{cone}" impratio="{ratio}" iterations="100" tolerance="0"><flag diagexact="{exact}"/></option>
+<worldbody><geom type="plane" size="1 1 1" {friction}/>
+<body name="ball"><freejoint/><geom type="sphere" size=".1" mass="1" margin="0.01" {friction}/>
+<body name="arm" pos="0 0 .3"><joint name="hinge" axis="0 1 0"/>
+<geom type="capsule" size=".05 .1" mass="1" margin="0.01" {friction}/></body>
+</body></worldbody></mujoco>"""
+
+
+def written(folder: Path, cone: str, ratio: float = 1, size: int = 2, exact: str = "disable") -> Path:
+    """A ball that carries an arm, above a plane."""
+    path = folder / f"{cone}{ratio:g}{size}{exact}.xml"
+    friction = f'condim="{size + 1}" friction="0.7 0.03 0.02" solref="0.05 0.8" solimp="0.5 0.9 0.02"'
+    path.write_text(ON_PLANE.format(cone=cone, ratio=ratio, friction=friction, exact=exact))
+    return path
+
+
+class Stepped:
+    """MuJoCo at states in which bodies touch; the last axis of ``friction`` is changed so that no two directions are alike."""
+
+    def __init__(self, path: Path) -> None:
+        self.robot, self.model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
+        self.data, self.random = mujoco.MjData(self.model), np.random.default_rng(3)
+
+    def answer(self) -> tuple[States, list[FoundContact], np.ndarray]:
+        data, random = self.data, self.random
+        tilt = random.normal(size=4)
+        tilt[0] += 3
+        data.qpos[:] = np.r_[
+            random.uniform(-1, 1, 2), 0.1 + 0.01 * random.uniform(-1.5, 1), tilt / np.linalg.norm(tilt), random.uniform(-2, 2)
+        ]
+        data.qvel[:] = random.normal(size=7) * 10 ** random.uniform(-2, 0.5)
+        data.qfrc_applied[:], data.qacc_warmstart[:] = random.normal(size=7) * 5, 0
+        mujoco.mj_forward(self.model, data)
+        return state(data.qpos, data.qvel, data.qfrc_applied), found_contacts(self.model, data), data.qacc.copy()
+
+    def error(self, change=lambda found: found) -> float:  # type: ignore[no-untyped-def]
+        """Data roundoffs between MuJoCo and the optimum, of contacts that ``change`` makes others."""
+        states, found, answer = self.answer()
+        compared = compare(truth_of(self.robot, change(found), states), answer[None], factorises=True)
+        return float(compared.backward_error[0])
+
+
+@pytest.mark.parametrize(("cone", "ratio", "size", "exact"), [*itertools.product(CONES, (1, 10), SIZES, ("disable", "enable"))])
+def test_mujoco_answers_as_it_documents(cone: str, ratio: float, size: int, exact: str, tmp_path: Path) -> None:
+    stepped = Stepped(written(tmp_path, cone, ratio, size, exact))
+    assert max(stepped.error() for _ in range(6)) <= AGREEMENT
+
+
+def with_friction(place: int):  # type: ignore[no-untyped-def]
+    def changed(one: FoundContact) -> FoundContact:
+        friction = [mu * (1 + 1e-9 * (number == place)) for number, mu in enumerate(one.friction)]
+        return replace(one, friction=tuple(friction))
+
+    return lambda found: [changed(one) for one in found]
+
+
+def in_each(**fields):  # type: ignore[no-untyped-def]
+    return lambda found: [replace(one, **{name: change(one) for name, change in fields.items()}) for one in found]
+
+
+FAULTS = {
+    "friction": with_friction(0),
+    "friction of one direction": with_friction(1),
+    "torsional friction": with_friction(2),
+    "margin": in_each(margin=lambda one: one.margin + 1e-9),
+    "solref": in_each(solref=lambda one: (one.solref[0] * (1 + 1e-9), one.solref[1])),
+    "solimp": in_each(solimp=lambda one: (*one.solimp[:2], one.solimp[2] * (1 + 1e-9), *one.solimp[3:])),
+    "sign of the normal": in_each(frame=lambda one: (*(-x for x in one.frame[:3]), *one.frame[3:])),
+    "a contact dropped": lambda found: found[1:],
+    "bodies swapped": in_each(bodies=lambda one: one.bodies[::-1]),
+    "point": in_each(point=lambda one: (one.point[0] + 1e-9, *one.point[1:])),
+}
+
+
+@pytest.mark.parametrize(("cone", "fault"), [*itertools.product(CONES, FAULTS)])
+def test_a_contact_that_is_another_is_felt(cone: str, fault: str, tmp_path: Path) -> None:
+    stepped = Stepped(written(tmp_path, cone, 10, 5))
+    assert max(stepped.error(FAULTS[fault]) for _ in range(8)) > AGREEMENT
+
+
+def test_friction_by_the_ratio_and_not_its_root_is_felt(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stepped = Stepped(written(tmp_path, "elliptic", 10))
+    monkeypatch.setattr(cones, "sqrt", lambda value: value)
+    assert max(stepped.error() for _ in range(6)) > AGREEMENT
+
+
+def test_states_of_each_zone_are_among_those_that_are_asked(tmp_path: Path) -> None:
+    stepped, zones = Stepped(written(tmp_path, "elliptic", 1)), set[int]()
+    for _ in range(40):
+        stepped.answer()
+        zones |= set(stepped.data.efc_state.tolist())
+    kinds = mujoco.mjtConstraintState
+    assert zones == {int(one) for one in (kinds.mjCNSTRSTATE_SATISFIED, kinds.mjCNSTRSTATE_QUADRATIC, kinds.mjCNSTRSTATE_CONE)}
+
+
+def test_a_contact_beyond_its_margin_is_none(tmp_path: Path) -> None:
+    stepped = Stepped(written(tmp_path, "elliptic"))
+    found = next(own for _ in range(20) if (own := stepped.answer()[1]))
+    assert touched(stepped.robot, [replace(one, distance=math.nextafter(one.margin, 1.0)) for one in found]).constraints is None
