@@ -203,16 +203,15 @@ def _groups(items: Mapping[str, Any], quantity: HeldQuantity, length: float, abo
             return 0.0 if items[one] is items[other] else math.inf
         return quantity.ulps(items[one], items[other], length)
 
-    left, largest = list(items), 0.0
+    left = list(items)
     groups: list[tuple[str, ...]] = []
     while left:
         alike = [[other for other in left if apart(one, other) <= above] for one in left]
         chosen = max(range(len(left)), key=lambda place: (len(alike[place]), -place))
         group = [left[chosen], *(other for other in alike[chosen] if other != left[chosen])]
-        if not groups:
-            largest = max(apart(left[chosen], other) for other in left)
         groups.append(tuple(group))
         left = [subject for subject in left if subject not in group]
+    largest = max(apart(groups[0][0], other) for other in items)
     return tuple(sorted(groups, key=len, reverse=True)), largest
 
 

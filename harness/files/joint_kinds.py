@@ -60,4 +60,4 @@ class JointKind(StrEnum):
 
     @property
     def has_attitude(self) -> bool:
-        return self.velocities - self.linear > 1
+        return self.velocities - self.linear == 3

@@ -246,8 +246,8 @@ _VARYING: Kept[list[bool]] = Kept(16)
 
 
 def _times(adjoint: list[Any], partial: Any) -> list[Any]:
-    # Sums and differences, a third of all instructions, multiply nothing.
-    if isinstance(partial, float) and abs(partial) == 1.0:
+    # Sums and differences, a third of all instructions, multiply nothing: theirs alone are floats, 1 and -1.
+    if isinstance(partial, float):
         return adjoint if partial > 0 else [None if entry is None else -entry for entry in adjoint]
     return [None if entry is None else entry * partial for entry in adjoint]
 

@@ -51,7 +51,7 @@ from harness.truth.compare import Flags
 _BITS = 192
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class DeclaredMechanism(Mechanism):
     """A mechanism whose constraints give; the numbers of their laws are its last parameters, some of which each state has of its own.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import functools
 import itertools
+import math
 import random
 import re
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from harness.explain.changes.mistakes import Mistake, find_mistakes, mended_mist
 from harness.explain.columns import watch
 from harness.explain.fit import fit
 from harness.explain.model_side import ModelSide
+from harness.explain.search import OTHER_STARTS
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.scan import Watch, find_elements, find_numbers
 from harness.lagrange.derivation import load_mechanism
@@ -349,3 +351,10 @@ def test_both_formats_make_the_same_mistakes() -> None:
     for name in ("axis", "damping", "armature", "friction", "joint_order", "parallel_axis", "frame_rotation", "inertial_rotation"):
         mjcf, urdf = (len(list(MISTAKES[name].plant(healthy("arm_2r", model_format)))) for model_format in FORMATS)
         assert mjcf == urdf > 0, name
+
+
+def test_every_factor_that_is_tried_is_tried_the_other_way_too() -> None:
+    """What the author of a file multiplied by has to be divided out, and the other way round; a number that is missing has none."""
+    factors = set(OTHER_STARTS) - {0.0}
+    assert 0.0 in OTHER_STARTS and 1.0 not in factors and {math.degrees(1), math.radians(1), 1e3} <= factors
+    assert sorted(1 / factor for factor in factors) == pytest.approx(sorted(factors), rel=1e-15)

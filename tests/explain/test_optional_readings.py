@@ -44,6 +44,15 @@ def test_bullet_s_axes_leave_a_millionth_of_a_matrix(xx: float, yy: float, zz: f
     assert not np.diag(rest).any() and np.abs(rest).max() <= 1.0001e-6 * np.abs(moments).sum()
 
 
+@pytest.mark.parametrize(("product", "is_left"), [(2.0**-52, True), (1.001 * 2.0**-52, False), (1.0, False), (0.0, True)])
+def test_bullet_leaves_what_is_a_rounding_of_a_millionth_of_the_trace(product: float, is_left: bool) -> None:
+    """``btMatrix3x3::diagonalize``: a product of at most 2^-52 of that is no longer turned away."""
+    matrix = np.diag([0.5, 1.5, 1.0])
+    matrix[0, 1] = matrix[1, 0] = product * 1e-6 * np.trace(matrix)
+    _, axes, rest = diagonalized(matrix)
+    assert (axes == np.eye(3)).all() == is_left == (rest[0, 1] == matrix[0, 1])
+
+
 @pytest.mark.parametrize(
     ("origin", "shape", "half"),
     [

@@ -139,3 +139,25 @@ def test_a_zero_with_a_bound_has_a_quotient_with_one() -> None:
     quotients = results_of(cancelled, other)[2]
     assert (quotients[:, :2] == 0).all()
     assert (quotients[:, 2] > 1e-30 / 0.7).all() and (quotients[:, 2] < 1.001e-30 / 0.7).all()
+
+
+def write_sines_in_float64(code: Writer) -> None:
+    """Sine and cosine of each argument, (n, 2)."""
+    a, found = code.array("a"), code.array("found", 2)
+    for i in code.range(code.argument("n")):
+        for place, result in enumerate(double_double.sine_and_cosine_in_float64(code, a[i])):
+            found[i, place] = result
+
+
+@pytest.mark.parametrize("reach", [0.006, 1e3, 2.0**20])
+def test_sines_in_float64_are_right_to_the_last_unit_but_one(reach: float) -> None:
+    """Of 1, and of the sine itself beside zero, where the series alone makes it."""
+    a, found = np.random.default_rng(4).uniform(-reach, reach, COUNT), np.empty((COUNT, 2))
+    interpreter.compiled(write_sines_in_float64, {"n": "integer", "a": "numbers", "found": "numbers"})(COUNT, a, found)
+    with flint.ctx.workprec(BITS):
+        exact = [(flint.arb(angle).sin(), flint.arb(angle).cos()) for angle in a.tolist()]
+        errors = np.array(
+            [[float(value - right) for value, right in zip(*pair, strict=True)] for pair in zip(found.tolist(), exact, strict=True)]
+        )
+    assert np.abs(errors).max() <= 2.0**-52
+    assert reach > 1 or (np.abs(errors[:, 0]) <= 2.0**-52 * np.abs(a)).all()

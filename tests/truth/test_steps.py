@@ -193,8 +193,9 @@ class Spoiled:
             after[:, : q.shape[1]] = q + length * v
         elif self._mistake == "velocities not advanced" and integrator == "Euler":
             after[:, q.shape[1] :] = v
-        elif self._mistake == "turned about the world's axes" and integrator == "implicit":
-            after[:, :4] = multiplied(multiplied(conjugate(q), after[:, :4]), q)
+        elif self._mistake in TURNED and integrator == "implicit":
+            place = TURNED[self._mistake]
+            after[:, place] = multiplied(multiplied(conjugate(q[:, place]), after[:, place]), q[:, place])
         elif self._mistake == "scalar last" and integrator == "RK4":
             after[:, :4] = after[:, [1, 2, 3, 0]]
         elif self._mistake == "a rounding too many" and integrator == "discrete":
@@ -206,6 +207,8 @@ def conjugate(q: Array) -> Array:
     return q * [1.0, -1.0, -1.0, -1.0]
 
 
+# The quaternion in q; other positions stand before and behind the second one.
+TURNED = {"turned about the world's axes": slice(0, 4), "turned about the world's axes, with a wheel": slice(3, 7)}
 # Each on a mechanism that feels it, with the block that is then farthest off, and what is said of it.
 MISTAKES = {
     "dampers explicit in Euler": ("double_pendulum", "velocities", "Euler", "it takes joint dampers explicitly, which are implicit"),
@@ -224,6 +227,7 @@ MISTAKES = {
     "positions by the old velocities": ("arm_3r", "positions", "Euler", "positions follow with the velocities before the step"),
     "velocities not advanced": ("arm_3r", "velocities", "Euler", ""),
     "turned about the world's axes": ("heavy_top", "positions", "implicit", "rotations turn about the world's axes"),
+    "turned about the world's axes, with a wheel": ("satellite_wheel", "positions", "implicit", "rotations turn about the world's axes"),
     "scalar last": ("heavy_top", "positions", "RK4", "quaternions have their scalar last"),
     "a rounding too many": ("arm_3r", "positions", "discrete", ""),
 }
