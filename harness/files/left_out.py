@@ -176,8 +176,6 @@ def _of_joints(source: Source, tree: Tree) -> Found:
             yield FRICTION, True, element
         if joint.limits is not None:
             yield LIMITS, True, element
-        if resolved_text(element, "actuatorfrcrange"):
-            yield "limits of actuators' forces", False, element
 
 
 def left_out_of_urdf(source: Source) -> tuple[tuple[LeftOut, ...], tuple[Declared, ...]]:

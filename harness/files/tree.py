@@ -22,6 +22,7 @@ class Joint(Placed):
             That of a planar joint is square to its plane.
         reference: position [m, rad, or degrees] at which the body stands where its pose says.
         armature: inertia [kg m^2 or kg] that a rotor adds to the joint's own.
+        compensated_by_actuators: whether what compensates gravity on this joint is a force of actuators, which act or do not.
         follows: name of the joint that it mimics, "" for one that moves by itself; its position is ``multiplier`` times that of
             the other, and ``offset`` [m or rad].
         damping [N s/m or N m s/rad], stiffness [N/m or N m/rad]: force -damping v - stiffness (q - spring_reference) of the joint.
@@ -40,6 +41,7 @@ class Joint(Placed):
     reference: Fraction = Fraction(0)
     in_degrees: bool = False
     armature: Fraction = Fraction(0)
+    compensated_by_actuators: bool = False
     follows: str = ""
     multiplier: Fraction = Fraction(1)
     offset: Fraction = Fraction(0)
@@ -138,11 +140,13 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Coupling(Placed):
-    """A spring and damper on a sum of multiples of joint positions, from which the generalised force of each joint is its multiple.
+    """A spring, damper and inertia on a sum of multiples of joint positions; the generalised force of each joint is its multiple of theirs.
 
     Attributes:
         joints: (name, multiple) of hinges and slides.
         rest: the sum [m or rad] at which the spring is relaxed; None for that of the joints' ``spring_reference``.
+        armature: inertia [kg m^2 or kg]. gear: damper and inertia turn so many times as fast as the sum, and count gear^2 times.
+        of_actuator: whether an actuator brings them. in_joint: whether that to a joint, and not to a tendon.
     """
 
     joints: tuple[tuple[str, Fraction], ...]
@@ -150,6 +154,10 @@ class Coupling(Placed):
     damping: Fraction
     rest: Fraction | None
     place: Place | None = None
+    armature: Fraction = Fraction(0)
+    gear: Fraction = Fraction(1)
+    of_actuator: bool = False
+    in_joint: bool = False
 
 
 @dataclass(frozen=True)

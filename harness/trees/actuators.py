@@ -50,8 +50,8 @@ class Driven:
     clamped: list[_Clamped] = field(default_factory=list)
 
 
-def driven(nodes: Kinematics, generalised: Generalised) -> Driven:
-    """The forces of the actuators of a tree."""
+def driven(nodes: Kinematics, generalised: Generalised, carried: Vector) -> Driven:
+    """The forces of the actuators of a tree, with the generalised forces (nv,) ``carried`` by which they compensate gravity."""
     found = Driven(nodes.builder.zeros(nodes.nv))
     for actuator in nodes.tree.actuators:
         moment = moment_of(nodes, actuator, generalised)
@@ -60,6 +60,7 @@ def driven(nodes: Kinematics, generalised: Generalised) -> Driven:
             held = _held(f"force of actuator {actuator.number}", actuator.force_range, force)
             force = _sum(nodes.builder, found.clamped, held)
         found.forces = found.forces + force * moment
+    found.forces = found.forces + carried
     for joint, bounds in nodes.tree.force_limits:
         for column in nodes.coordinates.columns.get(joint, ()) if nodes.tree.actuators else ():
             total = found.forces[column]

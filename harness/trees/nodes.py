@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.files.given import Direction, Placement
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import WORLD, Body, Joint, Tree
+from harness.files.tree import WORLD, Body, Coupling, Joint, Tree
 from harness.programs.terms import Term, Vector, cross, vector
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Rigid, Spatial, Weights, joined, power, spatial
@@ -124,14 +124,39 @@ class Kinematics:
             yield number
             number = self.nodes[number].parent
 
-    def compensated(self) -> list[tuple[int, Term, Vector]]:
-        """Moving parts with gravity compensation: node, mass whose weight is carried, and its centre in the node's frame."""
+    def compensated(self, by_actuators: bool = False) -> list[tuple[int, Term, Vector]]:
+        """Moving parts with gravity compensation: node, mass whose weight is carried, and its centre in the node's frame.
+
+        Those on which a force acts upwards; or those ``by_actuators`` of some joints that carry them.
+        """
         found = []
         for body in self.tree.bodies:
             number, frame = self.frames[body.name]
+            if by_actuators is not any(self.nodes[at].joint.compensated_by_actuators for at in self.up_from(number)):
+                continue
             for lump in self.weights.lumps(body) if body.gravity_compensation and number >= 0 else ():
                 found.append((number, self.builder.number(body.gravity_compensation) * lump.mass, lump.in_frame(frame).centre))
         return found
+
+    def slopes(self, coupling: Coupling) -> list[tuple[int, Term]]:
+        """The velocities of a coupling's joints by their places in v, and the multiple of each in the rate of its sum."""
+        joints = {node.joint.name: node for node in self.nodes}
+        own = [(joints[name], self.builder.number(multiple)) for name, multiple in coupling.joints]
+        return [(node.columns[0], multiple * self.builder.number(node.joint.multiplier)) for node, multiple in own]
+
+    def reflected(self) -> Iterator[tuple[Term, list[tuple[int, Term]]]]:
+        """The inertias of rotors: each with the places in v of what turns it, and how many times as fast as that it turns."""
+        for node in self.nodes:
+            for column in node.columns if node.joint.armature else ():
+                yield self.builder.number(node.joint.armature), [(column, self.builder.number(node.joint.multiplier))]
+        for coupling in self.tree.couplings:
+            if coupling.armature:
+                yield self.of_gear(coupling, coupling.armature), self.slopes(coupling)
+
+    def of_gear(self, coupling: Coupling, coefficient: Fraction) -> Term:
+        """A coefficient of what turns ``gear`` times as fast as the sum of a coupling, as that of the sum."""
+        gear = self.builder.number(coupling.gear)
+        return (gear * gear) * self.builder.number(coefficient)
 
     def with_tree(self, tree: Tree) -> Kinematics:
         """Another tree with the same joints, at the same coordinates."""
@@ -278,7 +303,10 @@ def composite_inertias(
                     times = builder.number(2 if row == column and at != number else 1)
                     entry = min(row, column), max(row, column)
                     entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
-        reflected = node.of_velocity("armature")
-        for column in node.columns:
-            entries[column, column] = entries[column, column] + reflected
+    for inertia, slopes in nodes.reflected():
+        for at, (column, slope) in enumerate(slopes):
+            for before, (row, other) in enumerate(slopes[: at + 1]):
+                times = builder.number(2 if row == column and before != at else 1)
+                entry = min(row, column), max(row, column)
+                entries[entry] = entries.get(entry, builder.zero) + inertia * (times * (slope * other))
     return entries

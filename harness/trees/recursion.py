@@ -21,8 +21,8 @@ from harness.files.tree import Coupling, Joint, Spring, Tree
 from harness.programs.derivatives import along
 from harness.programs.mechanisms.actuation import Actuation
 from harness.programs.program import upper_triangle
-from harness.programs.terms import Matrix, Term, Vector, cross, length
-from harness.trees.actuators import actuation_of, driven
+from harness.programs.terms import Matrix, Term, Vector, cross, length, vector
+from harness.trees.actuators import Driven, actuation_of, driven
 from harness.trees.bodies.rigid import Spatial, power, spatial
 from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, placed
 from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
@@ -51,7 +51,7 @@ def actuated_program(tree: Tree, joints: Sequence[str]) -> tuple[FileProgram, Ac
     """``recursion_program``, and the parameters of it that each state has of its own; None for a tree without actuators."""
     nodes = kinematics(tree, joints)
     outputs, _ = equations_of_motion(nodes)
-    own = actuation_of(nodes, driven(nodes, generalised)) if tree.actuators else None
+    own = actuation_of(nodes, driven_by_actuators(nodes)) if tree.actuators else None
     return nodes.builder.written(outputs), own
 
 
@@ -62,9 +62,15 @@ def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]]
         "mass": mass_matrix(nodes),
         "velocity": _velocity_terms(nodes, velocities),
         "gravity": _gravity_terms(nodes),
-        "passive": _passive_forces(nodes, velocities, lines) + driven(nodes, generalised).forces,
+        "passive": _passive_forces(nodes, velocities, lines) + driven_by_actuators(nodes).forces,
     }
     return outputs, lines
+
+
+def driven_by_actuators(nodes: Kinematics) -> Driven:
+    """The forces of the actuators of a tree, with what these compensate of gravity."""
+    carried = _carried(nodes, by_actuators=True) if nodes.tree.actuators else nodes.builder.zeros(nodes.nv)
+    return driven(nodes, generalised, carried)
 
 
 def _down(node: Node, motion: Spatial) -> Spatial:
@@ -151,12 +157,7 @@ def mass_matrix(nodes: Kinematics) -> list[Term]:
 def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: list[Line]) -> Vector:
     """Those of springs and dampers, and what carries weights; what springs and dampers act on is added to ``lines``."""
     builder, found = nodes.builder, forces_of_joints(nodes, lines)
-    on_nodes = [nodes.still] * len(nodes.nodes)
-    if compensated := nodes.compensated():
-        upward = _upward(nodes)
-        for number, mass, centre in compensated:
-            force = mass * upward[number][1]
-            on_nodes[number] = on_nodes[number] + spatial(cross(centre, force), force)
+    on_nodes = _upwards(nodes, nodes.compensated())
     for spring in nodes.tree.springs:
         ends = [_end(nodes, body, pose, velocities) for body, pose in spring.ends]
         tension, along, line = tension_between(builder, spring, [(position, rate) for _, _, position, rate, _ in ends])
@@ -166,6 +167,25 @@ def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: lis
                 force = turn.T @ ((builder.number(sign) * tension) * along)
                 on_nodes[node] = on_nodes[node] + spatial(cross(arm, force), force)
     return found + generalised(nodes, on_nodes)
+
+
+def _upwards(nodes: Kinematics, compensated: Sequence[tuple[int, Term, Vector]]) -> list[Spatial]:
+    """The forces on the nodes that carry weights, as of ``Kinematics.compensated``."""
+    found, upward = [nodes.still] * len(nodes.nodes), _upward(nodes) if compensated else []
+    for number, mass, centre in compensated:
+        force = mass * upward[number][1]
+        found[number] = found[number] + spatial(cross(centre, force), force)
+    return found
+
+
+def _carried(nodes: Kinematics, by_actuators: bool) -> Vector:
+    """The generalised forces that carry weights which actuators of some joints carry: on these joints, or on the others."""
+    found, compensated = nodes.builder.zeros(nodes.nv), nodes.compensated(by_actuators=True)
+    forces = generalised(nodes, _upwards(nodes, compensated)) if compensated else found
+    for node in nodes.nodes:
+        if node.joint.compensated_by_actuators is by_actuators:
+            found[node.columns] = forces[node.columns]
+    return found
 
 
 def _end(nodes: Kinematics, body: str, pose: Pose, velocities: Sequence[Spatial]) -> tuple[int, Vector, Vector, Vector, Matrix]:
@@ -217,8 +237,8 @@ def step_forces(tree: Tree, joints: Sequence[str]) -> StepForces:
         JOINT_DAMPING: _of_joints(nodes, "damping"),
         JOINT_STIFFNESS: _of_joints(nodes, "stiffness"),
         LINES: slopes,
-        LINE_DAMPING: builder.vector([line.of.damping for line in lines]),
-        LINE_STIFFNESS: builder.vector([line.of.stiffness for line in lines]),
+        LINE_DAMPING: vector([line.damping for line in lines]),
+        LINE_STIFFNESS: vector([line.stiffness for line in lines]),
     }
     carrying = {node.parent for node in nodes.nodes}
     alone = [node for number, node in enumerate(nodes.nodes) if node.joint.kind == JointKind.FREE and number not in carrying]
@@ -240,6 +260,9 @@ def _of_joints(nodes: Kinematics, coefficient: str) -> Vector:
         value = node.of_velocity(coefficient)
         for column in node.columns:
             found[column] = found[column] + value
+    for coupling in nodes.tree.couplings if coefficient == "damping" else ():
+        for column, slope in nodes.slopes(coupling) if coupling.in_joint else ():
+            found[column] = found[column] + (slope * slope) * nodes.of_gear(coupling, coupling.damping)
     return found
 
 
@@ -247,13 +270,13 @@ def _of_joints(nodes: Kinematics, coefficient: str) -> Vector:
 class Line:
     """A length on which a spring and a damper act, and the rate at which it grows."""
 
-    of: Spring | Coupling
+    stiffness: Term
+    damping: Term
     rate: Term
 
-    def tension(self, builder: FileBuilder, stretch: Term) -> Term:
+    def tension(self, stretch: Term) -> Term:
         """The tension where the length is beyond the free one by ``stretch``."""
-        stiffness = builder.number(self.of.stiffness) * stretch
-        return stiffness + builder.number(self.of.damping) * self.rate
+        return self.stiffness * stretch + self.damping * self.rate
 
 
 def tension_between(builder: FileBuilder, spring: Spring, ends: Sequence[tuple[Vector, Vector]]) -> tuple[Term, Vector, Line]:
@@ -262,14 +285,17 @@ def tension_between(builder: FileBuilder, spring: Spring, ends: Sequence[tuple[V
     between = second + -first
     distance = length(between)
     along = between / distance
-    line = Line(spring, along @ (rate_of_second + -rate_of_first))
-    return line.tension(builder, distance - spring.free_length), along, line
+    line = Line(builder.number(spring.stiffness), builder.number(spring.damping), along @ (rate_of_second + -rate_of_first))
+    return line.tension(distance - spring.free_length), along, line
 
 
 def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vector:
-    """The generalised force [N or N m] of springs, dampers and couplings on each velocity; the couplings' are added to ``lines``."""
+    """The generalised force [N or N m] of springs, dampers and couplings on each velocity; the couplings' are added to ``lines``.
+
+    With what compensates gravity on joints beside those on which actuators do.
+    """
     builder, coordinates = nodes.builder, nodes.coordinates
-    found = builder.zeros(nodes.nv)
+    found = _carried(nodes, by_actuators=False)
     for node in nodes.nodes:
         joint, multiplier = node.joint, builder.number(node.joint.multiplier)
         for column in node.columns if joint.damping else ():
@@ -282,11 +308,11 @@ def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vect
             found[column] = found[column] - multiplier * (builder.number(joint.stiffness) * stretch)
     for coupling in nodes.tree.couplings:
         total, rest, rate, columns = coupled(nodes, coupling)
-        stretch, line = total - rest, Line(coupling, rate)
-        tension = line.tension(builder, stretch)
+        line = Line(builder.number(coupling.stiffness), nodes.of_gear(coupling, coupling.damping), rate)
+        tension = line.tension(total - rest)
         for column, slope in columns:
             found[column] = found[column] - slope * tension
-        if lines is not None:
+        if lines is not None and not coupling.in_joint:
             lines.append(line)
     return found
 
@@ -298,13 +324,12 @@ def position_and_rest(nodes: Kinematics, joint: Joint) -> tuple[Term, Term]:
 
 def coupled(nodes: Kinematics, coupling: Coupling) -> tuple[Term, Term, Term, list[tuple[int, Term]]]:
     """The sum that a coupling makes of positions, that in which its spring is relaxed, its rate, and (velocity, its share in that)."""
-    builder, joints = nodes.builder, {node.joint.name: node for node in nodes.nodes}
-    total, rate, rest, columns = builder.zero, builder.zero, builder.zero, []
+    builder, joints = nodes.builder, {node.joint.name: node.joint for node in nodes.nodes}
+    total, rate, rest, columns = builder.zero, builder.zero, builder.zero, nodes.slopes(coupling)
     for name, multiple in coupling.joints:
-        node, factor = joints[name], builder.number(multiple)
-        slope = factor * builder.number(node.joint.multiplier)
-        total = total + factor * nodes.coordinates.position(node.joint)
-        rate = rate + slope * nodes.coordinates.velocities[node.columns[0]]
-        rest = rest + factor * angle(builder, node.joint.spring_reference, node.joint.in_degrees)
-        columns.append((node.columns[0], slope))
+        joint, factor = joints[name], builder.number(multiple)
+        total = total + factor * nodes.coordinates.position(joint)
+        rest = rest + factor * angle(builder, joint.spring_reference, joint.in_degrees)
+    for column, slope in columns:
+        rate = rate + slope * nodes.coordinates.velocities[column]
     return total, rest if coupling.rest is None else builder.number(coupling.rest), rate, columns

@@ -21,6 +21,10 @@ from harness.explain.meant import Meant, question_of
 from harness.files.given import Given
 from harness.library import Stance
 from harness.programs.states import States
+from harness.programs.terms import Vector
+from harness.trees import recursion
+from harness.trees.actuators import Driven
+from harness.trees.actuators import driven as driven_forces
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import Robot, damped_by_ratio, inertia_by_coordinates, read_robot, with_actuators
 from harness.truth.compare import Comparison, compare
@@ -56,13 +60,19 @@ EACH = (
     '<motor jointinparent="f" gear="1 2 3 4 5 6"/>',
     '<velocity site="s" kv="0.7" gear="1 2 3 0.4 0.5 0.6" forcerange="-1 1"/>',
     '<general joint="a" gaintype="affine" gainprm="1 2 3" biastype="affine" biasprm=".3 .4 -.2" dyntype="filter" dynprm=".3"/>',
+    '<motor joint="a" gear="3" armature="0.04" damping="0.2"/>',
+    '<position tendon="t" kp="7" dampratio="1" gear="1.5" armature="0.3" damping="0.7" forcerange="-1 1"/>',
 )
 
 
-def written(folder: Path, *actuators: str) -> Path:
+# Of which one joint of three gives the compensation of gravity to actuators, within a range that it reaches.
+COMPENSATED = BODIES.replace("<body", '<body gravcomp="0.9"').replace('name="a"', 'name="a" actuatorgravcomp="true"')
+
+
+def written(folder: Path, *actuators: str, bodies: str = BODIES) -> Path:
     path = folder / "driven.xml"
     path.write_text(
-        f"<mujoco><default>{DEFAULTS}</default><worldbody>{BODIES}</worldbody><tendon>{TENDON}</tendon>\n<actuator>\n"
+        f"<mujoco><default>{DEFAULTS}</default><worldbody>{bodies}</worldbody><tendon>{TENDON}</tendon>\n<actuator>\n"
         + "\n".join(actuators)
         + "\n</actuator></mujoco>"
     )
@@ -113,13 +123,25 @@ def test_mujoco_drives_as_it_documents(actuator: str, tmp_path: Path) -> None:
 
 
 def test_all_at_once_reach_their_ranges(tmp_path: Path) -> None:
-    path = written(tmp_path, *EACH)
+    path = written(tmp_path, *EACH[:17])
     assert worst(judged(path)) <= AGREEMENT
     _, mechanism, states = driven(read_robot(path))
     assert mechanism.actuation is not None and mechanism.actuation.zones is not None
     parameters = mechanism.parameters_at(states)
     for clamp in mechanism.actuation.zones.clamps:
         assert set(parameters[:, clamp.share].tolist()) == {0.0, 1.0}
+
+
+def test_actuators_compensate_gravity_within_the_range_of_their_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path, EACH[0], bodies=COMPENSATED)
+    assert worst(judged(path)) <= AGREEMENT
+    # Where the range counts less than it carries.
+    monkeypatch.setattr(recursion, "driven", lambda nodes, forces, carried: _outside(driven_forces(nodes, forces, 0 * carried), carried))
+    assert worst(judged(path)) > 10 * AGREEMENT
+
+
+def _outside(found: Driven, carried: Vector) -> Driven:
+    return replace(found, forces=found.forces + carried)
 
 
 def test_an_engine_is_asked_with_actuators(tmp_path: Path) -> None:
@@ -224,6 +246,9 @@ FAULTS = {
     "ratio": (EACH[1], 'dampratio="1"', 'dampratio="1.00001"'),
     "range of control": (EACH[8], 'ctrlrange="0 1"', 'ctrlrange="0 1.00001"'),
     "range of force": (EACH[15], 'forcerange="-1 1"', 'forcerange="-1 1.00001"'),
+    "armature": (EACH[17], 'armature="0.04"', 'armature="0.0400001"'),
+    "armature without its gear": (EACH[17], 'gear="3" armature="0.04"', 'gear="3" armature="0.12"'),
+    "damping": (EACH[18], 'damping="0.7"', 'damping="0.7000001"'),
     "frame of the gear": (EACH[12], "jointinparent", "joint"),
 }  # fmt: skip
 

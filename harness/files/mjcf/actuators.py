@@ -1,9 +1,11 @@
 """The actuators of an MJCF: what each of its shortcuts means as a general actuator, and what it drives.
 
 A default class gives actuators of all kinds one set of numbers, so that each of its elements acts on what the elements before it left, as
-MuJoCo's reader lets them.
+MuJoCo's reader lets them. The armature and damping of one are gear^2 times in the joint or tendon that it drives, where actuators are off
+too.
 
-Source: MuJoCo documentation, XML reference, ``actuator``; Computation, section Actuation model.
+Source: MuJoCo documentation, XML reference, ``actuator``, and ``actuator/general``, damping and armature; Computation, section Actuation
+model.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from harness.files.given import Given, Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import Attributes, NotRead, is_on, layers, named, resolved_text
 from harness.files.mjcf.between import ElementsBetween
-from harness.files.tree import Actuator, Joint, Signed
+from harness.files.tree import Actuator, Coupling, Joint, Signed
 
 _DYNAMICS = ("none", "integrator", "filter", "filterexact")
 _FORCES = ("none", "fixed", "affine")
@@ -62,6 +64,44 @@ class ActuatorReader:
     def actuators(self) -> tuple[Actuator, ...]:
         """All of them in the order of the file; raises InvalidModel where a number of one that is read is none."""
         return tuple(self._actuator(element, number) for number, element in enumerate(self._source.root.iterfind("actuator/*")))
+
+    def rotors(self) -> Iterator[Coupling]:
+        """The armature and damping that each brings to the joint or tendon that it drives; raises as ``actuators``."""
+        for element in self._source.root.iterfind("actuator/*"):
+            armature, damping = (
+                self._attributes.number(element, "armature", 0.0),
+                self._attributes.coefficient(element, "damping", "damper"),
+            )
+            joint = element.get("joint") or element.get("jointinparent")
+            if not (armature or damping) or not (joint or "tendon" in element.attrib):
+                continue
+            try:
+                own = self._terms(element) if joint is None else self._single(str(joint))
+            except NotRead as problem:
+                for attribute, number in (("armature", armature), ("damping", damping)):
+                    if number:
+                        self._attributes.leave_unread(
+                            element, attribute, number, f"is on with actuators off, and the actuator {problem}", "remove it"
+                        )
+                continue
+            gear, nothing = self._attributes.numbers(element, "gear", (1, 0, 0, 0, 0, 0))[0], Fraction(0)
+            place = self._source.place(element)
+            yield Coupling(own, nothing, damping, nothing, place, armature, gear, of_actuator=True, in_joint=joint is not None)
+
+    def _single(self, joint: str) -> tuple[tuple[str, Fraction], ...]:
+        if joint not in self._joints or not self._joints[joint].kind.is_single:
+            raise NotRead(f"drives joint {joint!r}, which is no hinge or slide")
+        return ((joint, Fraction(1)),)
+
+    def _terms(self, element: etree._Element) -> tuple[tuple[str, Fraction], ...]:
+        """The joints of the fixed tendon that one drives, with their multiples."""
+        tendon = self._tendons[named(element, "tendon", self._tendons)]
+        if tendon.tag != "fixed":
+            raise NotRead(f"drives {describe(tendon)}, which is no fixed tendon")
+        terms = tuple((str(part.get("joint")), self._source.number(part, "coef", None)) for part in tendon.iterchildren("joint"))
+        if any(name not in self._joints or not self._joints[name].kind.is_single for name, _ in terms):
+            raise NotRead(f"drives {describe(tendon)}, which is not of hinges and slides")
+        return terms
 
     def force_limits(self, elements: Elements) -> Iterator[tuple[str, tuple[Given, Given]]]:
         """The range of what actuators do together on each joint that has one."""
@@ -154,15 +194,10 @@ class ActuatorReader:
                 name = named(element, attribute, self._joints)
                 return replace(known, joints=((name, one),), gear=gear, in_parent=attribute == "jointinparent")
         if "tendon" in element.attrib:
-            name = named(element, "tendon", self._tendons)
-            tendon = self._tendons[name]
-            if tendon.tag != "fixed":
-                raise NotRead(f"drives {describe(tendon)}, which is no fixed tendon")
+            terms = self._terms(element)
+            tendon = self._tendons[str(element.get("tendon"))]
             if resolved_text(tendon, "actuatorfrcrange"):
                 raise NotRead(f"drives {describe(tendon)}, whose actuatorfrcrange is not read")
-            terms = tuple((str(part.get("joint")), self._source.number(part, "coef", None)) for part in tendon.iterchildren("joint"))
-            if any(name not in self._joints or not self._joints[name].kind.is_single for name, _ in terms):
-                raise NotRead(f"drives {describe(tendon)}, which is not of hinges and slides")
             return replace(known, joints=terms, gear=gear)
         if "site" in element.attrib and "refsite" not in element.attrib:
             return replace(known, site=self._site(element), gear=gear)

@@ -1,12 +1,11 @@
-"""Relations that an MJCF states between its bodies and joints: the springs and dampers of its tendons, and its equalities.
+"""Relations that an MJCF states between its bodies and joints: springs, dampers and inertias of its tendons, and its equalities.
 
 Those springs are read that run straight from one site to another, or act on a sum of joint positions; those equalities that are of points
 and frames, or couple joints, fixed tendons and tendons through sites. What acts on bodies while constraints, actuators and contacts are off
-is left unread: MuJoCo computes deformable bodies and plugins among the passive forces, and adds the armature and the damping of an actuator
-to its joint or tendon, gear^2 times.
+is left unread: MuJoCo computes deformable bodies and plugins among the passive forces.
 
 Source: MuJoCo documentation, XML reference, ``tendon/spatial``, ``tendon/fixed``, ``equality``, ``option/flag``, ``deformable/flex``,
-``extension/plugin``, ``actuator/general``; MuJoCo 4.0.0.
+``extension/plugin``; MuJoCo 4.0.0.
 """
 
 from __future__ import annotations
@@ -47,7 +46,6 @@ _ALONG_PATH = "is about a tendon that runs along a path, or about none of this f
 # Plugins of MuJoCo that act as actuators, sensors and shapes of contacts alone.
 _OFF_WITH_STAGES = ("mujoco.pid", "mujoco.sensor.", "mujoco.sdf.")
 _WITHOUT_IT = "compare a copy without it"
-_TO_THE_TARGET = "write gear^2 times that into its joint or tendon"
 
 _Coupled = TypeVar("_Coupled", str, Tendon)
 
@@ -79,24 +77,26 @@ class ElementsBetween:
             InvalidModel: one speaks of nothing in the file. A spring or damper on another path, or between two lengths, and what is always
                 on, is left unread.
         """
-        _note_what_is_always_on(self._source, self._attributes)
+        self._source.unread.extend(_of_flexes(self._source, self._attributes))
+        self._source.unread.extend(_of_plugins(self._source))
         found = [spring for tendon in self._root.iterfind("tendon/*") if (spring := self._spring(tendon)) is not None]
         return tuple(one for one in found if isinstance(one, Spring)), tuple(one for one in found if isinstance(one, Coupling))
 
     def _spring(self, tendon: etree._Element) -> Spring | Coupling | None:
         attributes, place, path = self._attributes, self._source.place(tendon), list(tendon.iterchildren("*"))
-        if armature := attributes.number(tendon, "armature", 0.0):
+        armature = attributes.number(tendon, "armature", 0.0)
+        if armature and tendon.tag != "fixed":
             attributes.leave_unread(tendon, "armature", armature, "is an inertia in a tendon", "remove it")
             return None
         stiffness, damping = attributes.coefficient(tendon, "stiffness", "spring"), attributes.coefficient(tendon, "damping", "damper")
-        if not stiffness and not damping:
+        if not stiffness and not damping and not armature:
             return None
         lower, upper = _rest(attributes, tendon) if stiffness else (Fraction(0), Fraction(0))
         if lower != upper:
             what, advice = "is slack between two lengths", "write one springlength"
         elif tendon.tag == "fixed":
             terms = tuple(self._term(part) for part in tendon.iterchildren("joint"))
-            return Coupling(terms, stiffness, damping, None if lower < 0 else lower, place)
+            return Coupling(terms, stiffness, damping, None if lower < 0 else lower, place, armature)
         elif [part.tag for part in path] != ["site", "site"]:
             what, advice = "does not run straight from one site to another", "lead it through two sites"
         elif lower < 0:
@@ -219,22 +219,6 @@ def _bound(attributes: Attributes, element: etree._Element, tendon: Tendon, plac
         place=place,
         why_not=why_not,
     )
-
-
-def _note_what_is_always_on(source: Source, attributes: Attributes) -> None:
-    """Add to ``source.unread`` what acts while constraints, actuators and contacts are off.
-
-    Raises:
-        InvalidModel: a number of it is none.
-    """
-    source.unread.extend(_of_flexes(source, attributes))
-    source.unread.extend(_of_plugins(source))
-    for actuator in source.root.iterfind("actuator/*"):
-        if armature := attributes.number(actuator, "armature", 0.0):
-            attributes.leave_unread(actuator, "armature", armature, "is an inertia that stays on with actuators off", _TO_THE_TARGET)
-        damping = next(filter(None, attributes.numbers(actuator, "damping", (0, 0, 0))), None)
-        if damping is not None and attributes.acts("damper"):
-            attributes.leave_unread(actuator, "damping", damping, "is a damper that stays on with actuators off", _TO_THE_TARGET)
 
 
 def _of_flexes(source: Source, attributes: Attributes) -> Iterator[Unread]:

@@ -70,15 +70,14 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> Mj
     _refuse_other_frames(source, attributes)
     reader = _MjcfReader(source, attributes, compile_meshes)
     bodies = tuple(reader.body(body) for world in source.root.iterchildren("worldbody") for body in world.iter("body"))
-    if any(body.gravity_compensation for body in bodies):
-        _refuse_compensating_actuators(source)
     between, inertias = ElementsBetween(source, attributes, reader.name, bodies), reader.inertias
     springs, couplings = between.springs()
+    by_name = {str(one.get("name")): one for one in source.root.iterfind("tendon/*") if one.get("name")}
+    driving = ActuatorReader(source, attributes, between, [joint for body in bodies for joint in body.joints], by_name)
+    couplings = (*couplings, *driving.rotors())
     place, tendons = source.place(source.root), between.bound_tendons()
     tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, place, inertias.bounds, tendons=tendons)
     dampers = SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
-    by_name = {str(one.get("name")): one for one in source.root.iterfind("tendon/*") if one.get("name")}
-    driving = ActuatorReader(source, attributes, between, tree.joints, by_name)
     actuators = driving.actuators()
     limits = tuple(driving.force_limits(reader.elements_of(tree.joints))) if actuators else ()
     return MjcfMeaning(tree, between.equalities(), dampers, actuators, limits)
@@ -93,14 +92,6 @@ def _refuse_other_frames(source: Source, attributes: Attributes) -> None:
     for joint in source.root.iter("freejoint"):
         if joint.get("align") == "true":
             source.refuse(joint, f'{describe(joint)} with align="true" turns the frame of its body, which is not read; write it out')
-
-
-def _refuse_compensating_actuators(source: Source) -> None:
-    """Refuse joints that give the force of gravity compensation to their actuators, which are off."""
-    for joint in source.root.iter(*JOINTS):
-        if resolved_text(joint, "actuatorgravcomp") == "true":
-            problem = "takes gravity compensation from actuators, which are off; remove actuatorgravcomp, or gravcomp from the bodies"
-            source.refuse(joint, f"{describe(joint)} {problem}")
 
 
 def _gravity(source: Source) -> Vector:
@@ -181,6 +172,7 @@ class _MjcfReader:
             kind,
             # Those of a free or ball joint belong to all of its velocities.
             armature=attributes.number(element, "armature", 0.0, not_negative),
+            compensated_by_actuators=resolved_text(element, "actuatorgravcomp") == "true",
             damping=attributes.coefficient(element, "damping", "damper"),
             stiffness=attributes.coefficient(element, "stiffness", "spring"),
             friction_loss=attributes.number(element, "frictionloss", 0.0, not_negative),

@@ -56,12 +56,12 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
         parts[number].append(-pull)
     values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
     of_joints = forces_of_joints(nodes)
-    for node in nodes.nodes:
-        reflected = node.of_velocity("armature")
-        for column in node.columns:
-            inertia = reflected * nodes.coordinates.third[column]
-            values[column] = values[column] + inertia
-            sizes[column] = sizes[column] + size_of(inertia)
+    for inertia, slopes in nodes.reflected():
+        spin = sum((slope * nodes.coordinates.third[column] for column, slope in slopes), nodes.builder.zero)
+        for column, slope in slopes:
+            force = slope * (inertia * spin)
+            values[column] = values[column] + force
+            sizes[column] = sizes[column] + size_of(force)
     for column, name in enumerate(motion.columns):
         size = sizes[column] + size_of(of_joints[column])
         yield Block(f"generalised force on {name}", (values[column] - of_joints[column],), size)
@@ -140,10 +140,11 @@ def _lengths_of_columns(motion: TreeMotion) -> Vector:
     turning, sliding = sqrt(inertia), sqrt(mass)
     found = builder.zeros(motion.kinematics.nv)
     for one in motion.moving:
-        joint = one.node.joint
-        reflected = size_of(builder.number(joint.multiplier) * sqrt(builder.number(joint.armature)))
         for (about, along), column in one.rates:
-            found[column] = found[column] + ((length(about) * turning + length(along) * sliding) + reflected)
+            found[column] = found[column] + (length(about) * turning + length(along) * sliding)
+    for rotor, slopes in motion.kinematics.reflected():
+        for column, slope in slopes:
+            found[column] = found[column] + size_of(slope * sqrt(rotor))
     return found
 
 

@@ -194,11 +194,10 @@ def energy(motion: TreeMotion) -> Iterator[Block]:
             kinetic = kinetic + (lump.mass * (velocity @ velocity) + turning)
             speed, _ = motion.speeds(number, one.position + lump.centre)
             size = size + (lump.mass * (speed * speed) + turning)
-        reflected = one.node.of_velocity("armature")
-        for column in one.node.columns:
-            rate = motion.kinematics.coordinates.velocities[column]
-            turning = reflected * (rate * rate)
-            kinetic, size = kinetic + turning, size + turning
+    for inertia, slopes in motion.kinematics.reflected():
+        spin = sum((slope * motion.kinematics.coordinates.velocities[column] for column, slope in slopes), motion.kinematics.builder.zero)
+        turning = inertia * (spin * spin)
+        kinetic, size = kinetic + turning, size + turning
     yield Block("kinetic energy", (half * kinetic,), half * size)
     potential, size = _potential(motion)
     at_zero, size_at_zero = _potential(in_world(motion.kinematics.at_zero()))

@@ -15,6 +15,7 @@ from harness.trees.robot import Robot
 ADD_DAMPING, ADD_SPRINGS, ADD_POINT_SPRINGS = "add -d v to tau", "add -k (q - q0) to tau", "add J' f of each spring to tau"
 ADD_TENDONS = "add coef times the force of the tendon to tau of each of its joints"
 ADD_ROTORS = "add the rotor inertias to the diagonal of M, and solve with that"
+ADD_TO_TARGET = "give gear^2 times both to the joint or tendon that the actuator drives"
 DRIVE = "add J' f of each actuator to tau, f its force at the control"
 CARRY_WEIGHTS = "add J' f to tau for each of these bodies, f its share of the weight, upwards in its centre"
 LEAD = "reduce M and its bias to the joints that lead, G' M G and G' h, and solve with these"
@@ -31,7 +32,16 @@ mimics = law("mimic joints", "joints", supplied=True, each=with_joints)(freed)
 point_springs = law("tendons", "tendons", supplied=True)(lambda robot: replace(robot.tree, springs=()))
 gravity_compensation = law("gravity compensation", "bodies", each=with_bodies)(lambda body: replace(body, gravity_compensation=_NOTHING))
 actuators = law("actuators", "actuators")(lambda robot: replace(robot.tree, actuators=(), force_limits=()))
-linear_tendons = law("tendons on joints", "tendons")(lambda robot: replace(robot.tree, couplings=()))
+
+
+@law("tendons on joints", "tendons")
+def linear_tendons(robot: Robot) -> Tree:
+    return replace(robot.tree, couplings=tuple(one for one in robot.tree.couplings if one.of_actuator))
+
+
+@law("armature and damping of actuators", "actuators")
+def rotors_of_actuators(robot: Robot) -> Tree:
+    return replace(robot.tree, couplings=tuple(one for one in robot.tree.couplings if not one.of_actuator))
 
 
 @law("ball joint", "joints", supplied=True, each=with_bodies)

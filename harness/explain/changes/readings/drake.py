@@ -114,6 +114,11 @@ READINGS = readings_of(
                 _left_out.DRIVE,
                 _PARSER,
             ),
+            _left_out.rotors_of_actuators: (
+                "Drake's parser reads neither the armature nor the damping of actuators",
+                _left_out.ADD_TO_TARGET,
+                _PARSER,
+            ),
             _left_out.gravity_compensation: ("Drake's parser reads no gravcomp of bodies", _left_out.CARRY_WEIGHTS, _PARSER),
             _left_out.point_springs: (
                 "Drake's parser passes over tendons, with a warning",

@@ -132,13 +132,15 @@ def _scaled_as_settings_say(robot: Robot) -> Tree:
 
 @law("flags of springs and dampers", "elements", supplied=True)
 def _without_passive_forces(robot: Robot) -> Tree:
-    """MJX applies no passive force where springs are switched off, nor where dampers are."""
+    """MJX applies no passive force where springs are switched off, nor where dampers are, and carries no weights."""
     root, nothing = element_at(robot.tree.place), Fraction(0)
     flags = [] if root is None else list(root.iterfind("option/flag"))
     if not any(flag.get(name) == "disable" for flag in flags for name in ("spring", "damper")):
         return robot.tree
     tree = with_joints(robot.tree, lambda joint: replace(joint, stiffness=nothing, damping=nothing))
-    return replace(tree, springs=(), couplings=())
+    tree = with_bodies(tree, lambda body: replace(body, gravity_compensation=nothing))
+    couplings = (replace(one, stiffness=nothing, damping=nothing) for one in tree.couplings if one.armature)
+    return replace(tree, springs=(), couplings=tuple(couplings))
 
 
 MUJOCO = readings_of(
@@ -218,6 +220,11 @@ MJX = readings_of(
                 "MJX leaves out springs and dampers alike where the file switches off the one or the other",
                 "set stiffness or damping to 0 instead of the flag",
                 "mujoco/mjx/_src/passive.py, passive; https://github.com/google-deepmind/mujoco/pull/3440",
+            ),
+            _left_out.rotors_of_actuators: (
+                "MJX leaves out the armature and the damping of actuators",
+                _left_out.ADD_TO_TARGET,
+                "MJX 3.17, mujoco/mjx/_src/smooth.py, crb, and passive.py: of joints and tendons alone",
             ),
         },
     },

@@ -74,6 +74,11 @@ READINGS = readings_of(
                 _left_out.DRIVE,
                 "Pinocchio documentation, aba, whose one input of forces is tau; parsers/mjcf/mjcf-graph.cpp, which reads no <actuator>",
             ),
+            _left_out.rotors_of_actuators: (
+                "Pinocchio's MJCF reader reads no actuators, nor the armature and damping that they have",
+                _left_out.ADD_TO_TARGET,
+                "Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no <actuator>",
+            ),
             _left_out.gravity_compensation: (
                 "Pinocchio has no gravity compensation of bodies",
                 _left_out.CARRY_WEIGHTS,
