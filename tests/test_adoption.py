@@ -247,6 +247,7 @@ def hook(*files: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=files[0].parent, capture_output=True, text=True, timeout=300, check=False)
 
 
+@pytest.mark.ci
 def test_the_hook_passes_what_it_should_and_no_more(tmp_path: Path) -> None:
     for name in ("arm.urdf", "quadruped.urdf"):
         shutil.copy(ROBOTS / name, tmp_path)

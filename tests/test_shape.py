@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import subprocess
 from collections import Counter, defaultdict
@@ -32,8 +33,14 @@ def modules(package: Path) -> list[Module]:
     return found
 
 
+@functools.cache
+def walked(tree: ast.Module) -> list[ast.AST]:
+    """All nodes of a tree: each bar looks at those of the whole package."""
+    return list(ast.walk(tree))
+
+
 def nodes(found: Iterable[Module], *kinds: type[ast.AST]) -> Iterator[tuple[str, ast.AST]]:
-    return ((name, node) for name, tree in found for node in ast.walk(tree) if isinstance(node, kinds))
+    return ((name, node) for name, tree in found for node in walked(tree) if isinstance(node, kinds))
 
 
 def room(module: str) -> str:
@@ -43,7 +50,7 @@ def room(module: str) -> str:
 def imported(module: str, tree: ast.Module) -> dict[str, str]:
     """Dotted name in the package of each name that a module imports from it."""
     found = {}
-    for node in ast.walk(tree):
+    for node in walked(tree):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == "harness":
             found |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Import):
@@ -149,7 +156,7 @@ def climbing_registrations(found: list[Module]) -> list[str]:
     answer = []
     for name, tree in found:
         names = imported(name, tree)
-        for node in ast.walk(tree):
+        for node in walked(tree):
             if isinstance(node, ast.Attribute) and node.attr == "register":
                 head, _, rest = ast.unparse(node.value).partition(".")
                 target = f"{names[head]}.{rest}" if head in names else ""

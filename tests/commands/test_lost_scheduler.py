@@ -38,7 +38,7 @@ def lose(command: str, answers: int, folder: Path, monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.usefixtures("without_charts")
 @pytest.mark.parametrize("answers", [0, 1])
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [*(name for name in COMMANDS if name != "faults"), pytest.param("faults", marks=pytest.mark.ci)])
 def test_what_was_answered_is_told_and_written(command: str, answers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = lose(command, answers, tmp_path, monkeypatch)
     assert done.returncode == 3, done.stdout + done.stderr
@@ -59,6 +59,7 @@ def test_records_before_the_loss_are_in_json_history_and_page(tmp_path: Path, mo
     assert records[0]["system"] in (tmp_path / "out" / "index.html").read_text()
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("without_charts")
 def test_a_night_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path / "cache"))

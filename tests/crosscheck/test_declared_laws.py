@@ -73,6 +73,7 @@ def test_on_the_manifold_nothing_brings_constraints_back() -> None:
     assert verdicts(asked, other, on_manifold=True) == {Verdict.AGREES.value}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("planted", "attribute", "index"), [("0.04 1", "solref", 0), ("0.9 0.95 0.002 0.5 2", "solimp", 2)])
 def test_a_diagnosis_names_the_number_of_a_law_with_its_line(planted: str, attribute: str, index: int) -> None:
     asked = with_law("four_bar")

@@ -89,6 +89,7 @@ def test_rigid_integrators_converge_to_the_truth_and_stay_near_the_manifold(meas
     assert finest.state_error is not None and finest.state_error < 1e-12 and finest.gap is not None and finest.gap < 1e-12
 
 
+@pytest.mark.ci
 def test_mujoco_converges_to_the_motion_of_what_the_file_declares(measured: Measured) -> None:
     _, costs, orders = measured
     errors = [cost.state_error or 0.0 for cost in costs["mujoco RK4"]]
