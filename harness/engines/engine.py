@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 from weakref import WeakKeyDictionary
@@ -115,6 +115,13 @@ class Engine:
             NotOffered: the engine file does not say. ValueError: the engine refuses the file; with its words.
         """
         raise NotOffered(f"{self.name} weighs no meshes here")
+
+    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What ``function(self, *arguments)`` returns, a function of a module of the harness, where the engine is asked.
+
+        For what asks the engine thousands of times: a request to another process costs what a small model takes for an answer.
+        """
+        return function(self, *arguments)
 
     def load(self, source: ModelFile | Mechanism | Request, joints: Sequence[str], gravity: float) -> Model:
         """Load a mechanism once; ``joints`` names the joint of each velocity; ``gravity`` [m/s^2, along -z] is for formats that hold none.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from catalogue import MODELS
-from support import harness, make_library, pytest_in_this_process
+from support import call_engines_here, harness, make_library, pytest_in_this_process
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment
@@ -155,7 +155,7 @@ def test_findings_are_kept_on_disk_and_damage_is_mended(monkeypatch: pytest.Monk
     entries = sorted((cache_directory() / "superfluous").iterdir())
     assert len(entries) == 2
     with monkeypatch.context() as patch:
-        patch.setattr("harness.crosscheck.superfluous._Examination", lambda *given: pytest.fail("examined again"))
+        patch.setattr("harness.crosscheck.superfluous._not_needed", lambda *given: pytest.fail("examined again"))
         assert planted("cart_pendulum", MUJOCO, ' contact="disable"', "")[0] == surplus
     for damage in (b"", b"[[1]]", b"{}", b"\xff"):
         for entry in entries:
@@ -172,7 +172,8 @@ def test_a_number_that_is_felt_costs_one_state(monkeypatch: pytest.MonkeyPatch, 
         asked.append(len(states))
         return accelerations(model, states)
 
-    monkeypatch.setattr("harness.crosscheck.superfluous.accelerations", counted)
+    call_engines_here(monkeypatch)
+    monkeypatch.setattr("harness.crosscheck.examination.accelerations", counted)
     assert superfluous(Assignment.of(LIBRARY, "cart_pendulum", MUJOCO)) == []
     assert asked[:1] == [8] and sum(asked) < 2 * 8 + 2 * len(asked)
 

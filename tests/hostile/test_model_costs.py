@@ -13,7 +13,8 @@ import pytest
 from catalogue import BUILT_IN
 
 from harness.crosscheck.assignment import Assignment
-from harness.crosscheck.superfluous import MOST_PARTS, superfluous
+from harness.crosscheck.examination import MOST_PARTS
+from harness.crosscheck.superfluous import superfluous
 from harness.engines import Subject
 from harness.errors import InvalidModel
 from harness.files.document.xml import MAXIMUM_ELEMENTS

@@ -19,8 +19,8 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
+from harness.crosscheck.examination import CHANGE, NOISE
 from harness.crosscheck.expected import load_expectations
-from harness.crosscheck.superfluous import CHANGE, NOISE
 from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY, RED, Reader, least_that, require_sound, smallest_caught
 from harness.engines import (
     EQUATIONS,

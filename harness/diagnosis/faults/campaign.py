@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from harness.crosscheck.superfluous import CHANGE
+from harness.crosscheck.examination import CHANGE
 from harness.diagnosis.faults.bench import REFUSED, Answer, FaultBench
 from harness.diagnosis.faults.reader import MOST_ABOVE_THEORY, RED
 from harness.diagnosis.faults.summary import Fault, SmallestChange

@@ -267,6 +267,13 @@ class EngineElsewhere:
         """What a method of the engine file's ``ENGINE`` returns there, or raises."""
         return self._interpreter().ask("evaluate", str(self._path), self._said.name, method, arguments)
 
+    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """See ``harness.engines.Engine``; an environment need not have what the harness's own modules import."""
+        if self.environment is not None:
+            return function(self, *arguments)
+        named = function.__module__, function.__name__
+        return self._interpreter().ask("run", str(self._path), self._said.name, named, arguments)
+
     def for_files(self) -> EngineElsewhere:
         """See ``harness.engines.Engine``."""
         other = copy.copy(self)

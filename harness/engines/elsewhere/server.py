@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import gc
+import importlib
 import importlib.util
 import inspect
 import sys
@@ -65,6 +66,11 @@ class Server:
     def evaluate(self, path: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
         """What a method of the ``ENGINE`` of an engine file returns."""
         return getattr(self._engine(path, name), method)(*arguments)
+
+    def run(self, path: str, name: str, function: tuple[str, str], arguments: Sequence[Any]) -> Any:
+        """What a function of a module of the harness, both by name, returns of the engine of an engine file."""
+        module, own = function
+        return getattr(importlib.import_module(module), own)(self._engine(path, name), *arguments)
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
         """What a method of a model returns; another model of its class stays here, also one that a tuple holds."""
