@@ -11,16 +11,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from harness.files.given import Given
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Actuator, Signed
 from harness.programs.mechanisms.actuation import Actuation
-from harness.programs.mechanisms.zones import Clamp, Zones
 from harness.programs.terms import Term, Vector, cross
 from harness.trees.bodies.rigid import Spatial, spatial
 from harness.trees.bodies.spatial import FileBuilder, FileProgram, of_quaternion, placed
 from harness.trees.nodes import Kinematics
+
+if TYPE_CHECKING:
+    from harness.programs.mechanisms.zones import Clamp
 
 CLAMPED = "clamped"
 # Generalised forces (nv,) of forces on the nodes.
@@ -146,6 +149,9 @@ def moment_of(nodes: Kinematics, actuator: Actuator, generalised: Generalised) -
 
 def actuation_of(nodes: Kinematics, own: Driven) -> Actuation:
     """The places of the numbers of each state among the parameters of what was written, and the program of what their ranges hold."""
+    # Mechanisms without actuators need nothing of it.
+    from harness.programs.mechanisms.zones import Clamp, Zones
+
     written: FileProgram = nodes.builder.written({CLAMPED: [one.raw for one in own.clamped]})
     columns = {value.key: column for column, value in enumerate(written.parameters)}
     actuators = nodes.tree.actuators

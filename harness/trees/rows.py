@@ -35,7 +35,6 @@ from harness.programs.terms import Matrix, Term, Vector, cross, dot, length, sqr
 from harness.trees.bodies.rigid import spatial
 from harness.trees.bodies.spatial import Frame, angle, placed
 from harness.trees.row import Row, opposed
-from harness.trees.touching_rows import touching_rows
 from harness.trees.world_motion import World
 
 # Joints and the multiples of their positions.
@@ -77,6 +76,9 @@ def _rows_of(world: World, name: str, constraint: AnyRows) -> list[Row]:
     if isinstance(constraint, DryFriction | Limit):
         return _bounded(world, name, constraint)
     if isinstance(constraint, Touch):
+        # Most rows are of no contact.
+        from harness.trees.touching_rows import touching_rows
+
         return touching_rows(world, name, constraint)
     if isinstance(constraint, TendonLinkage):
         sums: list[Terms] = [tendon.terms for tendon in constraint.tendons if isinstance(tendon, Sum)]

@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.programs.mechanisms.zones import Clamp, Zones
 from harness.programs.states import States
+
+if TYPE_CHECKING:
+    from harness.programs.mechanisms.zones import Clamp, Zones
 
 # Of inputs without a range, and how much further than a range others reach: a third of them lies beyond.
 _REACH, _BEYOND = (-1.0, 1.0), 0.25
