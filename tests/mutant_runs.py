@@ -186,10 +186,15 @@ class Copy:
             try:
                 status = self.pytest(["-x", f"@{results / 'arguments'}"], results, seconds=limit)
                 if status == NOT_FOUND:
-                    # A file that cannot be collected has no tests of any name: whether it can is asked of the file.
+                    # Pytest runs nothing where it lacks one of the names, as those of a file that cannot be collected.
                     (results / "arguments").write_text("\n".join(dict.fromkeys(map(_file, chosen))), encoding="utf-8")
                     collected = self.pytest(["--collect-only", f"@{results / 'arguments'}"], results, seconds=limit)
                     status = BROKEN_OFF if collected == BROKEN_OFF else NOT_FOUND
+                    there = set(_text(results / "output").splitlines())
+                    if not collected and (left := [test for test in chosen if test in there]):
+                        chosen = left
+                        (results / "arguments").write_text("\n".join(chosen), encoding="utf-8")
+                        status = self.pytest(["-x", f"@{results / 'arguments'}"], results, seconds=limit)
             except subprocess.TimeoutExpired:
                 return Run(set(chosen), how="waits without end")
             outcomes = [json.loads(line) for line in _text(results / "outcomes").splitlines()]

@@ -157,13 +157,14 @@ def test_planted_mutants_have_the_fate_that_they_must_have(
 @pytest.mark.ci
 def test_what_is_no_answer_of_a_test_kills_nothing(repository: Path) -> None:
     with mutant_runs.Copy(repository) as copy, copy.with_text(repository / "harness" / "toy.py", TOY):
-        missing = copy.run({"tests/test_toy.py::test_of_old": 0.1}, 1.0)
+        old, doubled = "tests/test_toy.py::test_of_old", "tests/test_toy.py::test_doubled"
+        missing = copy.run({old: 0.1}, 1.0)
         assert not missing.killed and missing.how.startswith("pytest ended with status 4")
+        beside = copy.run({old: 0.1, doubled: 0.1}, 1.0)
+        assert not beside.killed and (beside.how, beside.asked) == ("", {doubled})
         (copy.root / "tests" / "test_lacking.py").write_text("import nowhere_at_all\n\ndef test_it():\n    pass\n")
         lacking = copy.run({"tests/test_lacking.py::test_it": 0.1}, 1.0)
         assert not lacking.killed and lacking.how.startswith("pytest ended with status")
-        green = copy.run({"tests/test_toy.py::test_doubled": 0.1}, 1.0)
-        assert not green.killed and green.how == ""
         # The budget is for the tests, of which the cheapest is asked always.
         assert copy.run({"tests/test_toy.py::test_doubled": 5.0, "tests/test_toy.py::test_dear": 50.0}, 1.0).asked == {
             "tests/test_toy.py::test_doubled"

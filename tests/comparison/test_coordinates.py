@@ -55,6 +55,15 @@ def test_joints_of_several_degrees_of_freedom_of_an_mjcf(joint: str, pose: str, 
     assert (record.verdict, record.readings) == (Verdict.AGREES, [])
 
 
+@pytest.mark.parametrize(("engine", "aided"), SUBJECTS)
+def test_a_wheel_that_turns_without_end_on_a_floating_body(engine: str, aided: bool, tmp_path: Path) -> None:
+    """Its place in q is one behind that in v, and its turn stands in Pinocchio's q as cosine and sine."""
+    path = urdf(tmp_path, "floating", TURNED)
+    path.write_text(path.read_text().replace('type="revolute"', 'type="continuous"'))
+    record = record_of(path, engine, aided)
+    assert (record.verdict, record.readings) == (Verdict.AGREES, [])
+
+
 def test_a_stand_that_is_turned_beside_a_free_body(tmp_path: Path) -> None:
     path = mjcf(tmp_path, '<freejoint name="free"/>', AWAY)
     path.write_text(path.read_text().replace("<worldbody>", '<worldbody><body name="stand" quat="1 2 3 4" pos="1 0 0"/>'))

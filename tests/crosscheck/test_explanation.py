@@ -18,6 +18,9 @@ from harness.crosscheck.settings import Settings
 from harness.engines import EQUATIONS, Subject, engine_files, load_engine
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, watch
 from harness.explain.fit import Projection, explaining_directions
+from harness.explain.model_side import diagnose
+from harness.explain.result import Finding
+from harness.explain.search import Limits
 from harness.files.model_file import parse_model
 from harness.files.text.scan import Watch
 from harness.programs.states import States
@@ -138,3 +141,18 @@ def test_an_engine_that_declares_no_factorisation_has_none_to_blame(tmp_path: Pa
     loaded = load_engine(BUILT_IN, "pinocchio").load(model, sound.mechanism.joints, sound.mechanism.gravity)
     answers = loaded.forward_dynamics(states.q, states.v, states.tau)
     assert set(compare(reference_kernel_of(wrong).evaluate(states), answers).verdicts) <= {"agrees", "disagrees"}
+
+
+def test_a_wrong_number_among_lost_digits_is_diagnosed() -> None:
+    """By its direction: what is left without it are lost digits, which are more than agrees."""
+    sound = Assignment.of(BUILT_IN, "chain_12", Subject("mujoco", "mjcf"))
+    assert sound.model is not None
+    model = parse_model(sound.model.path, sound.model.text.replace('mass="1.5"', 'mass="1.5000000015"', 1), "mjcf")
+    states = diagnostic_states(sound.mechanism, SEED)
+    watched = watch(load_engine(BUILT_IN, "mujoco"), sound.mechanism, model, states)
+    found = diagnose(watched, reference_kernel_of(sound).evaluate(states), Limits(factorises=True))
+    assert found.finding == Finding.EXPLAINED
+    [mass, *_] = found.explaining
+    assert (
+        (mass.place.attribute, mass.place.line) == ("mass", 9) and mass.value == pytest.approx(1.5, rel=1e-11) and mass.residual > AGREEMENT
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,10 +11,13 @@ from comparison.robots import FILES, edited
 from hypothesis import given
 from hypothesis import strategies as st
 
+from harness.explain import as_read
 from harness.explain.as_read import fold
+from harness.explain.changes.departures import departures_of
 from harness.explain.changes.readings import Reading, find_readings
 from harness.explain.changes.readings.pybullet import diagonalized, half_extents
 from harness.files.tree import Inertia, Tree
+from harness.library import Stance
 from harness.trees.robot import read_robot
 
 NUMBERS = st.floats(-1.0, 1.0, allow_subnormal=False)
@@ -143,6 +147,21 @@ def test_dampers_of_dart_act_at_the_end_of_its_step() -> None:
     before = {joint.name: joint for joint in read_robot(FILES / "arm.urdf").tree.joints}
     after = read_by("dartpy", "implicit dampers", FILES / "arm.urdf").joints
     assert [float(joint.armature) for joint in after] == pytest.approx([0.001 * float(before[joint.name].damping) for joint in after])
+
+
+def test_an_aided_pybullet_has_the_inertias_of_the_file(tmp_path: Path) -> None:
+    """It is loaded with URDF_USE_INERTIA_FROM_FILE; a plain one has those of boxes."""
+    robot, engine = read_robot(FILES / "arm.urdf"), SimpleNamespace(reader="")
+    plain, aided = (as_read.read_by(robot, "pybullet", engine, stance).robot.tree for stance in (Stance.PLAIN, Stance.AIDED))
+    assert inertia_of(aided, "tool") == inertia_of(robot.tree, "tool") != inertia_of(plain, "tool")
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
+@pytest.mark.parametrize("model_format", ["mjcf", "urdf"])
+def test_a_candidate_of_a_release_reads_and_departs_as_the_release(engine: str, model_format: str) -> None:
+    candidate, release = (find_readings(f"{engine}@99.0{suffix}", model_format) for suffix in ("rc1", ""))
+    assert [one.name for one in candidate] == [one.name for one in release] != []
+    assert departures_of(f"{engine}@99.0rc1", "") == departures_of(f"{engine}@99.0", "")
 
 
 def test_the_boxes_of_pybullet_leave_no_axes_to_turn() -> None:

@@ -181,7 +181,6 @@ class _MjcfReader:
         )
         if joint.stiffness and not kind.has_axis:
             attributes.leave_unread(element, "stiffness", joint.stiffness, f"is a spring in a {kind} joint", "remove it")
-            joint = replace(joint, stiffness=Fraction(0))
         time, ratio = attributes.numbers(element, "springdamper", (0, 0))
         if time or ratio:
             if min(time, ratio) <= 0:

@@ -145,8 +145,8 @@ def root(a: Known) -> Known:
     first = root_of(abs(a[0]))
     second = (a[1] + fma(-first, first, a[0])) / (2 * first)
     total = first + second
-    # |sqrt a - sqrt b| = |a - b| / (sqrt a + sqrt b).
-    bound = (a[2] / first * (1 + 2.0**-40) + _ROOT * total) * _UPWARDS + UNDERFLOW
+    # |sqrt a - sqrt b| = |a - b| / (sqrt a + sqrt b), where sqrt b is at least 0.7 sqrt a, far more than rounding takes from the quotient.
+    bound = (a[2] / first + _ROOT * total) * _UPWARDS + UNDERFLOW
     is_proven = (a[0] > _SMALLEST) & (a[0] < _LARGEST) & (a[2] < a[0] / 2)
     high, low = select(is_proven, total, first), select(is_proven, second - (total - first), 0.0)
     return high, low, select(_is_zero(a), 0.0, select(is_proven, bound, math.inf))
