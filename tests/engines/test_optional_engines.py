@@ -28,6 +28,7 @@ from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.records import ACCELERATIONS
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import random_sample
+from harness.verdict import AGREEMENT
 from harness.workers import Workers
 
 BUILT_IN = Library.built_in()
@@ -235,3 +236,15 @@ def test_mjx_drives_actuators_as_the_file_says(environment: Callable[[str], Path
     (record,) = found["records"]
     assert record["verdict"] == "agrees" and set(record["worst_state"]) >= {"q", "v", "tau", "control"}
     assert "3 actuators on; off: equalities and 1 actuator (line" in found["summary"]
+
+
+@pytest.mark.nightly
+def test_mjx_rubs_and_is_limited_as_the_file_says(environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """As MuJoCo does, with each friction alone too, which is asked with rows of the others; cones without contacts are none."""
+    file = DRIVEN.with_name("rubbing.xml")
+    found = found_by(environment("mjx"), tmp_path, "compare", str(file), "--subject", "mujoco/mjcf", "--subject", "mjx/mjcf")
+    own, other = sorted(found["switched_on"], key=lambda one: one["engine"])
+    for one in (own, other):
+        assert one["explained"] and one["backward_error"] < AGREEMENT and len(one["parts"]) == 7
+    alone = [[part["alone"] for part in one["parts"] if part["what"] == "dry friction"] for one in (own, other)]
+    np.testing.assert_allclose(alone[0], alone[1], rtol=1e-9)

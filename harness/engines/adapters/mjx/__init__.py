@@ -17,7 +17,6 @@ from harness.engines import ConstraintLaw, Engine
 from harness.engines.adapters.mujoco import law
 from harness.engines.request import Request
 from harness.files.equalities import Constraint
-from harness.files.findings import EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -38,12 +37,7 @@ class MjxEngine(Engine):
     reader = "mujoco"
     takes_inertias_about_tree = True
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
-    why_off: Mapping[str, str] = {
-        EQUALITIES: "the harness asks MJX without the file's equalities",
-        FRICTION: "the harness asks MJX without the file's dry friction",
-        LIMITS: "the harness asks MJX without the file's joint limits",
-        TENDON_LIMITS: "the harness asks MJX without the file's tendon limits",
-    }
+    to_the_end = 'set <option iterations="100" tolerance="0"/>'
     call: Mapping[str, str] = {
         "mjcf": (
             "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; "

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -33,6 +34,8 @@ from harness.files.model_file import ModelFile
 from harness.storage import cache_directory
 
 BLOCK = 64
+# Dry friction [N or N m] that no acceleration shows.
+_HARDLY_ANY = 1e-300
 # XLA's fusion on CPUs computes what several elements of a chain of bodies share once for each: seven bodies take 51 CPU seconds to compile
 # and 20 ms for each state with it, 8 s and 0.3 ms without and with the least effort of LLVM. Answers differ by roundoff.
 COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion,fusion_wrapper", "xla_backend_optimization_level": 0}
@@ -91,14 +94,16 @@ _FORWARD_DERIVATIVES, _INVERSE_DERIVATIVES = (functools.partial(_derivatives, on
 class OnDevice:
     """An ``mjx.Model`` of an ``MjModel``, asked in blocks of states.
 
+    ``numbers`` stand in the place of the model's own there, by their names.
+
     Raises:
         NotImplementedError: MJX has no such part of a model.
     """
 
-    def __init__(self, model: Any, in_float64: bool) -> None:
+    def __init__(self, model: Any, in_float64: bool, **numbers: Array) -> None:
         self._in_float64 = in_float64
         with jax.enable_x64(in_float64):
-            self._model, self._empty = mjx.put_model(model), mjx.make_data(model)
+            self._model, self._empty = mjx.put_model(model).replace(**numbers), mjx.make_data(model)
 
     def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
         """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv); controls and activations where it drives."""
@@ -157,11 +162,11 @@ class MjxModel:
 class MjxFile(LoadedFile):
     """A file that MuJoCo has read, on the device; conventions are MuJoCo's."""
 
-    def __init__(self, compiled: robot.MujocoFile) -> None:
+    def __init__(self, compiled: robot.MujocoFile, frictions: Mapping[str, Array]) -> None:
         super().__init__(compiled.request, [joint.name for joint in compiled.found])
         if compiled.request.driven:
             _still(compiled.model, compiled.request.driven)
-        self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True)
+        self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True, **frictions)
         self.notes = compiled.notes
 
     def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
@@ -182,6 +187,27 @@ def _still(model: Any, driven: Sequence[int]) -> None:
     model.actuator_gaintype[muscles], model.actuator_biastype[muscles] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
 
 
+def _frictions(model: Any, request: Request) -> dict[str, Array]:
+    """The dry friction that acts; the rest of the file's is next to nothing, as each set of rows is compiled anew.
+
+    None at all would hold its joint still: MJX 3.17, solver.py, has no linear part of the cost where the friction is 0.
+    """
+    if request.held is None or not request.held.rubbing:
+        return {}
+    of_file, found = robot.read(replace(request, held=None)).model, {}
+    for name in ("dof_frictionloss", "tendon_frictionloss"):
+        acting, written = getattr(model, name), getattr(of_file, name)
+        found[name] = np.where((acting == 0.0) & (written > 0.0), _HARDLY_ANY, acting)
+        acting[:] = written
+    return found
+
+
+def _have_no_cones(model: Any) -> None:
+    """Pyramids for cones where nothing touches: MJX fails on elliptic ones then, docs/issues/mjx-elliptic-cones-without-contacts.md."""
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+        model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+
+
 class MjxRun(EngineRun):
     """MuJoCo's run, computed by MJX."""
 
@@ -199,8 +225,9 @@ def read(request: Request) -> MjxFile:
     compiled = robot.read(request)
     if request.aid is not None:
         keep_what_is_on(compiled.model)
+    _have_no_cones(compiled.model)
     try:
-        return MjxFile(compiled)
+        return MjxFile(compiled, _frictions(compiled.model, request))
     except NotImplementedError as error:
         raise Refused(f"MJX: {' '.join(str(error).split())}") from error
 
