@@ -225,11 +225,8 @@ class Encloser:
         for place, ball in zip(positions, middle, strict=True):
             balls[place] = ball + flint.arb(0, 1) * reach * max(1.0, abs(float(ball)))
         _, over_ball = self._parts(evaluate(*balls, *nothing))
-        try:
-            approximate = _matrix(at_middle, self._holding, positions).inv()
-        except ZeroDivisionError:
-            return False
-        m = len(positions)
+        # The last step of Newton's method solved with this matrix.
+        approximate, m = _matrix(at_middle, self._holding, positions).inv(), len(positions)
         contraction = flint.arb_mat(m, m, [int(i == j) for i in range(m) for j in range(m)])
         contraction -= approximate * _matrix(over_ball, self._holding, positions)
         step = approximate * flint.arb_mat(m, 1, [residual[row] for row in self._holding])

@@ -258,6 +258,28 @@ def test_a_damaged_program_is_refused_or_sound(place: tuple[Any, ...], value: An
         assert len(balls(program, [0.5] * len(program.inputs), 64, parameters=0)) == sum(map(len, program.outputs.values()))
 
 
+UNFIT: dict[str, tuple[tuple[Any, ...], Any]] = {
+    "joints or ranges do not fit the coordinates": (("joints",), ["cart"]),
+    "an attitude does not fit the coordinates": (("attitudes",), [0]),
+    "the start does not fit the coordinates": (("start",), [[0.0, 0.0]]),
+    "the loads do not fit the coordinates": (("static_loads",), [1.0]),
+    "there is not one energy program for each chart": (("energy_programs",), []),
+    "the program's outputs do not fit the coordinates": (("program", "outputs", "gravity"), [0]),
+    "the program's inputs do not fit coordinates and parameters": (("parameters",), []),
+    "an energy program does not fit its chart": (("energy_programs", 0, "outputs", "forces"), [0]),
+    "the constraints do not fit the coordinates": (("constraints", "redundant"), []),
+}
+
+
+@pytest.mark.parametrize("problem", UNFIT)
+def test_a_part_of_a_mechanism_that_does_not_fit_the_others_is_refused_by_name(problem: str) -> None:
+    """The parts of one system are of one size; any other file of a cache is damaged."""
+    valid = json.loads(load_mechanism(Library.built_in(), "four_bar" if "constraints" in problem else "cart_pendulum").to_json())
+    assert Mechanism.from_json(json.dumps(valid)).name
+    with pytest.raises(ValueError, match=problem):
+        Mechanism.from_json(json.dumps(replaced(valid, *UNFIT[problem])))
+
+
 @given(st.data())
 @settings(max_examples=150)
 def test_a_damaged_mechanism_is_refused_or_sound(data: st.DataObject) -> None:

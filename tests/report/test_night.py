@@ -10,7 +10,7 @@ import pytest
 from lxml import etree
 from support_results import RECORD, RUN
 
-from harness.report.night import MOST_SHOWN, NightSummary, render_junit, render_summary
+from harness.report.night import MOST_LISTED, MOST_SHOWN, NightSummary, render_junit, render_summary
 from harness.results.night import BROKEN, Case, Night, NightSettings, case_of
 from harness.results.trend import MEDIAN, ChangedCell
 
@@ -96,10 +96,14 @@ def test_nothing_in_a_message_is_obeyed() -> None:
 
 
 def test_a_summary_fits_a_step() -> None:
-    many = [Case.of(("cross-check", f"system_{place}", "mujoco/mjcf"), ["x" * 100_000], replay="harness check") for place in range(500)]
+    many = [Case.of(("cross-check", f"system_{place:03}", "mujoco/mjcf"), ["x" * 100_000], replay="harness check") for place in range(500)]
     text = render_summary(summary_of(many, before=[]))
     assert len(text.encode()) < 2**20
     assert f"{500 - MOST_SHOWN} more are in `nightly.xml`" in text
+    # The first of each, not the last.
+    shown, listed = (re.findall(rf"^{mark} .*system_(\d+)", text, re.MULTILINE) for mark in ("###", "-"))
+    assert shown == [f"{place:03}" for place in range(MOST_SHOWN)]
+    assert listed == [f"{place:03}" for place in range(MOST_LISTED)] and f"- and {500 - MOST_LISTED} more" in text
 
 
 def test_a_quiet_night_says_so() -> None:
