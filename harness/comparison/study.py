@@ -16,7 +16,8 @@ from harness.comparison.judgement import judge, subject_of
 from harness.comparison.matching import refuse_unknown
 from harness.comparison.robot_library import ask_engine, engine_of, robot_at, robot_subjects
 from harness.comparison.sameness import hold_against
-from harness.comparison.switched_on import has_switches, judge_switched_on
+from harness.comparison.switched_on import judge_switched_on
+from harness.comparison.switches import has_switches
 from harness.engines.request import EngineAnswers
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.explain.meant import STATES, Meant, meant, question_of

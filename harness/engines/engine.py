@@ -19,6 +19,7 @@ from harness.errors import InvalidEngine
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import ConstraintLaw, StepRule
+from harness.files.touching import ConeKind
 from harness.library import MODEL_SUFFIXES, CannotRun, run_file
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ class Engine:
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``FarLinks`` of accelerations.
         why_off: why the call lets no elements of a kind act, by ``LeftOut.what``; none of a kind that it can be asked with, some of them
             ``Held``.
+        has_contacts: whether contacts can be judged by a law that it documents, with points and frames as it finds them.
         to_the_end: what its user sets so that its solver of equalities goes on until nothing changes; "" where nothing does that.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
@@ -85,6 +87,7 @@ class Engine:
     supplied: Mapping[str, str] = {}
     takes_inertias_about_tree = False
     why_off: Mapping[str, str] = {}
+    has_contacts = False
     to_the_end = ""
     why_no_constraints = ""
     reader = ""
@@ -166,12 +169,14 @@ class Engine:
         with KeptArithmetic() as arithmetic:
             try:
                 loaded = self.read(question.request)
+                if question.steps:
+                    return EngineAnswers(states=loaded.settled(question.v, question.steps), notes=loaded.notes)
                 found = loaded.answered(question.q, question.v, question.tau, *question.driving)
             except Refused as refusal:
                 return EngineAnswers(refusal=str(refusal))
         if arithmetic.left:
             raise InvalidAnswer(f"it leaves {arithmetic.left} for everything behind it in the process")
-        return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes)
+        return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes, contacts=tuple(loaded.contacts))
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""
@@ -180,6 +185,10 @@ class Engine:
     def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         """The same of constraints of any file with this root element."""
         return {}
+
+    def cone(self, root: Any, model_format: str) -> tuple[ConeKind, str]:
+        """The cones of friction in a file with this root element, and why no contact of it is judged; "" where contacts are."""
+        return ConeKind.PYRAMIDAL, ""
 
     def fuses(self, root: Any, model_format: str) -> bool:
         """True where its reader makes bodies that no joint moves one with their parents."""

@@ -10,6 +10,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.interface import METHODS, NotOffered, Unsupported
 from harness.engines.request import Aid, AskedJoint, JointForces, Refused, Request, by_joint, projected
+from harness.files.contacts import FoundContact
 from harness.files.rules import StepRule
 
 
@@ -24,9 +25,11 @@ class LoadedFile:
         couplings: of the request, of the joints found.
         placed: the engine's model with the places of the joints found, where the harness asks it for more than accelerations.
         applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
+        contacts: those of each of the states that were asked last, where bodies act where they touch.
     """
 
     notes: tuple[str, ...] = ()
+    contacts: Sequence[tuple[FoundContact, ...]] = ()
     placed: Any = None
     applies_dampers = False
     applies_springs = False
@@ -66,6 +69,14 @@ class LoadedFile:
     def advanced(self, q: Array, v: Array, rule: StepRule, steps: int) -> tuple[Array, Array]:
         """q (nq,) and v (nv,) over the joints of the request after so many of the engine's own steps, without applied forces."""
         raise NotOffered("its users step by themselves")
+
+    def settled(self, v: Array, steps: Sequence[int]) -> tuple[Array, Array]:
+        """q (n, nq) and v (n, nv) over the joints of the request; see ``EngineQuestion``.
+
+        Raises:
+            Refused: the harness does not let this engine step, or not with such joints.
+        """
+        raise Refused("the harness lets it take no steps")
 
     def of_leaders(self, mass: Array, force: Array) -> Array:
         """Accelerations of the joints that move by themselves, from the engine's own M (nv, nv) and forces (nv,)."""

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
+from harness.files.contacts import FoundContact
 from harness.files.facts import JointSpring, PointSpring
 from harness.files.joint_kinds import JointKind
 
@@ -126,6 +127,7 @@ class Held:
         actuators: numbers of those that act, among all of the file; no other does.
         rubbing, limited: "joint NAME" or "tendon NAME" whose dry friction acts, and of those whose limits do; no other's does. A tendon
             without a name is "(tendon 2)" by its place in the file.
+        touches: whether bodies act where they touch.
     """
 
     kinds: tuple[str, ...]
@@ -134,6 +136,7 @@ class Held:
     actuators: tuple[int, ...] = ()
     rubbing: tuple[str, ...] = ()
     limited: tuple[str, ...] = ()
+    touches: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,6 +231,8 @@ class EngineQuestion:
     """A request with the states at which the engine answers: (n, nq), (n, nv), (n, nv) over the joints of the request.
 
     ``driving`` holds the controls and the activations, (n, actuators of the file) each, where actuators act; () where none do.
+    ``steps``, a number for each state, ask for states instead: those after so many of the engine's own steps from where the file puts all
+    bodies, at the velocities ``v``, without applied forces.
     """
 
     request: Request
@@ -235,6 +240,7 @@ class EngineQuestion:
     v: Array
     tau: Array
     driving: tuple[Array, ...] = ()
+    steps: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -246,11 +252,14 @@ class EngineAnswers:
             move by themselves.
         refusal: the engine's own words where it does not read the file; "" where it does.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
+        contacts: those of each state, where bodies act where they touch. states: q and v of a question with ``steps``.
     """
 
     accelerations: Mapping[str, Array] = field(default_factory=dict)
     refusal: str = ""
     notes: tuple[str, ...] = ()
+    contacts: tuple[tuple[FoundContact, ...], ...] = ()
+    states: tuple[Array, ...] = ()
 
     def of(self, joints: Sequence[str]) -> Array:
         """(n, nv) of these joints; raises KeyError for one that the engine does not have."""

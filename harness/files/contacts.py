@@ -7,13 +7,18 @@ Source: MuJoCo documentation, Computation, section Contact; API reference, ``mjC
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from harness.files.equalities import Constraint, SolverParameters
+from harness.files.findings import CONTACTS
 from harness.files.given import Given, Place
+from harness.files.left_out import Declared
 from harness.files.touching import ConeKind, Touch
+
+# Attributes of shapes and pairs of these by which their contacts have another law than the harness writes.
+_UNREAD = {"adhesion": "has adhesion", "surfacevel": "has a surface that moves by itself"}
 
 
 @dataclass(frozen=True)
@@ -57,3 +62,15 @@ def _contact(found: FoundContact, number: int, place: Place, cone: ConeKind) -> 
     friction = tuple(given(found.friction, "friction"))
     touch = Touch(found.bodies, (x, y, z), (first, second, third), distance, margin, friction, cone, found.sliding)
     return Constraint("contact", place, place.line, touch, found.why_not, SolverParameters(found.solref, found.solimp), name=name)
+
+
+def touching_of(declared: Iterable[Declared]) -> list[Constraint]:
+    """The shapes of a file that may touch, and its pairs of such."""
+    return [
+        Constraint(one.place.tag or CONTACTS, one.place, one.place.line, None, _why_unread(one)) for one in declared if one.what == CONTACTS
+    ]
+
+
+def _why_unread(one: Declared) -> str:
+    felt = (why for name, why in _UNREAD.items() if any(float(part or 0) for part in one.values.get(name, "").split()))
+    return next(felt, "")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 # Elements that engines are asked with besides, by ``LeftOut.what``.
 EQUALITIES, ACTUATORS, FRICTION, LIMITS, TENDON_LIMITS = "equalities", "actuators", "dry friction", "joint limits", "tendon limits"
+CONTACTS = "contacts"
 SWITCHED_OFF = "is switched off in the file"
 
 

@@ -13,7 +13,7 @@ from lxml import etree
 
 from harness.files.document.source import Source
 from harness.files.document.xml import describe, literal_tag
-from harness.files.findings import ACTUATORS, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, LeftOut
+from harness.files.findings import ACTUATORS, CONTACTS, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, LeftOut
 from harness.files.given import Place
 from harness.files.mjcf.attributes import JOINTS, Attributes, resolved_text
 from harness.files.tree import WORLD, Tree
@@ -21,7 +21,7 @@ from harness.files.urdf.beside import FORCES_WITHOUT_AXIS, UNREAD_ROTORS, has_ro
 from harness.files.urdf.kinds import BALL_CONSTRAINT, FIXED, JOINT_TAGS, LIMITED, POINT_SPRING
 from harness.files.urdf.reading import DAMPING_OF_SEVERAL
 
-_CONTACTS, _VISUAL = "contacts", "visual geometry"
+_VISUAL = "visual geometry"
 
 # MJCF. What each is, and whether an engine that has it switched on could give other accelerations for it.
 _SECTIONS = {
@@ -35,7 +35,7 @@ _SECTIONS = {
     "extension": ("plugins", True),
     "contact": ("contacts that are excluded", False),
 }
-_OTHERWISE = {"contact/pair": (_CONTACTS, True), "deformable/skin": (_VISUAL, False)}
+_OTHERWISE = {"contact/pair": (CONTACTS, True), "deformable/skin": (_VISUAL, False)}
 _ALONE = {"visual": "settings of the picture", "statistic": "settings of the picture", "size": "sizes of memory"}
 _IN_BODIES = {"camera": "cameras and lights", "light": "cameras and lights"}
 _SECTIONS_READ = ("compiler", "option", "default", "worldbody", "tendon")
@@ -46,12 +46,12 @@ _UNKNOWN, _XACRO, _EFFORT = "elements that URDF does not know", "xacro leftovers
 _TRANSMISSIONS, _SAFETY, _GAZEBO = "transmissions", "safety controllers and calibration", "gazebo elements"
 _MUJOCO, _LOOPS = "options of MuJoCo's own reader", "Drake's ball constraints, which no engine's reader reads"
 _BEARS_ON_MOTION = {
-    **dict.fromkeys((_CONTACTS, LIMITS, FRICTION, DAMPING_OF_SEVERAL, FORCES_WITHOUT_AXIS, UNREAD_ROTORS, _MUJOCO, _LOOPS), True),
+    **dict.fromkeys((CONTACTS, LIMITS, FRICTION, DAMPING_OF_SEVERAL, FORCES_WITHOUT_AXIS, UNREAD_ROTORS, _MUJOCO, _LOOPS), True),
     **dict.fromkeys((_EFFORT, _TRANSMISSIONS, _SAFETY, _VISUAL, _GAZEBO, _XACRO, _UNKNOWN), False),
 }
 _OF_PATH = {
     "link/visual": _VISUAL,
-    "link/collision": _CONTACTS,
+    "link/collision": CONTACTS,
     "robot/material": _VISUAL,
     "robot/transmission": _TRANSMISSIONS,
     "robot/gazebo": _GAZEBO,
@@ -150,7 +150,7 @@ def _of_bodies(root: etree._Element) -> Found:
         for element in world.iterdescendants("*"):
             if element.tag == "geom":
                 touches = any(resolved_text(element, name, "1") != "0" for name in ("contype", "conaffinity"))
-                yield _CONTACTS if touches else _VISUAL, touches, element
+                yield CONTACTS if touches else _VISUAL, touches, element
             elif element.tag in _IN_BODIES:
                 yield _IN_BODIES[element.tag], False, element
             elif element.tag == "body" and element.get("mocap") == "true":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from harness.files.findings import FRICTION, SWITCHED_OFF, LeftOut
+from harness.files.findings import CONTACTS, FRICTION, SWITCHED_OFF, LeftOut
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, names_of, share_of_qdd, share_text
 from harness.results.table import counted_nouns, error_text, grouped, joined, program_name
 from harness.verdict import DEPARTS
@@ -36,11 +36,12 @@ class SwitchedOnPart:
 
 @dataclass(frozen=True, kw_only=True)
 class SwitchedOnRecord:
-    """An engine on a file with all elements on that are judged; the others, such as contacts, are off.
+    """An engine on a file with all elements on that are judged; the others are off.
 
     Attributes:
         verdict: against the law that the engine documents for what its readings make of the file; "" where no answer is judged.
         message: why some or all of it is not judged, where no part says it.
+        states, touching: how many are judged, and at how many of them bodies touch.
         backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
         departures: where the engine's program leaves the law that it documents, each with what it does; backward errors are then
             against what it is known to compute.
@@ -58,6 +59,8 @@ class SwitchedOnRecord:
     explained: bool = True
     backward_error: float | None = None
     together: float | None = None
+    states: int = 0
+    touching: int = 0
     message: str = ""
     title: str = ""
     to_the_end: float | None = None
@@ -81,13 +84,13 @@ class SwitchedOnRecord:
 
     @property
     def named(self) -> str:
-        """ "2 equalities and 6 actuators", "equality" of one alone."""
+        """ "2 equalities, 6 actuators and contacts", "equality" of one alone."""
         named = joined([_counted(len(own), what) for what, own in self.judged.items()])
         return named.removeprefix("1 ").removesuffix(" in 1 place") if self.is_single else named
 
     @property
     def is_single(self) -> bool:
-        return sum(map(len, self.judged.values())) == 1
+        return CONTACTS not in self.judged and sum(map(len, self.judged.values())) == 1
 
     @property
     def stops_early(self) -> str:
@@ -100,10 +103,14 @@ class SwitchedOnRecord:
     @property
     def is_felt(self) -> bool:
         """True for an answer that is another than without what is on, or than the file says, or that nobody explains."""
-        return not self.explained or bool(self.departures or names_of(self.readings)) or (self.together or 0.0) > FELT
+        moves = (self.together or 0.0) > FELT or self.touching > 0
+        return not self.explained or bool(self.departures or names_of(self.readings)) or moves
 
 
 def _counted(number: int, what: str) -> str:
+    if what == CONTACTS:
+        # Of shapes that may touch.
+        return what
     return f"{what} in {counted_nouns(number, 'places')}" if what == FRICTION else counted_nouns(number, what)
 
 

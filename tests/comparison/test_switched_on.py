@@ -91,8 +91,8 @@ def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> N
     own, other = meant_by(path), meant_by(changed)
     documented, tied = switched_on._documented, switched_on._tied
     read = switched_on.driven(other)
-    monkeypatch.setattr(switched_on, "_documented", lambda _, caller, numbers, departures=(): documented(read, caller, numbers, departures))
-    monkeypatch.setattr(switched_on, "_tied", lambda _, caller, numbers, departures=(): tied(read.robot, caller, numbers, departures))
+    monkeypatch.setattr(switched_on, "_documented", lambda _, caller, numbers, *more: documented(read, caller, numbers, *more))
+    monkeypatch.setattr(switched_on, "_tied", lambda _, caller, numbers, *more: tied(read.robot, caller, numbers, *more))
     record = judge_switched_on(own, "mujoco")
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 

@@ -15,7 +15,7 @@ from packaging.specifiers import SpecifierSet
 from harness.environments import split_name
 from harness.explain.changes.readings import NEWEST
 from harness.files.equalities import AnyRows, Constraint, DryFriction, Limit, Linkage, Polygon, Sum, TendonLinkage
-from harness.files.given import Given
+from harness.files.given import Given, Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import LEAST_IMPEDANCE, LEAST_WIDTH, MOST_IMPEDANCE, ConstraintLaw, InverseWeight
 from harness.files.tree import WORLD, Body, Tree
@@ -97,13 +97,21 @@ def only_slides(tree: Tree, body: Body) -> bool:
         and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
         for joint in body.joints
     )
-    if not (hangs and is_leaf and slides) or body.inertia is None or body.solids:
+    if not (hangs and is_leaf and slides):
+        return False
+    if body.inertia is None:
+        # One shape has its inertia in its own frame.
+        return len(body.solids) == 1 and body.solids[0].ends is None and _is_in_place(body.solids[0].pose)
+    if body.solids:
         return False
     # Given about the body's origin, along its axes, in falling order where that is found by diagonalising.
     xx, yy, zz, *products = body.inertia.moments
     is_matrix = isinstance(xx, Given) and xx.attribute != "diaginertia"
-    in_order = not any(products) and (not is_matrix or xx >= yy >= zz)
-    return in_order and all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in body.inertia.pose)
+    return not any(products) and (not is_matrix or xx >= yy >= zz) and _is_in_place(body.inertia.pose)
+
+
+def _is_in_place(pose: Pose) -> bool:
+    return all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in pose)
 
 
 def _without_curvature_of_couplings(tree: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:

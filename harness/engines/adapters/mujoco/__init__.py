@@ -22,6 +22,7 @@ from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
+from harness.files.touching import ConeKind
 
 if TYPE_CHECKING:
     from harness.engines.adapters.mujoco.model import MujocoModel
@@ -31,12 +32,13 @@ if TYPE_CHECKING:
 
 class MujocoEngine(Engine):
     title = "MuJoCo"
-    to_the_end = 'set <option iterations="100" tolerance="0"/>'
+    to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
     requires = ("mujoco", "mujoco")
     formats = ("mjcf", "urdf")
     oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")
     factorises_mass_matrix = True
     has_soft_constraints = True
+    has_contacts = True
     supplied: Mapping[str, str] = {
         "urdf": (
             "gravity, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file, "
@@ -76,6 +78,10 @@ class MujocoEngine(Engine):
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         return law.laws_in(law.settings(root, model_format), constraints)
+
+    def cone(self, root: Any, model_format: str) -> tuple[ConeKind, str]:
+        settings = law.settings(root, model_format)
+        return law.cone_of(settings), law.why_no_contacts(settings)
 
     def fuses(self, root: Any, model_format: str) -> bool:
         return law.fuses(root, model_format)

@@ -25,7 +25,7 @@ def found_contacts(model: Any, data: Any) -> list[FoundContact]:
 def _found(model: Any, one: Any) -> FoundContact:
     is_rigid = min(one.geom) >= 0
     bodies = [model.geom_bodyid[geom] for geom in one.geom] if is_rigid else [0, 0]
-    first, second = (WORLD if not body else model.body(body).name for body in bodies)
+    first, second = (_name_of(model, body) for body in bodies)
     why_not = next((why for field, why in _UNREAD.items() if np.any(getattr(one, field, 0.0))), "") if is_rigid else _DEFORMABLE
     point, frame, friction = (tuple(map(float, own)) for own in (one.pos, one.frame, one.friction[: one.dim - 1]))
     (time, ratio), (sliding, slid), (least, most, width, midpoint, power) = (
@@ -43,3 +43,13 @@ def _found(model: Any, one: Any) -> FoundContact:
         sliding=(sliding, slid),
         why_not=why_not,
     )
+
+
+def _name_of(model: Any, body: int) -> str:
+    """The name of a body; of one without a name as ``harness.files.mjcf.reading`` gives it."""
+    if not body:
+        return WORLD
+    name: str = model.body(body).name
+    parent = model.body_parentid[body]
+    beside = [other for other in range(1, model.nbody) if model.body_parentid[other] == parent]
+    return name or f"(body {beside.index(body) + 1} of {_name_of(model, parent)})"

@@ -27,6 +27,7 @@ from typing import Literal
 from lxml import etree
 
 from harness.files.equalities import AnyRows, Constraint, DryFriction, Limit, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
+from harness.files.findings import SWITCHED_OFF
 from harness.files.mjcf.attributes import is_on
 from harness.files.rules import (
     LEAST_IMPEDANCE,
@@ -45,6 +46,8 @@ LEAST_NUMBER = 1e-15
 _OF_BODIES: tuple[Literal["translation", "rotation"], ...] = ("translation", "rotation")
 # Velocities of a joint before those by which a free one turns.
 _LINEAR = 3
+# Flags by which contacts have other laws.
+_OTHER_LAWS = ("speculative", "ipc")
 # Of a file that does not say [s].
 _TIMESTEP = 0.002
 _HALF, _ONE, _NONE = Fraction(1, 2), Fraction(1), Fraction(0)
@@ -72,6 +75,19 @@ def laws_in(root: etree._Element, constraints: Iterable[Constraint]) -> dict[str
     exact = [flag.get("diagexact") for flag in root.iterfind("option/flag[@diagexact]")][-1:] == ["enable"]
     ratio = float(_option(root, "impratio") or 1.0)
     return {one.name: _law(one, least_time, exact, ratio) for one in constraints if _acts(root, one)}
+
+
+def why_no_contacts(root: etree._Element) -> str:
+    """Why no contact of the file with this root element is judged; "" where contacts are."""
+    if not (is_on(root, "contact") and is_on(root, "constraint")):
+        return SWITCHED_OFF
+    iterations = _option(root, "noslip_iterations")
+    if iterations is not None and float(iterations) > 0:
+        return "goes through noslip iterations, which solve no problem that is documented"
+    if _option(root, "integrator") == "discrete":
+        return "is solved in the metric of a step, which the discrete integrator has"
+    flags = [name for name in _OTHER_LAWS if [flag.get(name) for flag in root.iterfind(f"option/flag[@{name}]")][-1:] == ["enable"]]
+    return f"has the law of the flag {flags[0]!r}, which is not read" if flags else ""
 
 
 def cone_of(root: etree._Element) -> ConeKind:

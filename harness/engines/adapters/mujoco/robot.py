@@ -22,6 +22,7 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.compiled import compiled
+from harness.engines.adapters.mujoco.contacts import found_contacts
 from harness.engines.adapters.mujoco.model import MujocoModel, step
 from harness.engines.adapters.mujoco.urdf import supplied, turn_of
 from harness.engines.adapters.mujoco.versions import compiling, delete, fill_mass_matrix, inputs_of, stages_off
@@ -30,6 +31,7 @@ from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.reading import elements_of, root_link, text_of
 from harness.engines.request import Aid, AskedJoint, BodyInertia, Held, Refused, Request
+from harness.files.contacts import FoundContact
 from harness.files.facts import ForceElement
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import StepRule
@@ -55,6 +57,8 @@ def read(request: Request) -> MujocoFile:
             drive(model, request.held.actuators)
             let_act(model, request.joints, request.held)
             if request.held.to_the_end:
+                # The others converge linearly.
+                model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
                 model.opt.iterations, model.opt.tolerance = _MOST_ITERATIONS, 0.0
     return MujocoFile(model, request, notes)
 
@@ -246,7 +250,11 @@ class MujocoFile(LoadedFile):
 
     def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
         held = request.held
-        acting = {"actuation": held.actuators, "frictionloss": held.rubbing, "limit": held.limited} if held is not None else {}
+        acting = (
+            {"actuation": held.actuators, "frictionloss": held.rubbing, "limit": held.limited, "contact": held.touches}
+            if held is not None
+            else {}
+        )
         model.opt.disableflags |= stages_off(held is not None, [stage for stage, named in acting.items() if named])
         model.opt.density = model.opt.viscosity = 0.0
         places = _places(model, request.joints)
@@ -266,6 +274,19 @@ class MujocoFile(LoadedFile):
         q[self.q_columns], v[self.v_columns] = np.split(after, [len(self.q_columns)])
         return q, v
 
+    def settled(self, v: Array, steps: Sequence[int]) -> tuple[Array, Array]:
+        if not all(joint.is_measured_in_the_world for joint in self.found if joint.kind == JointKind.FREE):
+            raise Refused("the harness lets it take no steps with a free joint that is not measured in the world")
+        model, (positions, velocities) = self.model, self.addresses
+        q, settled = np.zeros((len(v), sum(len(joint.positions) for joint in self.request.joints))), np.zeros_like(v)
+        for state, count in enumerate(steps):
+            data = mujoco.MjData(model)
+            data.qvel[velocities] = v[state, self.v_columns]
+            for _ in range(count):
+                mujoco.mj_step(model, data)
+            q[state, self.q_columns], settled[state, self.v_columns] = data.qpos[positions], data.qvel[velocities]
+        return q, settled
+
     def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
         run = self.prepare(q, v, tau, *driving)
         run.compute()
@@ -280,7 +301,8 @@ class MujocoFile(LoadedFile):
         configuration[:, positions], velocity[:, velocities] = q[:, self.q_columns], v[:, self.v_columns]
         force[:, velocities] = tau[:, self.v_columns]
         accelerations: Array = data.qacc
-        inputs = self._inputs(len(q), driving)
+        inputs, touches = self._inputs(len(q), driving), self.request.held is not None and self.request.held.touches
+        contacts = self.contacts = list[tuple[FoundContact, ...]]()
         qpos, qvel, applied, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart
 
         def evaluate(q: Array, v: Array, force: Array, control: Array, activation: Array) -> Array:
@@ -288,6 +310,8 @@ class MujocoFile(LoadedFile):
             qpos[:], qvel[:], applied[:], warm_start[:] = q, v, force, 0.0
             data.ctrl[:], data.act[:] = control, activation
             mujoco.mj_forward(model, data)
+            if touches:
+                contacts.append(tuple(found_contacts(model, data)))
             if not is_coupled:
                 return accelerations
             fill_mass_matrix(model, data, mass := np.empty((model.nv, model.nv)))

@@ -1,0 +1,115 @@
+"""States at which bodies touch: where an engine's own steps lead, and truth there with the contacts that it finds.
+
+Points, frames, distances and numbers of contacts are inputs of the truth, so that law and solver are judged apart from geometry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.arrays import Array, Indices
+from harness.engines.request import EngineAnswers
+from harness.files.contacts import FoundContact, contacts_of
+from harness.files.equalities import Constraint
+from harness.files.given import Place
+from harness.files.touching import ConeKind
+from harness.files.tree import WORLD, Tree
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
+from harness.trees.robot import Robot
+from harness.truth.compare import Flags, in_order
+from harness.truth.reference import Reference, ReferenceKernel
+
+# Of the states one of so many is where the engine's own steps lead, so many steps further for each.
+EACH_SETTLED, STEPS_APART = 4, 25
+# States that are judged at which bodies touch, each of which has a program of its own: fewer where velocities are many, which are so
+# much work together.
+MOST_TOUCHING, _LEAST_TOUCHING, _VELOCITIES = 16, 4, 160
+
+
+def settling(count: int) -> Indices:
+    """The numbers of the states that steps lead to, among so many."""
+    return np.arange(EACH_SETTLED - 1, count, EACH_SETTLED)
+
+
+def steps_of(count: int) -> tuple[int, ...]:
+    """Steps that lead to each of so many states, from where the file puts all bodies."""
+    return tuple(STEPS_APART * (number + 1) for number in range(count))
+
+
+@dataclass(frozen=True)
+class Touching:
+    """The contacts that push at each of n states, as constraints; ``states`` are the numbers of those that are judged.
+
+    Attributes:
+        refused: why contacts of states are not judged, each once.
+    """
+
+    contacts: Sequence[Sequence[Constraint]]
+    states: Indices
+    refused: tuple[str, ...] = ()
+
+    @classmethod
+    def nowhere(cls, count: int) -> Touching:
+        """No contact at any of so many states."""
+        return cls([()] * count, np.arange(count))
+
+    @classmethod
+    def of(cls, found: Sequence[Sequence[FoundContact]], robot: Robot, cone: ConeKind) -> Touching:
+        """Those that an engine found on a robot with cones of this kind."""
+        place, velocities = robot.tree.place, max(1, robot.degrees_of_freedom)
+        assert place is not None
+        contacts = [_constraints(own, robot.tree, place, cone) for own in found]
+        most = max(_LEAST_TOUCHING, min(MOST_TOUCHING, _VELOCITIES // velocities))
+        why = [next((one.why_not for one in own if one.why_not), "") for own in contacts]
+        touching = [number for number, own in enumerate(contacts) if own and not why[number]][:most]
+        states = [number for number, own in enumerate(contacts) if not own or number in touching]
+        return cls(contacts, np.array(states, dtype=np.int64), tuple(dict.fromkeys(filter(None, why))))
+
+    def of_states(self, answers: EngineAnswers) -> EngineAnswers:
+        """Answers at the states that are judged."""
+        return replace(answers, accelerations={name: own[self.states] for name, own in answers.accelerations.items()})
+
+    @property
+    def chosen(self) -> Touching:
+        """The same of the states that are judged alone."""
+        return Touching([self.contacts[number] for number in self.states], np.arange(len(self.states)))
+
+    @property
+    def is_any(self) -> Flags:
+        """(n,) whether bodies touch."""
+        return np.array([bool(own) for own in self.contacts], dtype=np.bool_)
+
+    @property
+    def first(self) -> Sequence[Constraint]:
+        """The contacts of the first state at which bodies touch; none without such."""
+        return next((own for own in self.contacts if own), ())
+
+    def truth(self, states: States, documented: Callable[[Sequence[Constraint]], Mechanism]) -> Reference:
+        """The truth at all states, each by the mechanism that is ``documented`` with its contacts."""
+        apart = np.flatnonzero(~self.is_any)
+        groups: list[tuple[Sequence[Constraint], Indices]] = [((), apart)] if len(apart) else []
+        groups += [(self.contacts[number], np.array([number])) for number in np.flatnonzero(self.is_any).tolist()]
+        return in_order([(ReferenceKernel(documented(own)).evaluate(states[numbers]), numbers) for own, numbers in groups])
+
+
+def _constraints(found: Sequence[FoundContact], tree: Tree, place: Place, cone: ConeKind) -> list[Constraint]:
+    """Contacts that push, and say where they are not judged why."""
+    known = {body.name for body in tree.bodies} | {WORLD}
+
+    def read(one: FoundContact) -> FoundContact:
+        missing = [name for name in one.bodies if name not in known]
+        return replace(one, why_not=f"is of {missing[0]}, which the file does not have") if missing and not one.why_not else one
+
+    return contacts_of([read(one) for one in found], place, cone)
+
+
+def put(states: States, numbers: Indices, q: Array, v: Array) -> States:
+    """The states with other positions and velocities at ``numbers``, where these are finite."""
+    is_finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+    all_q, all_v = states.q.copy(), states.v.copy()
+    all_q[numbers[is_finite]], all_v[numbers[is_finite]] = q[is_finite], v[is_finite]
+    return replace(states, q=all_q, v=all_v)

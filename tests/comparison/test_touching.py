@@ -1,0 +1,139 @@
+"""MuJoCo with contacts on is held against what it documents, with the contacts that it finds itself as inputs of the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from comparison.robots import edited, line_of, meant_by
+from support import call_engines_here
+
+from harness.comparison import touching
+from harness.comparison.switched_on import judge_switched_on
+from harness.engines.adapters.mujoco import robot as adapter
+from harness.files.contacts import FoundContact
+from harness.files.findings import CONTACTS, SWITCHED_OFF
+from harness.results.comparison import FileRecord, FilesComparison
+from harness.results.switched_on import SwitchedOnRecord, stays_off, switched_on_text, with_those_on
+from harness.verdict import AGREEMENT, Verdict
+
+BOX = """<mujoco>
+  <option cone="{cone}" impratio="4" tolerance="0" iterations="100"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 0.1" friction="0.75 0.25 0.125"/>
+    <body name="trunk" pos="0 0 0.2">
+      <freejoint/>
+      <geom name="trunk" type="box" size="0.2 0.1 0.05" mass="2" condim="4"/>
+      <body pos="0.25 0 0">
+        <joint name="knee" axis="0 1 0" range="-60 60"/>
+        <geom name="leg" type="capsule" fromto="0 0 0 0.1 0 -0.2" size="0.03" mass="0.5" condim="{condim}"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def written(folder: Path, cone: str = "elliptic", condim: int = 6) -> Path:
+    path = folder / "box.xml"
+    path.write_text(BOX.format(cone=cone, condim=condim))
+    return path
+
+
+def held_by(path: Path) -> SwitchedOnRecord:
+    return judge_switched_on(meant_by(path), "mujoco")
+
+
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+def test_mujoco_touches_as_it_documents(cone: str, tmp_path: Path) -> None:
+    record = held_by(written(tmp_path, cone))
+    assert (record.verdict, record.explained, record.message, record.departures) == (Verdict.AGREES, True, "", [])
+    assert record.states > record.touching >= 4
+    assert record.backward_error is not None and record.backward_error <= AGREEMENT
+    assert with_those_on(record) == "With the file's 1 joint limit and contacts on "
+
+
+def test_what_is_on_is_not_told_as_off(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    record, left_out = held_by(path), meant_by(path).robot.left_out
+    assert any(one.what == CONTACTS for one in left_out)
+    assert stays_off(left_out, record.parts) == [] and record.is_felt
+    lines = [line_of(path, f'geom name="{name}"') for name in ("floor", "trunk", "leg")]
+    assert [part.line for part in record.parts if part.what == CONTACTS] == lines
+
+
+def changed(**fields: Callable[[FoundContact], object]) -> Callable[[FoundContact], FoundContact]:
+    return lambda one: replace(one, **{name: change(one) for name, change in fields.items()})
+
+
+FAULTS = {
+    "friction": changed(friction=lambda one: tuple(mu * (1 + 1e-9) for mu in one.friction)),
+    "margin": changed(margin=lambda one: one.margin + 1e-9),
+    "solref": changed(solref=lambda one: (one.solref[0] * (1 + 1e-9), one.solref[1])),
+    "sign of the normal": changed(frame=lambda one: (*(-x for x in one.frame[:3]), *one.frame[3:])),
+    "bodies swapped": changed(bodies=lambda one: one.bodies[::-1]),
+    "distance": changed(distance=lambda one: one.distance * (1 + 1e-9)),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_contact_that_is_another_is_red(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine is asked about the file as it stands, and the optimum is that of other contacts."""
+    found = touching.contacts_of
+    monkeypatch.setattr(touching, "contacts_of", lambda own, *about: found([FAULTS[fault](one) for one in own], *about))
+    record = held_by(written(tmp_path))
+    assert (record.verdict, record.explained) == (Verdict.DISAGREES, False)
+    assert record.rest == ["it is only at states where bodies touch that it is not what its documentation gives"]
+
+
+def test_a_contact_that_is_dropped_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    call_engines_here(monkeypatch)
+    found = adapter.found_contacts
+    monkeypatch.setattr(adapter, "found_contacts", lambda model, data: found(model, data)[1:])
+    record = held_by(written(tmp_path))
+    assert (record.verdict, record.explained) == (Verdict.DISAGREES, False)
+
+
+REFUSED = {
+    "adhesion": (('name="leg"', 'name="leg" adhesion="2"'), "has adhesion"),
+    "surface": (('name="floor"', 'name="floor" surfacevel="1 0 0"'), "has a surface that moves by itself"),
+    "noslip": (
+        ('impratio="4"', 'impratio="4" noslip_iterations="3"'),
+        "goes through noslip iterations, which solve no problem that is documented",
+    ),
+    "discrete": (
+        ('impratio="4"', 'impratio="4" integrator="discrete"'),
+        "is solved in the metric of a step, which the discrete integrator has",
+    ),
+    "flag": (("<worldbody>", '<option><flag contact="disable"/></option><worldbody>'), SWITCHED_OFF),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_contacts_that_have_another_law_are_refused_by_name(name: str, tmp_path: Path) -> None:
+    change, why = REFUSED[name]
+    path = edited(written(tmp_path), tmp_path, change)
+    record = held_by(path)
+    refused = [part for part in record.parts if part.what == CONTACTS and part.why_not]
+    assert {part.why_not for part in refused} == {why}
+    if name in ("adhesion", "surface"):
+        assert [part.line for part in refused] == [line_of(path, change[1])]
+        # States at which it touches are not judged.
+        assert (record.verdict, record.explained) == (Verdict.AGREES, True)
+        assert any(f"contacts (line {refused[0].line}: it {why})" in text for text in stays_off([], record.parts))
+
+
+def test_bodies_that_hardly_touch_are_judged_with_contacts_on(tmp_path: Path) -> None:
+    path = edited(written(tmp_path), tmp_path, ('type="plane"', 'type="plane" pos="0 0 -50"'))
+    record = held_by(path)
+    assert (record.verdict, record.touching) == (Verdict.AGREES, 0)
+
+
+def test_a_solver_that_stops_early_is_told(tmp_path: Path) -> None:
+    path = edited(written(tmp_path), tmp_path, ('tolerance="0" iterations="100"', 'solver="CG" tolerance="1e-3"'))
+    record = held_by(path)
+    assert record.explained and record.to_the_end is not None and record.to_the_end <= AGREEMENT
+    assert "stops its solver" in switched_on_text(record)
+    assert FilesComparison(files=[FileRecord(path=str(path))], switched_on=[record]).switched_on_of(str(path)) == [record]
