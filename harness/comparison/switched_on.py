@@ -125,8 +125,8 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
     at, within = _felt(asked, read, judged)
     # The first answer was given, so that this one is no refusal.
     answers, touching = asked.with_those(judged, at), Touching.nowhere(len(at.states))
-    if answers.contacts:
-        cone, _ = caller.cone(element_at(at.robot.tree.place), at.robot.format)
+    if answers.contacts and caller.contacts is not None:
+        cone, _ = caller.contacts(element_at(at.robot.tree.place), at.robot.format)
         touching = Touching.of(answers.contacts, at.robot, cone)
     at = replace(at, states=at.states[touching.states], certified=at.truth[touching.states])
     within = within[touching.states] & ~touching.chosen.is_any

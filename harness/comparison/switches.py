@@ -159,11 +159,11 @@ GROUPS = (
 
 def switches_of(original: Robot, read: Robot, caller: Engine) -> list[Switch]:
     """All elements of a robot that a caller may be asked with; ``read`` is what the engine's reader makes of it."""
-    whole = {CONTACTS: caller.cone(element_at(original.tree.place), original.format)[1]} if caller.has_contacts else {}
+    whole = {} if caller.contacts is None else {CONTACTS: caller.contacts(element_at(original.tree.place), original.format)[1]}
     return [
         Switch(group, number, one, whole.get(group.what) or group.why_not(one, read))
         for group in GROUPS
-        if group.what != CONTACTS or caller.has_contacts
+        if group.what != CONTACTS or caller.contacts is not None
         for number, one in enumerate(group.of(original))
     ]
 

@@ -63,7 +63,8 @@ class Engine:
         takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``FarLinks`` of accelerations.
         why_off: why the call lets no elements of a kind act, by ``LeftOut.what``; none of a kind that it can be asked with, some of them
             ``Held``.
-        has_contacts: whether contacts can be judged by a law that it documents, with points and frames as it finds them.
+        contacts: of a file with a root element and format, the cones of friction, and why no contact of it is judged, "" where contacts
+            are; None of an engine whose contacts are judged in no file.
         to_the_end: what its user sets so that its solver of equalities goes on until nothing changes; "" where nothing does that.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
@@ -87,7 +88,7 @@ class Engine:
     supplied: Mapping[str, str] = {}
     takes_inertias_about_tree = False
     why_off: Mapping[str, str] = {}
-    has_contacts = False
+    contacts: Callable[[Any, str], tuple[ConeKind, str]] | None = None
     to_the_end = ""
     why_no_constraints = ""
     reader = ""
@@ -185,10 +186,6 @@ class Engine:
     def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         """The same of constraints of any file with this root element."""
         return {}
-
-    def cone(self, root: Any, model_format: str) -> tuple[ConeKind, str]:
-        """The cones of friction in a file with this root element, and why no contact of it is judged; "" where contacts are."""
-        return ConeKind.PYRAMIDAL, ""
 
     def fuses(self, root: Any, model_format: str) -> bool:
         """True where its reader makes bodies that no joint moves one with their parents."""

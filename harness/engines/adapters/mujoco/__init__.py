@@ -22,7 +22,6 @@ from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
-from harness.files.touching import ConeKind
 
 if TYPE_CHECKING:
     from harness.engines.adapters.mujoco.model import MujocoModel
@@ -38,7 +37,7 @@ class MujocoEngine(Engine):
     oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")
     factorises_mass_matrix = True
     has_soft_constraints = True
-    has_contacts = True
+    contacts = staticmethod(law.contacts)
     supplied: Mapping[str, str] = {
         "urdf": (
             "gravity, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file, "
@@ -78,10 +77,6 @@ class MujocoEngine(Engine):
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         return law.laws_in(law.settings(root, model_format), constraints)
-
-    def cone(self, root: Any, model_format: str) -> tuple[ConeKind, str]:
-        settings = law.settings(root, model_format)
-        return law.cone_of(settings), law.why_no_contacts(settings)
 
     def fuses(self, root: Any, model_format: str) -> bool:
         return law.fuses(root, model_format)

@@ -77,8 +77,13 @@ def laws_in(root: etree._Element, constraints: Iterable[Constraint]) -> dict[str
     return {one.name: _law(one, least_time, exact, ratio) for one in constraints if _acts(root, one)}
 
 
-def why_no_contacts(root: etree._Element) -> str:
-    """Why no contact of the file with this root element is judged; "" where contacts are."""
+def contacts(root: etree._Element, model_format: str) -> tuple[ConeKind, str]:
+    """See ``harness.engines.Engine``."""
+    own = settings(root, model_format)
+    return cone_of(own), _why_no_contacts(own)
+
+
+def _why_no_contacts(root: etree._Element) -> str:
     if not (is_on(root, "contact") and is_on(root, "constraint")):
         return SWITCHED_OFF
     iterations = _option(root, "noslip_iterations")
