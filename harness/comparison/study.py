@@ -110,7 +110,7 @@ class RobotComparison(Study):
         for engine in (one.engine for one in self._subjects if found.robot.format == one.format and found.joints):
             for stance in (one for one in settings.stances if one == Stance.PLAIN or found.certified is not None):
                 self._begin(self._asked(found, engine, stance))
-        yield self.kept(path.name, FilesComparison(files=[_file_record(found)]))
+        yield self.kept(path.name, FilesComparison(files=[_file_record(found, dict.fromkeys(one.engine for one in self._subjects))]))
 
     def _asked(self, found: Meant, engine: str, stance: Stance) -> Inquiry[None]:
         """One engine in one stance on a file, judged beside the file's truth."""
@@ -147,8 +147,11 @@ def _words(problem: InvalidInput) -> str:
     return f"line {problem.line}: {problem.problem}" if problem.line is not None else problem.problem
 
 
-def _file_record(found: Meant) -> FileRecord:
-    robot = found.robot
+def _file_record(found: Meant, engines: Iterable[str]) -> FileRecord:
+    robot, asked = found.robot, [one for one in map(engine_of, engines) if found.robot.format in one.formats]
+    left_out = [
+        replace(part, beside_tau=tuple(told for one in asked if (told := one.beside_tau.get(part.what)))) for part in robot.left_out
+    ]
     return FileRecord(
         path=str(robot.path),
         format=robot.format,
@@ -162,7 +165,7 @@ def _file_record(found: Meant) -> FileRecord:
         undecided=0 if found.certified is None else int((~found.certified.certified).sum()),
         remark=found.undetermined,
         meshes=robot.meshes,
-        left_out=list(robot.left_out),
+        left_out=left_out,
         impossible=list(robot.impossible),
         trunk=robot.trunk_on_the_world,
     )

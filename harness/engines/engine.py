@@ -65,6 +65,7 @@ class Engine:
             ``Held``.
         contacts: of a file with a root element and format, the cones of friction, and why no contact of it is judged, "" where contacts
             are; None of an engine whose contacts are judged in no file.
+        beside_tau: what it makes of elements that bear on no acceleration at given tau, by ``LeftOut.what``, a sentence with its source.
         to_the_end: what its user sets so that its solver of equalities goes on until nothing changes; "" where nothing does that.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
@@ -89,6 +90,7 @@ class Engine:
     takes_inertias_about_tree = False
     why_off: Mapping[str, str] = {}
     contacts: Callable[[Any, str], tuple[ConeKind, str]] | None = None
+    beside_tau: Mapping[str, str] = {}
     to_the_end = ""
     why_no_constraints = ""
     reader = ""

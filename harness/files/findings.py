@@ -7,6 +7,8 @@ from dataclasses import dataclass
 # Elements that engines are asked with besides, by ``LeftOut.what``.
 EQUALITIES, ACTUATORS, FRICTION, LIMITS, TENDON_LIMITS = "equalities", "actuators", "dry friction", "joint limits", "tendon limits"
 CONTACTS = "contacts"
+# Those of a URDF that an engine may apply to other inputs than tau.
+EFFORT, TRANSMISSIONS = "effort and velocity limits", "transmissions"
 SWITCHED_OFF = "is switched off in the file"
 
 
@@ -17,12 +19,14 @@ class LeftOut:
     Attributes:
         what: in plural, such as "joint limits" or "visual and collision geometry".
         lines: of each such element in the order of the file; of one in an included file, that of the element that includes it.
-        bears_on_motion: whether an engine that has it switched on could give other accelerations for it.
+        bears_on_motion: whether an engine that has it switched on could give other accelerations for it, at given tau.
+        beside_tau: what the engines that were asked make of it on other inputs than tau, a sentence each.
     """
 
     what: str
     lines: tuple[int, ...]
     bears_on_motion: bool
+    beside_tau: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from lxml import etree
 
 from harness.files.document.source import Source
 from harness.files.document.xml import describe, literal_tag
-from harness.files.findings import ACTUATORS, CONTACTS, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, LeftOut
+from harness.files.findings import ACTUATORS, CONTACTS, EFFORT, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, TRANSMISSIONS, LeftOut
 from harness.files.given import Place
 from harness.files.mjcf.attributes import JOINTS, Attributes, resolved_text
 from harness.files.tree import WORLD, Tree
@@ -42,18 +42,18 @@ _SECTIONS_READ = ("compiler", "option", "default", "worldbody", "tendon")
 _OF_FLUID = ("density", "viscosity", "wind")
 
 # URDF, in the order in which it is told.
-_UNKNOWN, _XACRO, _EFFORT = "elements that URDF does not know", "xacro leftovers", "effort and velocity limits"
-_TRANSMISSIONS, _SAFETY, _GAZEBO = "transmissions", "safety controllers and calibration", "gazebo elements"
+_UNKNOWN, _XACRO = "elements that URDF does not know", "xacro leftovers"
+_SAFETY, _GAZEBO = "safety controllers and calibration", "gazebo elements"
 _MUJOCO, _LOOPS = "options of MuJoCo's own reader", "Drake's ball constraints, which no engine's reader reads"
 _BEARS_ON_MOTION = {
     **dict.fromkeys((CONTACTS, LIMITS, FRICTION, DAMPING_OF_SEVERAL, FORCES_WITHOUT_AXIS, UNREAD_ROTORS, _MUJOCO, _LOOPS), True),
-    **dict.fromkeys((_EFFORT, _TRANSMISSIONS, _SAFETY, _VISUAL, _GAZEBO, _XACRO, _UNKNOWN), False),
+    **dict.fromkeys((EFFORT, TRANSMISSIONS, _SAFETY, _VISUAL, _GAZEBO, _XACRO, _UNKNOWN), False),
 }
 _OF_PATH = {
     "link/visual": _VISUAL,
     "link/collision": CONTACTS,
     "robot/material": _VISUAL,
-    "robot/transmission": _TRANSMISSIONS,
+    "robot/transmission": TRANSMISSIONS,
     "robot/gazebo": _GAZEBO,
     "robot/mujoco": _MUJOCO,
     f"robot/{BALL_CONSTRAINT}": _LOOPS,
@@ -222,6 +222,6 @@ def _of_joint(source: Source, joint: etree._Element) -> Iterator[tuple[str, etre
         if kind in LIMITED and source.number(limit, "lower", 0.0) < source.number(limit, "upper", 0.0):
             yield LIMITS, limit
         if {"effort", "velocity"} & set(limit.attrib):
-            yield _EFFORT, limit
+            yield EFFORT, limit
     if dynamics is not None and kind != FIXED and source.number(dynamics, "friction", 0.0):
         yield FRICTION, dynamics

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+from harness.files.findings import LeftOut
 from harness.results.comparison import (
     FileRecord,
     FilesComparison,
@@ -144,15 +145,19 @@ def _description(file: FileRecord) -> list[str]:
     undecided = f", of which {file.undecided} have none: M is singular or not positive definite there" if file.undecided else ""
     certified = f"  certified accelerations at {counted(file.states, 'state')}{undecided}" if file.degrees_of_freedom else ""
     meshes = f"{len(file.meshes)} mesh{'es' if len(file.meshes) > 1 else ''}"
-    bearing = {True: "would move it, and is off in every engine", False: "bears on no acceleration"}
     return [
         f"{file.path}: {file.format.upper()}, {file.bodies} bodies, {counted(file.joints, 'joint')}"
         f"{followers}, {file.degrees_of_freedom} degrees of freedom, {file.total_mass:.6g} kg, gravity {gravity} m/s^2",
         f"  {file.base}" if file.base else "",
         f"  {file.remark}" if file.remark else certified,
         f"  inertia of {meshes} as MuJoCo compiled it ({lines_text(file.meshes)}): not judged" if file.meshes else "",
-        *(f"  left out: {one.what}, {len(one.lines)} ({lines_text(one.lines)}): {bearing[one.bears_on_motion]}" for one in file.left_out),
+        *map(_left_out, file.left_out),
     ]
+
+
+def _left_out(part: LeftOut) -> str:
+    bearing = "would move it, and is off in every engine" if part.bears_on_motion else "bears on no acceleration at given tau"
+    return f"  left out: {part.what}, {len(part.lines)} ({lines_text(part.lines)}): {'; '.join([bearing, *part.beside_tau])}"
 
 
 def _impossible(found: FilesComparison) -> Iterator[str]:

@@ -224,13 +224,13 @@ def _facts(file: FileRecord, held: Sequence[SwitchedOnRecord], detail: Detail) -
     judged = {what for record in held for what in record.judged}
     left_out = [one for one in file.left_out if one.what not in judged]
     if detail == Detail.ALL:
-        bearing = {True: "which would move it", False: "which moves nothing"}
-        yield from (
-            f"Not compared: {one.what}, {len(one.lines)}, {lines_text(one.lines)}, {bearing[one.bears_on_motion]}" for one in left_out
-        )
+        bearing = {True: "which would move it", False: "which moves nothing at given tau"}
+        for one in left_out:
+            told = "; ".join([bearing[one.bears_on_motion], *one.beside_tau])
+            yield f"Not compared: {one.what}, {len(one.lines)}, {lines_text(one.lines)}, {told}"
         return
-    felt = [f"{one.what} ({len(one.lines)})" for one in left_out if one.bears_on_motion]
-    others = sum(len(one.lines) for one in left_out if not one.bears_on_motion)
+    felt = [f"{one.what} ({len(one.lines)})" for one in left_out if one.bears_on_motion or one.beside_tau]
+    others = sum(len(one.lines) for one in left_out if not one.bears_on_motion and not one.beside_tau)
     if felt or others:
         still = f"{counted(others, 'element')} that {'moves' if others == 1 else 'move'} nothing"
         yield f"Not compared: {', '.join([*felt, *([still] if others else [])])}"

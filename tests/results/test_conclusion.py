@@ -138,7 +138,7 @@ def test_what_is_left_out_is_one_line_of_counts_or_all_of_it() -> None:
     assert conclude(found, file).rows[-1] == "Not compared: contacts (2), 1 element that moves nothing"
     assert conclude(found, file, Detail.ALL).rows[-2:] == (
         "Not compared: contacts, 2, lines 3, 4, which would move it",
-        "Not compared: safety controllers, 1, line 9, which moves nothing",
+        "Not compared: safety controllers, 1, line 9, which moves nothing at given tau",
     )
 
 

@@ -24,7 +24,7 @@ from harness.engines.loaded_file import refuse_joints
 from harness.engines.reading import captured_standard_error, elements_of, links_without_inertia, text_of, without_shapes
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.files.findings import EQUALITIES, FRICTION, LIMITS
+from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 
@@ -104,6 +104,9 @@ class DartEngine(Engine):
             "gravity, springs of joints and springs between points are supplied from the file, and no inertia where a link has none; "
             "dampers are its own, at a time step of 0"
         )
+    }
+    beside_tau: Mapping[str, str] = {
+        EFFORT: "DART bounds commands by effort, and forces that are set by none (DART, dynamics/detail/GenericJoint.hpp, setCommand)"
     }
     why_off: Mapping[str, str] = {
         EQUALITIES: "computeForwardDynamics holds no joints together, which a step of its world does",

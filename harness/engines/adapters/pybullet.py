@@ -33,7 +33,7 @@ from harness.engines.reading import (
 )
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.files.findings import EQUALITIES, FRICTION, LIMITS
+from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS
 
 # pybullet.URDF_USE_INERTIA_FROM_FILE.
 _INERTIAS_OF_FILE = 2
@@ -130,6 +130,9 @@ class PybulletEngine(Engine):
             "dampers, springs and rotor inertias of joints, and springs between points, are supplied from the file, "
             "and each link has the inertia that stands there"
         )
+    }
+    beside_tau: Mapping[str, str] = {
+        EFFORT: "PyBullet tells both, and applies neither (PyBullet Quickstart Guide, getJointInfo: jointMaxForce, jointMaxVelocity)"
     }
     why_off: Mapping[str, str] = {
         EQUALITIES: "its mass matrix and inverse dynamics hold no joints together",

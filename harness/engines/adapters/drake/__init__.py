@@ -23,7 +23,7 @@ from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
-from harness.files.findings import EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS
+from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, TRANSMISSIONS
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 
@@ -188,6 +188,13 @@ class DrakeEngine(Engine):
         formats,
         "gravity, springs and rotor inertias of joints, and springs between points, are supplied from the file; dampers are its own",
     )
+    beside_tau: Mapping[str, str] = {
+        EFFORT: (
+            "Drake bounds inputs of actuators by effort, and generalised forces by none; its dynamics have no velocity limits "
+            "(https://github.com/RobotLocomotion/drake/pull/24110)"
+        ),
+        TRANSMISSIONS: 'Drake makes an actuator of each, at a mechanicalReduction of 1 (Drake documentation, "Parsing model files", URDF)',
+    }
     why_off: Mapping[str, str] = {
         EQUALITIES: "it holds equalities in discrete time steps alone, and has no acceleration at a state with them",
         FRICTION: "Drake applies dry friction in discrete time steps alone",

@@ -21,6 +21,7 @@ from harness.engines.adapters.mujoco import law
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
 from harness.files.equalities import Constraint
+from harness.files.findings import EFFORT, TRANSMISSIONS
 from harness.files.model_file import ModelFile, document_of
 
 if TYPE_CHECKING:
@@ -32,6 +33,13 @@ if TYPE_CHECKING:
 class MujocoEngine(Engine):
     title = "MuJoCo"
     to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
+    beside_tau: Mapping[str, str] = {
+        EFFORT: (
+            "MuJoCo bounds by effort what actuators do that a user adds, as actuatorfrcrange, and has no velocity limits "
+            "(MuJoCo 4.0, xml/xml_urdf.cc)"
+        ),
+        TRANSMISSIONS: "MuJoCo reads none (MuJoCo documentation, Modeling, URDF extensions)",
+    }
     requires = ("mujoco", "mujoco")
     formats = ("mjcf", "urdf")
     oldest: Mapping[str, str] = dict.fromkeys(formats, "3.3.0")

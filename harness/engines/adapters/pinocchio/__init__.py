@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from harness.engines import Engine
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
-from harness.files.findings import EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS
+from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, TRANSMISSIONS
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -43,6 +43,10 @@ class PinocchioEngine(Engine):
         formats,
         "gravity, dampers, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file",
     )
+    beside_tau: Mapping[str, str] = {
+        EFFORT: "Pinocchio stores both, and ABA applies neither (Pinocchio 4.1, multibody/model.hpp, effortLimit and velocityLimit)",
+        TRANSMISSIONS: "Pinocchio reads none (Pinocchio 4.1, parsers/urdf/model.cpp)",
+    }
     why_off: Mapping[str, str] = {
         EQUALITIES: "pin.aba holds no equality, whatever its readers make of it",
         FRICTION: "pin.aba applies no dry friction",
