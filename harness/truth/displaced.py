@@ -58,8 +58,13 @@ def pressed(mechanism: DeclaredMechanism, states: States) -> States:
     chosen, depth = np.zeros((2, len(states), len(rows.rows)))
     laws = dict(mechanism.laws)
     for state in range(len(states)):
-        random = _random_of(states, state)
+        random, owners = _random_of(states, state), set[str]()
         for _, row in random.permutation(mechanism.pushing)[: random.integers(1, _MOST_LIMITS + 1)]:
+            owner = rows.rows[row].rpartition(" limit of ")[2]
+            # No state is beyond both ends of one range: pressed there it would come to rest between them.
+            if owner in owners:
+                continue
+            owners.add(owner)
             width = laws[rows.rows[row]].impedance.width
             chosen[state, row], depth[state, row] = 1.0, width * 10 ** random.uniform(*_WITHIN_WIDTH) + 10 ** random.uniform(*_ANYWHERE)
     at = states

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 import pytest
 from comparison.robots import record_of
 from support import BUILT_IN
+
+from harness.engines.request import Aid, JointForces, Request
 
 SUPPLIED = ("collar", "coupled_oscillators", "flyball_governor", "furuta_pendulum.armature", "heavy_top", "tora")
 
@@ -32,3 +38,10 @@ def test_what_readers_of_urdf_pass_over_explains_a_plain_answer(name: str, readi
 def test_a_tendon_at_a_body_that_the_reader_passes_over_pulls_at_nothing() -> None:
     record = record_of(BUILT_IN.model_path("coupled_oscillators", "mjcf"), "pinocchio", aided=True)
     assert record.explained and {one.name for one in record.readings} == {"further trees"}
+
+
+def test_an_engine_that_must_be_told_gravity_is_told_the_file_s_where_that_is_supplied() -> None:
+    """A user of PyBullet or iDynTree says 9.81 downwards, whatever stands in a file that holds gravity."""
+    plain = Request(path=Path("robot.urdf"), format="urdf", joints=(), moving=())
+    aided = replace(plain, aid=Aid(np.array([0.5, -1.5, 3.0]), JointForces(np.zeros(0), ()), np.zeros(0)))
+    assert (plain.gravity, aided.gravity) == ((0.0, 0.0, -9.81), (0.5, -1.5, 3.0))

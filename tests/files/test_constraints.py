@@ -16,7 +16,7 @@ from harness.files.facts import in_radians, point_of, turn_of
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.reading import read as read_meaning
 from harness.files.text.anatomy import anatomy
-from harness.files.text.lines import JOINT, lines_of
+from harness.files.text.lines import JOINT, SPRING_LENGTH, lines_of
 from harness.files.text.scan import find_numbers
 from harness.library import Library
 
@@ -279,6 +279,18 @@ def test_a_joint_is_found_beside_a_coupling_of_its_name() -> None:
     coupling = '<equality><joint name="crank" joint1="crank"/></equality>'
     file = four_bar("mjcf", ("<worldbody>", f"{coupling}<worldbody>"))
     assert lines_of(file, JOINT, "crank") == (file.joint_lines["crank"],) != (file.constraints[0].line,)
+
+
+def test_a_tendon_that_is_spring_or_damper_alone_counts_as_a_spring_and_one_that_is_neither_does_not() -> None:
+    sites = '<site site="coupler_end"/><site site="follower_end"/>'
+    kinds = ("", 'damping="2"', 'stiffness="3"', 'stiffness="1" damping="1"')
+    tendons = "".join(f'\n<spatial springlength="0.5" {kind}>{sites}</spatial>' for kind in kinds)
+    file = four_bar(
+        "mjcf", ("</worldbody>", f"</worldbody><tendon>{tendons}</tendon>"), (' spring="disable"', ""), (' damper="disable"', "")
+    )
+    slack = next(number for number, line in enumerate(file.text.splitlines(), 1) if line.startswith('<spatial springlength="0.5" >'))
+    found = [lines_of(file, SPRING_LENGTH, str(number))[0] for number in (1, 2, 3)]
+    assert found == [slack + 1, slack + 2, slack + 3]
 
 
 @pytest.mark.parametrize(

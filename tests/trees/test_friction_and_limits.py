@@ -37,6 +37,8 @@ from harness.programs.states import States
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import Robot, read_robot
 from harness.truth.compare import Comparison, compare
+from harness.truth.declared import DeclaredMechanism
+from harness.truth.displaced import pressed
 from harness.truth.optimum import optimum
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
@@ -141,6 +143,17 @@ LIMITED = {
 def test_mujoco_limits_as_it_documents(name: str, tmp_path: Path) -> None:
     _, _, compared = judged(written(tmp_path, **LIMITED[name]))
     assert worst(compared) <= AGREEMENT
+
+
+@pytest.mark.parametrize("name", ["hinge", "both at once", "power"])
+def test_a_state_that_is_pressed_is_beyond_a_limit(name: str, tmp_path: Path) -> None:
+    """Whatever its own joints are at; of states that are not there nothing would ever be asked of limits."""
+    robot = read_robot(written(tmp_path, **LIMITED[name]))
+    mechanism = documented(robot)
+    assert isinstance(mechanism, DeclaredMechanism)
+    states = sample(mechanism, STATES, SEED)
+    within = replace(states, q=np.where(np.arange(states.q.shape[1]) < 2, 0.0, states.q))
+    assert mechanism.reaches_limits(pressed(mechanism, within)).all()
 
 
 @dataclass(frozen=True)
