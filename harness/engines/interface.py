@@ -188,7 +188,7 @@ class CompiledNumber:
         quantity: the engine's own name, as "dof_damping". owner: name of the joint, body or other object; "" for the whole model.
         values: in the engine's units; a word for a value of an enumeration. parts: their names, of what is one vector, quaternion or
             inertia; none where values are counted, each a number by itself.
-        felt: whether an acceleration without constraints, actuators and fluid may feel it.
+        felt: whether an acceleration without constraints and fluid, with the actuators that act, may feel it.
     """
 
     quantity: str

@@ -36,7 +36,7 @@ class CompiledChange:
         quantity, part: the engine's own names, as "actuator_biasprm" and "[2]". owners: the objects of which all this is so.
         before, now: None where a version has no such object. size: of the difference, relative to the larger, or to the length of what
             it is a component of; infinite where a word changed, or an object came or went.
-        felt: whether accelerations without constraints, actuators and fluid may feel it.
+        felt: whether the accelerations that are compared may feel it.
     """
 
     system: str
@@ -88,7 +88,7 @@ class Asked:
 
     Attributes:
         before, now: the records of the versions. changes, numbers: from the one to the other. left_out: what of the file no version was
-            asked about. has_numbers: whether the numbers that both hold are known.
+            asked about. actuators: of the file, how many were on. has_numbers: whether the numbers that both hold are known.
     """
 
     before: Record
@@ -96,6 +96,7 @@ class Asked:
     changes: Sequence[RunChange] = ()
     numbers: Sequence[CompiledChange] = ()
     left_out: Sequence[LeftOut] = ()
+    actuators: int = 0
     has_numbers: bool = False
 
     @property
@@ -203,7 +204,7 @@ class Upgraded:
             same = "accelerations and compiled numbers are" if known == {True} else "accelerations are"
             same = "accelerations, and compiled numbers where both versions read the file, are" if len(known) > 1 else same
             none = f"does not change {self._names[next(iter(of))]}" if len(of) == 1 else f"changes none of {counted(len(of), self.noun)}"
-            return f"No: {engine} {none} against {self.before}; {same} the same to rounding"
+            return f"No: {engine} {none} against {self.before}{self._on}; {same} the same to rounding"
         those = [one for found in changed.values() for one in found]
         better = all(one.is_better and not one.is_open for one in those)
         how = ", for the worse" if any(one.is_worse for one in those) else ", for the better" if better else ""
@@ -211,7 +212,14 @@ class Upgraded:
         which = f"{names} against {self.before}"
         if len(of) > 1:
             which = f"{len(changed)} of {counted(len(of), self.noun)} against {self.before} ({names})"
-        return f"Yes{how}: {engine} changes {which}: {self._what(those)}"
+        return f"Yes{how}: {engine} changes {which}{self._on}: {self._what(those)}"
+
+    @property
+    def _on(self) -> str:
+        """What acts besides the equations of motion, a clause; "" where nothing does."""
+        numbers = {one.now.system: one.actuators for one in self._compared if one.actuators}
+        of = "" if self._is_of_one else f" of {counted(len(numbers), self.noun)}"
+        return f", with {counted(sum(numbers.values()), 'actuator')}{of} on" if numbers else ""
 
     @property
     def _unanswered(self) -> list[str]:

@@ -42,14 +42,15 @@ class Portrait:
 
     Attributes:
         numbers: that it holds. accelerations: (n, nv) in the kinetic-energy metric, as shares of the certified ones; roundoff: (n,) data
-            roundoff in the same measure; both empty where there are none. left_out: what of a file nobody is asked about. failure: of what
-            gives the portrait, a sentence.
+            roundoff in the same measure; both empty where there are none. left_out: what of a file nobody is asked about. actuators: of
+            a file, how many act. failure: of what gives the portrait, a sentence.
     """
 
     numbers: Sequence[CompiledNumber] = ()
     accelerations: Array = field(default_factory=lambda: np.empty((0, 0)))
     roundoff: Array = field(default_factory=lambda: np.empty(0))
     left_out: Sequence[LeftOut] = ()
+    actuators: int = 0
     failure: str = ""
 
 
@@ -65,7 +66,9 @@ def portray(library: Library, system: str, subject: Subject, seed: int, note: No
     numbers = _numbers_of(one)
     note(f"accelerations of {subject}")
     answered = _answers(one, seed) if robot is None else _answers_on_file(one, robot, seed)
-    found = Portrait(numbers, left_out=() if robot is None else tuple(_left_out(robot)))
+    found = Portrait(numbers)
+    if robot is not None:
+        found = replace(found, left_out=tuple(_left_out(robot)), actuators=len(robot.tree.actuators))
     if answered is None:
         return found
     shares, roundoff = _in_metric(*answered)

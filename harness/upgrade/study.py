@@ -93,6 +93,7 @@ def held_against(records: Sequence[Record], portraits: Portraits, before: str, n
             changes=[*changes.get(key, ()), *moved],
             numbers=numbers,
             left_out=other.left_out or one.left_out,
+            actuators=other.actuators or one.actuators,
             has_numbers=bool(one.numbers and other.numbers),
         )
         found.append(asked)

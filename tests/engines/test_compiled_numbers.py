@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from harness.comparison.robot_library import engine_of, engines_of_files, robot_at
 from harness.engines.interface import CompiledNumber
-from harness.engines.request import Refused
+from harness.engines.request import Held, Refused
 from harness.explain.meant import request_of
 from harness.library import Stance
 
@@ -58,6 +59,21 @@ def test_mujoco_gives_what_it_compiles_actuators_and_contacts_too(tmp_path: Path
     assert found["geom_friction", "shin"].values == (0.7, 0.01, 0.001) and ("geom_friction", "picture") not in found
     options = {name: found[f"opt_{name}", ""].values for name in ("integrator", "timestep", "disableflags", "gravity")}
     assert options == {"integrator": ("rk4",), "timestep": (0.004,), "disableflags": ("contact",), "gravity": (0.0, 0.0, -9.81)}
+
+
+def test_numbers_of_actuators_that_drive_are_felt(tmp_path: Path) -> None:
+    """Of those that do not, and all where none does, no acceleration that is compared feels any."""
+    path = tmp_path / "bar.xml"
+    path.write_text(MJCF.replace("</actuator>", '<motor name="other" joint="pin"/></actuator>'))
+    request = request_of(robot_at(path), Stance.PLAIN)
+    for driven in ((), (0,), (0, 1)):
+        found = engine_of("mujoco").compiled(replace(request, held=Held((), (), actuators=driven)))
+        felt = {(one.quantity, one.owner) for one in found if one.felt}
+        for number, name in enumerate(("servo", "other")):
+            of_actuator = {("actuator_biasprm", name), ("actuator_gear", name), ("actuator_ctrlrange", name)}
+            assert of_actuator & felt == (of_actuator if number in driven else set())
+        assert (("jnt_actfrcrange", "pin") in felt) == bool(driven)
+        assert ("actuator_armature", "other") in felt and ("actuator_cranklength", "other") not in felt
 
 
 def test_pinocchio_gives_what_its_reader_holds_though_aba_feels_not_all(tmp_path: Path) -> None:

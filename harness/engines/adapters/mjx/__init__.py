@@ -37,7 +37,7 @@ class MjxEngine(Engine):
     reader = "mujoco"
     takes_inertias_about_tree = True
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
-    to_the_end = 'set <option iterations="100" tolerance="0"/>'
+    to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
     call: Mapping[str, str] = {
         "mjcf": (
             "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; "

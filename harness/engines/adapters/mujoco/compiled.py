@@ -8,7 +8,8 @@ Source: MuJoCo documentation, API reference, mjModel; mjmodel.h of 3.3 to 4.0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -23,12 +24,18 @@ _OBJECTS = {"body": "body", "jnt": "joint", "geom": "geom", "pair": "pair", "sit
 _PREFIXES = (*_OBJECTS, "dof", "actuator", "opt", "qpos0", "qpos")
 # Inverse weights follow from masses and inertias.
 _FELT = {
-    "body": "mass ipos inertia pos quat invweight0",
+    "body": "mass ipos inertia pos quat invweight0 gravcomp",
     "jnt": "type axis pos stiffness stiffnesspoly",
     "dof": "damping dampingpoly armature invweight0",
     "tendon": "stiffness stiffnesspoly damping dampingpoly armature lengthspring invweight0",
+    "actuator": "damping dampingpoly armature",
     "qpos": "spring",
     "opt": "gravity",
+}
+# Where actuators drive: of those that do, and of what they drive.
+_FELT_DRIVEN = {
+    "actuator": "trntype gaintype biastype gainprm biasprm gear ctrllimited ctrlrange forcelimited forcerange actlimited",
+    "jnt": "actfrclimited actfrcrange actgravcomp",
 }
 _LEFT_OUT = frozenset(
     "user rgba group aabb rbound sameframe simple castshadow width M0 subtreemass acc0 length0 length iquat".split()  # noqa: SIM905
@@ -51,8 +58,8 @@ _WORDS = {
 _SWITCHES = {"opt_disableflags": ("mjtDisableBit", "mjDSBL_"), "opt_enableflags": ("mjtEnableBit", "mjENBL_")}
 
 
-def compiled(model: Any) -> Iterator[CompiledNumber]:
-    """Every such number of a model, by the names of its arrays."""
+def compiled(model: Any, driven: Sequence[int] = ()) -> Iterator[CompiledNumber]:
+    """Every such number of a model, by the names of its arrays; ``driven`` are the numbers of the actuators that act."""
     for array in sorted(name for name in dir(model) if not name.startswith("_")):
         values, (prefix, _, name) = getattr(model, array), array.partition("_")
         if isinstance(values, np.ndarray) and prefix in _PREFIXES and name not in _LEFT_OUT:
@@ -60,21 +67,25 @@ def compiled(model: Any) -> Iterator[CompiledNumber]:
                 turns = rotations(model.body_iquat)
                 values = (turns * values[:, None]) @ turns.transpose(0, 2, 1)
             if array in _WORDS or values.dtype.kind != "i" or name in _COUNTED:
-                yield from _of_objects(model, array, values)
+                yield from _of_objects(model, array, values, driven)
     for name in sorted(name for name in dir(model.opt) if not name.startswith("_")):
         setting = getattr(model.opt, name)
         if isinstance(setting, int | float | np.ndarray):
             yield _number(f"opt_{name}", "", np.atleast_1d(setting))
 
 
-def _of_objects(model: Any, array: str, values: Array) -> Iterator[CompiledNumber]:
-    prefix = array.partition("_")[0]
+def _of_objects(model: Any, array: str, values: Array, driven: Sequence[int]) -> Iterator[CompiledNumber]:
+    prefix, _, name = array.partition("_")
+    may_drive = bool(driven) and name in _FELT_DRIVEN.get(prefix, "").split()
+    # Of several inputs of an actuator there are more rows than actuators.
+    acting = driven if prefix == "actuator" and len(values) == len(model.actuator_trntype) else range(len(values) * (prefix == "jnt"))
     owner = _owners(model, prefix, len(values))
     for number, row in enumerate(values):
         is_passed_over = prefix == "geom" and not (model.geom_contype[number] or model.geom_conaffinity[number])
         # The world has neither mass nor place.
         if not is_passed_over and not (prefix == "body" and number == 0):
-            yield _number(array, owner(number), np.atleast_1d(row))
+            found = _number(array, owner(number), np.atleast_1d(row))
+            yield replace(found, felt=True) if may_drive and number in acting else found
 
 
 def _number(quantity: str, owner: str, values: Array) -> CompiledNumber:

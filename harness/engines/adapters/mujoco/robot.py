@@ -66,7 +66,7 @@ def read(request: Request) -> MujocoFile:
 def compiled_numbers(request: Request) -> tuple[CompiledNumber, ...]:
     """See ``harness.engines.Engine.compiled``."""
     with _refusals():
-        return tuple(compiled(_plain(request)[0]))
+        return tuple(compiled(_plain(request)[0], request.driven))
 
 
 @contextmanager
