@@ -11,10 +11,11 @@ import mpmath
 import numpy as np
 
 from harness.programs.kernels import BallKernel
-from harness.programs.mechanisms.constraint_forces import MULTIPLIERS, by_reduction, constrained_program
+from harness.programs.mechanisms.constraint_forces import MULTIPLIERS, Tied, constrained_program, reduced
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.program import upper_triangle
 from harness.programs.states import States
+from harness.programs.terms import Vector
 from harness.truth.manifold import enclosed
 from harness.truth.reference import Reference, ReferenceKernel, energy_norm
 
@@ -68,6 +69,11 @@ def balls(values: Iterable[float | str]) -> list[Any]:
 def middle(ball: Any) -> mpmath.mpf:
     mantissa, exponent = ball.mid().man_exp()
     return mpmath.ldexp(mpmath.mpf(int(mantissa)), int(exponent))
+
+
+def by_reduction(tied: Tied) -> tuple[Vector, Vector]:
+    """The forces M a - f, (nv,), with a from the reduced equations; no multipliers."""
+    return tied.mass @ reduced(tied) - tied.force, ()
 
 
 def by_both_ways(mechanism: Mechanism) -> tuple[ReferenceKernel, ReferenceKernel]:

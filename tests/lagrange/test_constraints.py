@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 from exact import mechanism_of
 from loops import CRANK_ROCKER, R, a, coupler, crank, d, follower, four_bar, spin, upright_disc, x, y, yaw
+from support_constraints import by_reduction
 
 from harness.arrays import Array
 from harness.lagrange.constraint import Constraint
@@ -17,7 +18,7 @@ from harness.lagrange.euler_angles import Attitude
 from harness.lagrange.system import TIME
 from harness.programs.evaluation import values
 from harness.programs.kernels import full_matrices
-from harness.programs.mechanisms.constraint_forces import by_reduction, constrained_program
+from harness.programs.mechanisms.constraint_forces import constrained_program
 from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.mechanisms.softened import Softness, softened_program
 from harness.programs.program import StraightLineProgram, right_hand_side

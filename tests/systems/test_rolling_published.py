@@ -9,10 +9,11 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from support_constraints import by_reduction
 
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
-from harness.programs.mechanisms.constraint_forces import by_reduction, constrained_program
+from harness.programs.mechanisms.constraint_forces import constrained_program
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States

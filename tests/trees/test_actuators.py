@@ -56,6 +56,7 @@ EACH = (
     '<intvelocity joint="b" kp="4" actrange="-1 1" kv="0.5"/>',
     '<position joint="b" kp="4" timeconst="0.1"/>',
     '<motor jointinparent="c" gear="1 2 3" ctrlrange="-2 1"/>',
+    '<motor joint="f"/>',
     '<motor joint="f" gear="1 2 3 4 5 6"/>',
     '<motor jointinparent="f" gear="1 2 3 4 5 6"/>',
     '<velocity site="s" kv="0.7" gear="1 2 3 0.4 0.5 0.6" forcerange="-1 1"/>',

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from catalogue import BUILT_IN, MODELS, is_tied
 from free_bodies import FreeBodies, free_bodies
+from support_constraints import by_reduction
 
 from harness.arrays import Array
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
-from harness.programs.mechanisms.constraint_forces import Tied, by_multipliers, by_reduction, constrained_program
+from harness.programs.mechanisms.constraint_forces import Tied, by_multipliers, constrained_program
 from harness.programs.states import States
 from harness.programs.terms import Vector
 from harness.trees.bodies.spatial import FileProgram

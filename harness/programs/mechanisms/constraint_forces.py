@@ -126,11 +126,6 @@ def by_multipliers(tied: Tied) -> tuple[Vector, Vector]:
     return -(tied.jacobian.T @ multipliers), multipliers
 
 
-def by_reduction(tied: Tied) -> tuple[Vector, Vector]:
-    """The forces M a - f, (nv,), with a from the reduced equations; no multipliers."""
-    return tied.mass @ reduced(tied) - tied.force, ()
-
-
 def reduced_program(constraints: Constraints) -> StraightLineProgram:
     """A program of the tree's inputs whose one output, ``accelerations`` (nv,), is the solution of the reduced equations."""
     tied = tied_equations(constraints)
