@@ -32,8 +32,8 @@ TESTS = Path(__file__).resolve().parent
 TIMES, STARTING, WAITING, AT_LEAST = 4, 30, 10, 600
 # How long servers of engines may take to end after the tests [s].
 ENDING = 20
-# Of pytest: tests failed, their collection was broken off, and it was asked for what there is not.
-FAILED, BROKEN_OFF, NOT_FOUND = 1, 2, 4
+# Of pytest: tests failed, their collection was broken off by an error in a file or in a hook, and it was asked for what there is not.
+FAILED, BROKEN_OFF, BROKEN_HOOK, NOT_FOUND = 1, 2, 3, 4
 IGNORED = shutil.ignore_patterns("__pycache__", ".mypy_cache", ".ruff_cache", ".git", ".venv", ".mutation")
 
 
@@ -210,7 +210,7 @@ class Copy:
             return True, f"crash by {signal.Signals(-status).name}"
         if status in (0, FAILED):
             return status == FAILED, "test fails" if status else ""
-        if status == BROKEN_OFF and self._collects_without(results):
+        if status in (BROKEN_OFF, BROKEN_HOOK) and self._collects_without(results):
             return True, "tests cannot be collected"
         loads = subprocess.run([sys.executable, "-c", f"import {self._changed}"], cwd=self.root, env=self.environment, capture_output=True)
         if loads.returncode:

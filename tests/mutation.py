@@ -8,7 +8,7 @@ of the repository. A test that failed for it in an earlier run comes first, then
 beside them and those that run anything of its module, as far as ``--budget`` allows.
 
 A mutant is killed where a test fails, where tests use far more processor time than without it, where they crash, or where they or the
-module cannot be imported. Where pytest cannot be asked (statuses 3 to 5) or waits without end, nothing is known, and it counts as alive.
+module cannot be imported. Where pytest cannot be asked (statuses 4 and 5) or waits without end, nothing is known, and it counts as alive.
 
 Everything is kept in the folder ``--results``: a run that was cut off goes on where it was. A kill stands while the file of its test is as
 it was, a survival while all sources are. No cache answers for a mutant: entries of some caches (points of Sobol, answers of a night) are

@@ -165,6 +165,11 @@ def test_what_is_no_answer_of_a_test_kills_nothing(repository: Path) -> None:
         (copy.root / "tests" / "test_lacking.py").write_text("import nowhere_at_all\n\ndef test_it():\n    pass\n")
         lacking = copy.run({"tests/test_lacking.py::test_it": 0.1}, 1.0)
         assert not lacking.killed and lacking.how.startswith("pytest ended with status")
+        (copy.root / "tests" / "conftest.py").write_text(
+            "from harness.toy import TABLE\n\ndef pytest_collection_modifyitems():\n    [_] = TABLE.splitlines()\n"
+        )
+        with copy.with_text(repository / "harness" / "toy.py", TOY.replace('"one"', '"o\\nne"')):
+            assert copy.run({doubled: 0.1}, 1.0).how == "tests cannot be collected"
         # The budget is for the tests, of which the cheapest is asked always.
         assert copy.run({"tests/test_toy.py::test_doubled": 5.0, "tests/test_toy.py::test_dear": 50.0}, 1.0).asked == {
             "tests/test_toy.py::test_doubled"
