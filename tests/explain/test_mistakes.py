@@ -353,6 +353,16 @@ def test_both_formats_make_the_same_mistakes() -> None:
         assert mjcf == urdf > 0, name
 
 
+@pytest.mark.parametrize("model_format", FORMATS)
+@pytest.mark.parametrize(("name", "has_products"), [("stanford_arm", True), ("arm_2r", False)])
+def test_entries_of_an_inertia_are_taken_in_another_order_where_there_are_products(
+    name: str, has_products: bool, model_format: str
+) -> None:
+    """Moments alone that come in another order are another mistake."""
+    statements = {change.statement for mistake in MISTAKES.values() for change in mistake.plant(healthy(name, model_format))}
+    assert any("entries in the order of another format" in statement for statement in statements) == has_products
+
+
 def test_every_factor_that_is_tried_is_tried_the_other_way_too() -> None:
     """What the author of a file multiplied by has to be divided out, and the other way round; a number that is missing has none."""
     factors = set(OTHER_STARTS) - {0.0}
