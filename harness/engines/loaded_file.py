@@ -226,7 +226,8 @@ class FileModel:
         """What the engine computes beside accelerations, as ``harness.engines.interface`` says.
 
         Raises:
-            NotOffered: states would have to be converted on the way, or the engine is asked about accelerations alone.
+            NotOffered: the engine computes no such thing, states would have to be converted on the way, or it is asked about
+                accelerations alone.
         """
         if name not in METHODS:
             raise AttributeError(name)
@@ -234,7 +235,10 @@ class FileModel:
             raise NotOffered("joints that mimic others are eliminated from accelerations alone")
         if not self._is_measured_in_the_world:
             raise NotOffered("a free joint is measured in a frame of the file")
-        return getattr(self.loaded_file.quantities, name)
+        found = getattr(self.loaded_file.quantities, name, None)
+        if found is None:
+            raise NotOffered(f"the engine offers no {name.replace('_', ' ')}")
+        return found
 
 
 def lacking(request: Request, joints: Sequence[AskedJoint]) -> list[str]:

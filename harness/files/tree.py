@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from fractions import Fraction
 
 from harness.files.equalities import BY_DEFAULT, BoundTendon, SolverParameters
@@ -232,12 +233,58 @@ class Actuator(Placed):
         return self.dynamics != "none"
 
 
+class SensorKind(StrEnum):
+    """What a sensor measures, by its tag; each a vector (3,).
+
+    In the axes of its site: the acceleration of the site less gravity, its velocity, its angular velocity, and force and moment about it
+    that the body of the site gets from the body that it hangs on. Along the world's axes: the acceleration of the site less gravity, and
+    the angular acceleration.
+    """
+
+    ACCELEROMETER = "accelerometer"
+    VELOCIMETER = "velocimeter"
+    GYRO = "gyro"
+    FORCE = "force"
+    TORQUE = "torque"
+    LINEAR_ACCELERATION = "framelinacc"
+    ANGULAR_ACCELERATION = "frameangacc"
+
+    @property
+    def is_transmitted(self) -> bool:
+        """Whether it is what a body gets from another."""
+        return self in (SensorKind.FORCE, SensorKind.TORQUE)
+
+    @property
+    def is_in_world(self) -> bool:
+        """Whether it is along the world's axes."""
+        return self in (SensorKind.LINEAR_ACCELERATION, SensorKind.ANGULAR_ACCELERATION)
+
+
+@dataclass(frozen=True)
+class Sensor(Placed):
+    """A sensor at a site.
+
+    Attributes:
+        name: "" for none. number: among the sensors of the file, from 0. body, pose: of the site.
+        why_not: why its value is not judged; "" where it is.
+    """
+
+    kind: SensorKind
+    name: str
+    line: int
+    number: int
+    body: str = WORLD
+    pose: Pose = ()
+    why_not: str = ""
+    place: Place | None = None
+
+
 @dataclass(frozen=True)
 class Tree(Placed):
     """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
 
     ``tendons`` are those with dry friction or limits, ``actuators`` those that act, and ``force_limits`` the ranges [N or N m] of what they
-    do together on joints.
+    do together on joints. ``sensors`` are those at sites.
 
     With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
     factor, so that the masses of all bodies sum to it.
@@ -253,6 +300,7 @@ class Tree(Placed):
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
     tendons: tuple[BoundTendon, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -77,6 +77,11 @@ def read_tree(source: Source, compile_meshes: CompileMeshes | None = None) -> Mj
     couplings = (*couplings, *driving.rotors())
     place, tendons = source.place(source.root), between.bound_tendons()
     tree = Tree(bodies, _gravity(source), springs, couplings, inertias.total_mass, place, inertias.bounds, tendons=tendons)
+    if source.root.find("sensor/*") is not None:
+        # Mechanisms have none.
+        from harness.files.mjcf.sensors import sensors_of
+
+        tree = replace(tree, sensors=tuple(sensors_of(source, attributes, between, tree)))
     dampers = SpringDampers(reader.spring_dampers, attributes.acts("spring"), attributes.acts("damper"))
     actuators = driving.actuators()
     limits = tuple(driving.force_limits(reader.elements_of(tree.joints))) if actuators else ()

@@ -119,11 +119,12 @@ class TreeMotion(World):
                 found[column] = linear + sliding, angular + turning
         return found
 
-    def speeds(self, number: int, point: Vector) -> tuple[Term, Term]:
-        """Sizes of the parts of the velocity of a point of a node's body, and of its spin."""
+    def speeds(self, number: int, point: Vector, rates: Vector | None = None) -> tuple[Term, Term]:
+        """Sizes of the parts of the velocity of a point of a node's body, and of its spin, at v or at other ``rates``."""
         speed = spin = self.kinematics.builder.zero
+        rates = self.kinematics.coordinates.velocities if rates is None else rates
         for column, (linear, angular) in self.sizes_of_columns(number, point).items():
-            rate = size_of(self.kinematics.coordinates.velocities[column])
+            rate = size_of(rates[column])
             speed, spin = speed + rate * linear, spin + rate * angular
         return speed, spin
 

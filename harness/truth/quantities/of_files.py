@@ -1,7 +1,7 @@
 """Quantities that the numbers of a model file give at positions, velocities and accelerations, of trees and of loops.
 
-They are the mass matrix and generalised forces, which controllers take from an engine, the joint torque regressor, energies, momenta, and
-where the bodies are and how they move.
+They are the mass matrix and generalised forces, which controllers take from an engine, the joint torque regressor, energies, momenta,
+where the bodies are and how they move, and what sensors measure of it.
 
 The file is held against the energies of its mechanism first: its mass matrix, velocity terms and gravity have to be theirs, at a few
 states. A robot has no energies; its file is all there is.
@@ -221,6 +221,21 @@ def _regressor(basis: TruthBasis) -> Truth:
     return FileTruth(replace(basis, declared=basis.read), forces.regressor, answers)
 
 
+def _sensors(basis: TruthBasis) -> Truth:
+    known = basis.robot_of(basis.declared).tree.sensors
+    places = [place for place, one in enumerate(known) if not one.why_not]
+    if not places:
+        raise NotOffered(known[0].why_not if known else "the file has no sensor that the motion of its bodies decides")
+    # Most files have none.
+    from harness.trees.quantities.sensors import sensors
+
+    def answers(model: Model, asked: AskedMotion) -> Array:
+        found = answer_of(model, "sensors", (asked.q, asked.v, asked.qdd), (len(asked.q), len(known), 3))
+        return np.ascontiguousarray(found[:, places])
+
+    return FileTruth(basis, sensors, answers)
+
+
 def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Answer, of_trees: bool = False) -> Quantity:
     def truth(basis: TruthBasis) -> Truth:
         if of_trees:
@@ -240,5 +255,6 @@ MOMENTUM = _quantity("momentum", motion.momentum, _asks("momenta", ("q", "v"), "
 POSITION = _quantity("position", motion.positions, _positions)
 VELOCITY = _quantity("velocity", motion.velocities, _asks("velocities", ("q", "v"), "n", "joints", 6))
 JACOBIAN = _quantity("jacobian", motion.jacobians, _jacobians)
+SENSORS = Quantity("sensors", _sensors)
 # To write and to compile its programs takes seconds.
 REGRESSOR = Quantity("regressor", _regressor, is_quick=False)

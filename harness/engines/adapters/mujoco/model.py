@@ -19,6 +19,7 @@ from harness.engines.adapters.mujoco import quantities, urdf, versions
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.interface import NotOffered
 from harness.files.model_file import ModelFile
+from harness.files.tree import SensorKind
 
 # Of a solver that goes to the end: Newton's method needs two or three.
 _MOST_ITERATIONS = 100
@@ -123,6 +124,21 @@ class MujocoModel(MujocoQuantities):
             moments, forces = np.split(data.cfrc_int[bodies], 2, axis=1)
             found[state, :, :3] = forces
             found[state, :, 3:] = moments + np.cross(data.subtree_com[model.body_rootid[bodies]] - self.anchors(data), forces)
+        return found
+
+    def sensors(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``sensordata`` of ``mj_inverse``."""
+        model, velocities, off = self.model, self.addresses[1], int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        kinds = {int(getattr(mujoco.mjtSensor, f"mjSENS_{kind.value.upper()}")) for kind in SensorKind}
+        first = [int(model.sensor_adr[number]) for number in range(model.nsensor) if model.sensor_type[number] in kinds]
+        places = np.array(first, dtype=int)[:, None] + np.arange(3)
+        found, before = np.empty((len(q), len(first), 3)), model.opt.disableflags
+        model.opt.disableflags = before & ~off
+        for state, data in enumerate(self._placed(q, v)):
+            data.qacc[velocities] = qdd[state]
+            mujoco.mj_inverse(model, data)
+            found[state] = data.sensordata[places]
+        model.opt.disableflags = before
         return found
 
     def step(self, q: Array, v: Array, tau: Array, length: float, integrator: str) -> Array:
