@@ -28,7 +28,8 @@ from harness.engines import NotOffered, load_engine
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import features_of, read_model
 from harness.lagrange.derivation import load_mechanism
-from harness.trees.robot import robot_of
+from harness.trees.mechanism import mechanism_of
+from harness.trees.robot import read_robot, robot_of
 from harness.truth.quantities import TruthBasis, find_quantities
 
 
@@ -60,16 +61,22 @@ def _kinds(name: str, model_format: str) -> set[JointKind]:
     return {joint.kind for joint in robot.tree.joints}
 
 
-def test_every_quantity_is_one_of_a_representative_system() -> None:
+def test_every_quantity_is_one_of_a_representative_system_or_robot() -> None:
+    systems = [_basis_of_system(name) for name in REPRESENTATIVE if BUILT_IN.has_model(name, "mjcf")]
+    robots = [TruthBasis(mechanism_of(read_robot(path)), None, None, False) for path in REPRESENTATIVE_ROBOTS if path.suffix == ".xml"]
     for quantity in find_quantities().values():
-        assert any(_has(quantity.truth, name) for name in REPRESENTATIVE if BUILT_IN.has_model(name, "mjcf")), quantity.name
+        assert any(_has(quantity.truth, basis) for basis in (*systems, *robots)), quantity.name
 
 
-def _has(truth: Callable[[TruthBasis], Any], name: str) -> bool:
+def _basis_of_system(name: str) -> TruthBasis:
     declared = read_model(BUILT_IN.model_path(name, "mjcf"), "mjcf")
     rules = load_engine(BUILT_IN, "mujoco").step_rules(declared)
+    return TruthBasis(load_mechanism(BUILT_IN, name), declared, declared, linear_velocity_in_body=False, step_rules=rules)
+
+
+def _has(truth: Callable[[TruthBasis], Any], basis: TruthBasis) -> bool:
     try:
-        truth(TruthBasis(load_mechanism(BUILT_IN, name), declared, declared, linear_velocity_in_body=False, step_rules=rules))
+        truth(basis)
     except NotOffered:
         return False
     return True

@@ -13,7 +13,8 @@ from support_robots import by_mujoco, by_pinocchio, only_single_axes
 from trees.test_actuators import judged, worst
 
 from harness.comparison.robot_library import robot_at
-from harness.comparison.switched_on import has_switches, judge_switched_on
+from harness.comparison.switched_on import judge_switched_on
+from harness.comparison.switches import has_switches
 from harness.errors import InvalidModel
 from harness.explain.meant import meant
 from harness.trees.mechanism import mechanism_of

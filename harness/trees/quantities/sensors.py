@@ -20,7 +20,7 @@ from harness.trees.world_motion import accelerations_of_nodes
 
 
 @dataclass(frozen=True)
-class _Point:
+class _MovingPoint:
     """A point of a body, along the world's axes.
 
     Attributes:
@@ -40,7 +40,7 @@ class _Point:
     reach: Term
 
 
-class _Points:
+class _MovingPoints:
     """Points of the bodies of a tree at its accelerations."""
 
     def __init__(self, motion: TreeMotion) -> None:
@@ -51,18 +51,18 @@ class _Points:
     def orientation(self, number: int) -> Matrix:
         return self._motion.kinematics.builder.identity if number < 0 else self._motion.moving[number].orientation
 
-    def at(self, number: int, arm: Vector) -> _Point:
+    def at(self, number: int, arm: Vector) -> _MovingPoint:
         """The point at an arm from the origin of a node, or of the world for -1."""
         motion, weight = self._motion, length(self._gravity)
         still, nothing = motion.still, motion.kinematics.builder.zero
         if number < 0:
-            return _Point(arm, still, -self._gravity, still, still, nothing, weight, nothing, nothing, length(arm))
+            return _MovingPoint(arm, still, -self._gravity, still, still, nothing, weight, nothing, nothing, length(arm))
         one, (turning, acceleration) = motion.moving[number], self._of_nodes[number]
         position = one.position + arm
         centripetal = cross(one.spin, cross(one.spin, arm))
         speed, rate = motion.speeds(number, position)
         push, twist = motion.speeds(number, position, motion.kinematics.coordinates.third)
-        return _Point(
+        return _MovingPoint(
             position=position,
             velocity=one.velocity_at(arm),
             acceleration=(acceleration + (cross(turning, arm) + centripetal)) + -self._gravity,
@@ -79,13 +79,13 @@ class _Points:
 
 def sensors(motion: TreeMotion) -> Iterator[Block]:
     """What each sensor measures that is judged, in the order of the file."""
-    points = _Points(motion)
+    points = _MovingPoints(motion)
     for one in motion.kinematics.tree.sensors:
         if not one.why_not:
             yield _block(motion, points, one)
 
 
-def _block(motion: TreeMotion, points: _Points, sensor: Sensor) -> Block:
+def _block(motion: TreeMotion, points: _MovingPoints, sensor: Sensor) -> Block:
     number, frame = motion.kinematics.frames[sensor.body]
     site, turn = placed(motion.kinematics.builder, sensor.pose, frame), points.orientation(number)
     point = points.at(number, turn @ site.shift)
@@ -100,7 +100,7 @@ def _block(motion: TreeMotion, points: _Points, sensor: Sensor) -> Block:
     return Block(name, measured if sensor.kind.is_in_world else (turn @ site.turn).T @ measured, size)
 
 
-def _transmitted(motion: TreeMotion, points: _Points, sensor: Sensor, about: _Point) -> tuple[Vector, Term]:
+def _transmitted(motion: TreeMotion, points: _MovingPoints, sensor: Sensor, about: _MovingPoint) -> tuple[Vector, Term]:
     """Force, or moment about a point, that the body of a sensor gets from the one that it hangs on, with its size."""
     force, moment = motion.still, motion.still
     size = size_of_moment = motion.kinematics.builder.zero
