@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.text.anatomy import anatomy
 from harness.files.text.scan import Number, Watch, find_elements, find_numbers, largest_change, scaled, with_values, without
 from harness.library import MODEL_SUFFIXES, Library
 
@@ -130,3 +131,15 @@ def test_the_watched_model_is_the_one_that_was_read() -> None:
     path = Library.built_in().model_path("collar", "urdf")
     model = read_model(path, "urdf")
     assert parse_model(path, model.text, "urdf") == model
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_each_joint_has_the_rotor_of_its_own_transmission(before: bool) -> None:
+    plain = read_model(Library.built_in().model_path("furuta_pendulum.armature", "urdf"), "urdf")
+    head, opening, tail = plain.text.partition("<transmission")
+    own = opening + tail.partition("</robot>")[0]
+    further = own.replace('"gear"', '"further"').replace('"arm"', '"pendulum"').replace('"0.0001"', '"0.75"')
+    text = head.replace('effort="0"', 'effort="1"') + (further + own if before else own + further) + "</robot>"
+    bodies = anatomy(parse_model(plain.path, text, "urdf")).bodies
+    rotors = {joint.name.words[0]: joint.armature.words for body in bodies for joint in body.joints if joint.armature is not None}
+    assert rotors == {"arm": ("0.0001",), "pendulum": ("0.75",)}
