@@ -129,7 +129,9 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
         cone, _ = caller.contacts(element_at(at.robot.tree.place), at.robot.format)
         touching = Touching.of(answers.contacts, at.robot, cone)
     at = replace(at, states=at.states[touching.states], certified=at.truth[touching.states])
-    within = within[touching.states] & ~touching.chosen.is_any
+    within = within[touching.states]
+    apart = within & ~touching.chosen.is_any
+    within = apart if apart.any() else within
     return _judged(record, _Case(asked, folded, at, judged, touching.chosen), touching.of_states(answers), within)
 
 
@@ -150,7 +152,7 @@ class _Case:
 
 
 def _judged(record: SwitchedOnRecord, case: _Case, answers: EngineAnswers, within: Flags) -> SwitchedOnRecord:
-    """The record with the verdict on these elements; ``within`` as of ``_felt``, of states at which no bodies touch."""
+    """The record with the verdict on these elements; ``within`` as of ``_felt``, where no bodies touch if there are such states."""
     at, asked, judged, caller = case.at, case.asked, case.judged, case.asked.caller
     joints, has_constraints = at.robot.joints, bool(constraints_among(at.robot, judged)) or case.touching.is_any.any()
     truth = case.truth()
@@ -163,7 +165,7 @@ def _judged(record: SwitchedOnRecord, case: _Case, answers: EngineAnswers, withi
         backward_error=worst(compared),
         together=largest_change(without, answers.of(joints), without.certified & within),
         states=len(at.states),
-        touching=int(case.touching.is_any.sum()),
+        touching=int((case.touching.is_any & (compared.verdicts != Verdict.UNDECIDED.value)).sum()),
     )
     if record.explained:
         return record

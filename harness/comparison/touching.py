@@ -5,6 +5,7 @@ Points, frames, distances and numbers of contacts are inputs of the truth, so th
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -65,7 +66,11 @@ class Touching:
         contacts = [_constraints(own, robot.tree, place, cone) for own in found]
         most = max(_LEAST_TOUCHING, min(MOST_TOUCHING, _VELOCITIES // velocities))
         why = [next((one.why_not for one in own if one.why_not), "") for own in contacts]
-        touching = [number for number, own in enumerate(contacts) if own and not why[number]][:most]
+        usable, settled = [number for number, own in enumerate(contacts) if own and not why[number]], settling(len(contacts))
+        # Those where bodies have come to touch, and those where they overlap anyhow, in turns.
+        halves = [number for number in usable if number in settled], [number for number in usable if number not in settled]
+        turns = [number for pair in itertools.zip_longest(*halves) for number in pair if number is not None]
+        touching = turns[:most]
         states = [number for number, own in enumerate(contacts) if not own or number in touching]
         return cls(contacts, np.array(states, dtype=np.int64), tuple(dict.fromkeys(filter(None, why))))
 

@@ -41,7 +41,7 @@ class SwitchedOnRecord:
     Attributes:
         verdict: against the law that the engine documents for what its readings make of the file; "" where no answer is judged.
         message: why some or all of it is not judged, where no part says it.
-        states, touching: how many are judged, and at how many of them bodies touch.
+        states, touching: how many are judged, and at how many of them bodies touch and the truth is decided.
         backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
         departures: where the engine's program leaves the law that it documents, each with what it does; backward errors are then
             against what it is known to compute.

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from comparison.robots import edited, line_of, meant_by
 from support import call_engines_here
@@ -94,6 +95,53 @@ def test_a_contact_that_is_dropped_is_red(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(adapter, "found_contacts", lambda model, data: found(model, data)[1:])
     record = held_by(written(tmp_path))
     assert (record.verdict, record.explained) == (Verdict.DISAGREES, False)
+
+
+SHAPES = (
+    'type="sphere" size="{0:.3f}"',
+    'type="capsule" size="{1:.3f} {0:.3f}"',
+    'type="box" size="{0:.3f} {1:.3f} {2:.3f}"',
+    'type="ellipsoid" size="{0:.3f} {1:.3f} {2:.3f}"',
+    'type="cylinder" size="{0:.3f} {1:.3f}"',
+)
+
+
+def tree_of_shapes(folder: Path, number: int) -> Path:
+    """A tree of shapes that float above a plane, with numbers of contacts of their own, which its number chooses."""
+    random = np.random.default_rng(number)
+    count, opened = int(random.integers(3, 9)), 1
+    bodies = ['<body pos="0 0 0.4"><freejoint/>']
+    for place in range(count):
+        if place:
+            joint = random.choice(["hinge", "slide", "ball"], p=[0.7, 0.2, 0.1])
+            limits = 'range="-40 40"' if joint == "hinge" else 'range="-0.1 0.1"' if joint == "slide" else ""
+            x, y, z = random.normal(size=3) * 0.15
+            bodies.append(f'<body pos="{x:.3f} {y:.3f} {z:.3f}"><joint type="{joint}" axis="{x:.3f} {y:.3f} 0.3" damping="0.1" {limits}/>')
+            opened += 1
+        shape = str(random.choice(SHAPES)).format(*random.uniform(0.05, 0.12, 3))
+        friction = " ".join(f"{one:.3f}" for one in (random.uniform(0.2, 1.5), *random.uniform(0.01, 0.1, 2)))
+        margin = random.choice([0, 0.01])
+        soft = f'solref="{random.uniform(0.01, 0.1):.3f} {random.uniform(0.5, 1.5):.2f}" solimp="0.8 0.95 0.01" margin="{margin}"'
+        bodies.append(f'<geom {shape} density="800" condim="{random.choice([1, 3, 4, 6])}" friction="{friction}" {soft}/>')
+        if random.random() < 0.4 and opened > 1:
+            bodies.append("</body>")
+            opened -= 1
+    bodies.append("</body>" * opened)
+    cone, jacobian = random.choice(["elliptic", "pyramidal"]), random.choice(["dense", "sparse"])
+    exact = random.choice(["enable", "disable"])
+    ratio = random.choice([1, 1, 5])
+    path = folder / f"tree{number}.xml"
+    path.write_text(
+        f'<mujoco><option cone="{cone}" jacobian="{jacobian}" impratio="{ratio}"><flag diagexact="{exact}"/></option>'
+        f'<worldbody><geom type="plane" size="5 5 1"/>{"".join(bodies)}</worldbody></mujoco>'
+    )
+    return path
+
+
+@pytest.mark.parametrize("number", [pytest.param(one, marks=pytest.mark.nightly if one > 2 else ()) for one in range(60)])
+def test_no_tree_of_shapes_is_red(number: int, tmp_path: Path) -> None:
+    record = held_by(tree_of_shapes(tmp_path, number))
+    assert (record.explained, record.message, record.rest) == (True, "", [])
 
 
 REFUSED = {

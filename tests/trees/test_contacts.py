@@ -26,6 +26,7 @@ from harness.programs.states import States
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot
 from harness.truth.compare import compare
+from harness.truth.declared import DeclaredMechanism
 from harness.truth.optimum import optimum
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import AGREEMENT
@@ -231,3 +232,32 @@ def test_a_contact_beyond_its_margin_is_none(tmp_path: Path) -> None:
     stepped = Stepped(written(tmp_path, "elliptic"))
     found = next(own for _ in range(20) if (own := stepped.answer()[1]))
     assert touched(stepped.robot, [replace(one, distance=math.nextafter(one.margin, 1.0)) for one in found]).constraints is None
+
+
+def test_on_an_edge_of_a_zone_the_larger_side_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between sticking and sliding the derivative jumps, and the answer does not."""
+    stepped = Stepped(written(tmp_path, "elliptic"))
+    known, found = next((own[0], own[1]) for _ in range(20) if len((own := stepped.answer())[1]) == 1)
+    mechanism = touched(stepped.robot, found)
+    assert isinstance(mechanism, DeclaredMechanism) and mechanism.zones is not None
+    [cone] = mechanism.zones.cones
+
+    def at(slip: float) -> States:
+        v = np.zeros((1, 7))
+        v[0, :3] = slip, 0, -2
+        return replace(known, v=v, tau=np.zeros((1, 7)))
+
+    def zone(slip: float) -> cones.Zone:
+        return cone.zone_at(mechanism.parameters_at(at(slip))[0])
+
+    slow, fast = next(slip for slip in np.linspace(-50, 50, 201).tolist() if zone(slip) == cones.Zone.STICKS), 200.0
+    assert zone(fast) == cones.Zone.SLIDES
+    while (middle := (slow + fast) / 2) not in (slow, fast):
+        slow, fast = (middle, fast) if zone(middle) == cones.Zone.STICKS else (slow, middle)
+    both = [ReferenceKernel(mechanism).evaluate(at(slip)) for slip in (slow, fast)]
+    assert all(one.certified.all() for one in both)
+    np.testing.assert_allclose(both[0].high, both[1].high, rtol=1e-13)
+    np.testing.assert_allclose(both[0].sensitivity, both[1].sensitivity, rtol=1e-9)
+    monkeypatch.setattr(cones.Cone, "across", lambda *_: None)
+    alone = [float(ReferenceKernel(mechanism).evaluate(at(slip)).sensitivity[0]) for slip in (slow, fast)]
+    assert abs(alone[0] / alone[1] - 1) > 1e-6
