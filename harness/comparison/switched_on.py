@@ -29,8 +29,10 @@ from harness.explain.changes.departures import Departure, departed, departures_o
 from harness.explain.changes.readings import element_at
 from harness.explain.file_numbers import left_beside_readings, unexplained
 from harness.explain.meant import Meant, driven, largest_change, question_of, read_as, reference_of, request_of, spread, worst
+from harness.explain.row_numbers import row_numbers_that_explain
 from harness.files.equalities import Constraint, Equality
 from harness.files.findings import CONTACTS, EQUALITIES, FRICTION, SWITCHED_OFF
+from harness.files.tree import Tree
 from harness.library import Stance
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.readings import FELT, Effect
@@ -186,8 +188,15 @@ def _judged(record: SwitchedOnRecord, case: _Case, answers: EngineAnswers, withi
     apart = ~case.touching.is_any
     if set(compared.verdicts[apart].tolist()) <= _HELD:
         return replace(record, rest=["it is only at states where bodies touch that it is not what its documentation gives"])
-    kernel = ReferenceKernel(_documented(at, caller, judged, departures))
     certified = replace(at, states=at.states[apart], certified=computed[np.flatnonzero(apart)])
+
+    def truth_of(tree: Tree) -> Reference:
+        changed = replace(at.robot, tree=tree)
+        return ReferenceKernel(_tied(changed, caller, judged, departures, of=at.robot)).evaluate(certified.states)
+
+    if found := row_numbers_that_explain(at.robot.tree, truth_of, certified.truth, answers.of(joints)[apart]):
+        return replace(record, rest=found)
+    kernel = ReferenceKernel(_documented(at, caller, judged, departures))
     return replace(record, rest=unexplained(certified, answers.of(joints)[apart], kernel))
 
 
@@ -317,8 +326,12 @@ def _tied(
     switches: Sequence[Switch],
     departures: Iterable[Departure] = (),
     contacts: Sequence[Constraint] = (),
+    of: Robot | None = None,
 ) -> Mechanism:
-    """A robot with some of its constraints by the laws that an engine documents, or with departures from them."""
+    """A robot with some of its constraints by the laws that an engine documents, or with departures from them.
+
+    ``of`` has the same equations of motion, and is the robot itself by default.
+    """
     chosen, laws = _laws(robot, caller, switches, contacts)
     laws = departed(departures, robot.tree, chosen, laws)
-    return optimum(reference_of(robot).mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))
+    return optimum(reference_of(of or robot).mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))
