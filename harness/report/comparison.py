@@ -156,9 +156,7 @@ def _description(file: FileRecord) -> list[str]:
 
 
 def _left_out(part: LeftOut) -> str:
-    bearing = (
-        "moves it where an engine has it on, which stands with each" if part.bears_on_motion else "bears on no acceleration at given tau"
-    )
+    bearing = "moves it where an engine has it on" if part.bears_on_motion else "bears on no acceleration at given tau"
     return f"  left out: {part.what}, {len(part.lines)} ({lines_text(part.lines)}): {'; '.join([bearing, *part.beside_tau])}"
 
 
