@@ -22,7 +22,7 @@ from harness.library import Library
 
 # A server that leaves its parent's group and takes nothing of its environment along.
 SERVER = "subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)'], env={}, start_new_session=True)"
-KEEP_NUMBER = "open(__file__.replace('.py', '.pid'), 'a').write(f'{server.pid}\\n')"
+KEEP_NUMBER = "open(__file__.removesuffix('.py') + '.pid', 'a').write(f'{server.pid}\\n')"
 CHATTER = "print('spoon'); os.write(1, b'spoon'); ctypes.CDLL(None).puts(b'spoon'); ctypes.CDLL(None).fflush(None)"
 AT_IMPORT = {
     "exits": engine_source(top="sys.exit(0)"),

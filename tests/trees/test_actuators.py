@@ -56,13 +56,13 @@ EACH = (
     '<intvelocity joint="b" kp="4" actrange="-1 1" kv="0.5"/>',
     '<position joint="b" kp="4" timeconst="0.1"/>',
     '<motor jointinparent="c" gear="1 2 3" ctrlrange="-2 1"/>',
-    '<motor joint="f"/>',
     '<motor joint="f" gear="1 2 3 4 5 6"/>',
     '<motor jointinparent="f" gear="1 2 3 4 5 6"/>',
     '<velocity site="s" kv="0.7" gear="1 2 3 0.4 0.5 0.6" forcerange="-1 1"/>',
     '<general joint="a" gaintype="affine" gainprm="1 2 3" biastype="affine" biasprm=".3 .4 -.2" dyntype="filter" dynprm=".3"/>',
     '<motor joint="a" gear="3" armature="0.04" damping="0.2"/>',
     '<position tendon="t" kp="7" dampratio="1" gear="1.5" armature="0.3" damping="0.7" forcerange="-1 1"/>',
+    '<motor joint="f"/>',
 )
 
 
