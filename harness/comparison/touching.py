@@ -6,20 +6,21 @@ Points, frames, distances and numbers of contacts are inputs of the truth, so th
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from harness.arrays import Array, Indices
 from harness.engines.request import EngineAnswers
-from harness.files.contacts import FoundContact, contacts_of
+from harness.files.contacts import FoundContact, contacts_of, measured_in, structure_of
 from harness.files.equalities import Constraint
 from harness.files.given import Place
 from harness.files.touching import ConeKind
 from harness.files.tree import WORLD, Tree
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
 from harness.truth.compare import Flags, in_order
 from harness.truth.reference import Reference, ReferenceKernel
@@ -94,11 +95,23 @@ class Touching:
         return next((own for own in self.contacts if own), ())
 
     def truth(self, states: States, documented: Callable[[Sequence[Constraint]], Mechanism]) -> Reference:
-        """The truth at all states, each by the mechanism that is ``documented`` with its contacts."""
-        apart = np.flatnonzero(~self.is_any)
-        groups: list[tuple[Sequence[Constraint], Indices]] = [((), apart)] if len(apart) else []
-        groups += [(self.contacts[number], np.array([number])) for number in np.flatnonzero(self.is_any).tolist()]
-        return in_order([(ReferenceKernel(documented(own)).evaluate(states[numbers]), numbers) for own, numbers in groups])
+        """The truth at all states, by the mechanism that is ``documented`` with contacts of each structure."""
+        groups: dict[Hashable, list[int]] = {}
+        for number, own in enumerate(self.contacts):
+            groups.setdefault(structure_of(own), []).append(number)
+        return in_order([(self._alike(states, numbers, documented), np.array(numbers)) for numbers in groups.values()])
+
+    def _alike(self, states: States, numbers: Sequence[int], documented: Callable[[Sequence[Constraint]], Mechanism]) -> Reference:
+        """The truth at states whose contacts have one structure."""
+        mechanism = documented(self.contacts[numbers[0]])
+        columns = {name: column for column, (name, _, _) in enumerate(mechanism.parameters)}
+        values = np.tile(mechanism.parameter_values, (len(numbers), 1))
+        for own, number in zip(values, numbers, strict=True):
+            for one in measured_in(self.contacts[number]):
+                # A number that no row takes is no parameter.
+                if (column := columns.get(parameter_name(one))) is not None:
+                    own[column] = float(one)
+        return ReferenceKernel(mechanism).evaluate(states[np.array(numbers)], values=values)
 
 
 def _constraints(found: Sequence[FoundContact], tree: Tree, place: Place, cone: ConeKind) -> list[Constraint]:

@@ -7,7 +7,7 @@ Source: MuJoCo documentation, Computation, section Contact; API reference, ``mjC
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -45,8 +45,23 @@ class FoundContact:
 
 def contacts_of(found: Sequence[FoundContact], place: Place, cone: ConeKind) -> list[Constraint]:
     """The constraints of contacts that push, whose numbers stand at ``place``."""
-    own = [_contact(one, number, place, cone) for number, one in enumerate(found)]
-    return [one for one in own if isinstance(one.says, Touch) and one.says.pushes]
+    return [_contact(one, number, place, cone) for number, one in enumerate(one for one in found if one.distance <= one.margin)]
+
+
+def structure_of(contacts: Iterable[Constraint]) -> Hashable:
+    """Equal for contacts whose rows differ in the measured numbers alone, each of which is 0 for all or for none."""
+    return tuple((one.name, one.softness, _structure(one.says)) for one in contacts if isinstance(one.says, Touch))
+
+
+def _structure(touch: Touch) -> Hashable:
+    # A number of 0 is none of a program.
+    return touch.bodies, touch.friction, touch.cone, touch.sliding, tuple(map(bool, touch.measured))
+
+
+def measured_in(contacts: Iterable[Constraint]) -> Iterator[Given]:
+    """The numbers of contacts that another state of the same structure has otherwise."""
+    touches = (one.says for one in contacts if isinstance(one.says, Touch))
+    return (number for touch in touches for number in touch.measured if isinstance(number, Given))
 
 
 def _contact(found: FoundContact, number: int, place: Place, cone: ConeKind) -> Constraint:

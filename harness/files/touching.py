@@ -51,8 +51,9 @@ class Touch:
         return bool(self.friction) and self.cone is ConeKind.ELLIPTIC
 
     @property
-    def pushes(self) -> bool:
-        return self.distance <= self.margin
+    def measured(self) -> tuple[Fraction, ...]:
+        """The numbers that whoever looked for the point found at one state alone."""
+        return *self.point, *(number for axis in self.frame for number in axis), self.distance, self.margin
 
     @property
     def directions(self) -> Sequence[tuple[Vector, bool]]:

@@ -85,7 +85,7 @@ class DeclaredMechanism(Mechanism):
         if self.widths or self.pushing:
             columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
             with flint.ctx.workprec(_BITS):
-                residuals = self._residuals(states)
+                residuals = self._residuals(states, found)
                 for name, law in self.laws:
                     for state, residual in enumerate(residuals):
                         if not law.pushes_alone or residual[self._rows[name][0]] < 0:
@@ -172,12 +172,11 @@ class DeclaredMechanism(Mechanism):
         program = self.softened.program
         return without_unused(replace(program, outputs={RESIDUAL: program.outputs[RESIDUAL]}))
 
-    def _residuals(self, states: States) -> list[list[float]]:
+    def _residuals(self, states: States, parameters: Array) -> list[list[float]]:
         """What the rows leave at each state, the nearest float64 numbers."""
         program = self._residual_program
-        own = self.parameter_values[: len(program.inputs) - self.nq - 2 * self.nv - 1]
-        evaluate = _ROWS.get((program.key, own), lambda: BallKernel(program, len(own))).bind(own)
-        return [[float(value.mid()) for value in evaluate(*row)] for row in states.known.tolist()]
+        evaluate = _ROWS.get(program.key, lambda: BallKernel(program, 0)).bind([])
+        return [[float(value.mid()) for value in evaluate(*row)] for row in self._inputs_of_residuals(states, parameters).T.tolist()]
 
 
 _ROWS: Kept[BallKernel] = Kept(64)

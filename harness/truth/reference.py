@@ -105,16 +105,17 @@ class ReferenceKernel:
         self._choice = Charts(mechanism.charts(linear_velocity_in_body))
         self._charts = [ChartKernel(mechanism, program) for program in self._choice.programs]
 
-    def evaluate(self, states: States, parameters: Array | None = None) -> Reference:
+    def evaluate(self, states: States, parameters: Array | None = None, values: Array | None = None) -> Reference:
         """The reference at ``states``; a state that cannot be certified is marked, never dropped.
 
         ``parameters``, (n, number of parameters) in the mechanism's order and units, gives each state its own; by
-        default all have the mechanism's. Nothing is derived or compiled anew for them.
+        default they are what ``Mechanism.parameters_at`` makes of ``values``, of the same shape, and of the mechanism's own without
+        these. Nothing is derived or compiled anew for them.
         """
         count, states = len(self.mechanism.parameters), self.asked_at(states)
         across = None
         if parameters is None:
-            parameters = self.mechanism.parameters_at(states)
+            parameters = self.mechanism.parameters_at(states, values)
             across = self.mechanism.across(states, parameters, self.unit_roundoff)
         if parameters.shape != (len(states), count):
             raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")

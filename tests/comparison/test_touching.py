@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +16,16 @@ from support import call_engines_here
 from harness.comparison import touching
 from harness.comparison.switched_on import judge_switched_on
 from harness.engines.adapters.mujoco import robot as adapter
-from harness.files.contacts import FoundContact
+from harness.files.contacts import FoundContact, structure_of
+from harness.files.equalities import Constraint
 from harness.files.findings import CONTACTS, SWITCHED_OFF
+from harness.files.given import Given
+from harness.files.touching import Touch
+from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.states import States
 from harness.results.comparison import FileRecord, FilesComparison
 from harness.results.switched_on import SwitchedOnRecord, stays_off, switched_on_text, with_those_on
+from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import AGREEMENT, Verdict
 
 BOX = """<mujoco>
@@ -65,6 +73,57 @@ def test_what_is_on_is_not_told_as_off(tmp_path: Path) -> None:
     assert [part.line for part in record.parts if part.what == CONTACTS] == lines
 
 
+def displaced(contacts: Sequence[Constraint], by: float) -> list[Constraint]:
+    """The same bodies in other points and at other distances; numbers of 0 stay."""
+
+    def moved(number: Fraction, by: float) -> Fraction:
+        assert isinstance(number, Given)
+        return Given(float(number) * (1 + by), number.place, number.attribute, number.index)
+
+    found = []
+    for one in contacts:
+        assert isinstance(one.says, Touch)
+        x, y, z = one.says.point
+        found.append(replace(one, says=replace(one.says, point=(moved(x, by), y, moved(z, -by)), distance=moved(one.says.distance, by))))
+    return found
+
+
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+def test_states_whose_contacts_are_alike_are_as_each_alone(cone: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They share one program, and each has its own points and distances in it."""
+    judged: list[tuple[touching.Touching, States, Callable[[Sequence[Constraint]], Mechanism]]] = []
+    truth = touching.Touching.truth
+
+    def noted(self: touching.Touching, *given: Any) -> Reference:
+        judged.append((self, *given))
+        return truth(self, *given)
+
+    monkeypatch.setattr(touching.Touching, "truth", noted)
+    held_by(written(tmp_path, cone))
+    (found, states, documented), *_ = judged
+    kinds = list({structure_of(own): own for own in found.contacts if own}.values())[:2]
+    assert len(kinds) == 2
+    contacts = [*(displaced(own, 0.01 * number) for number in range(3) for own in kinds), (), ()]
+    states = states[np.arange(len(contacts))]
+    written_programs: list[Mechanism] = []
+
+    def counted(own: Sequence[Constraint]) -> Mechanism:
+        written_programs.append(documented(own))
+        return written_programs[-1]
+
+    together = touching.Touching(contacts, np.arange(len(contacts))).truth(states, counted)
+    assert len(written_programs) == 3
+    each = [ReferenceKernel(documented(own)).evaluate(states[[number]]) for number, own in enumerate(contacts)]
+    alone = Reference.concatenate(each)
+    assert together.certified.all()
+    for name in ("high", "low", "radius", "sensitivity", "certified"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), err_msg=name)
+    # And the numbers are felt.
+    swapped = truth(touching.Touching([*contacts[2:4], *contacts[:2], *contacts[4:]], np.arange(len(contacts))), states, documented)
+    moved = np.flatnonzero((swapped.high != together.high).any(axis=1))
+    assert moved.tolist() == [0, 1, 2, 3]
+
+
 def changed(**fields: Callable[[FoundContact], object]) -> Callable[[FoundContact], FoundContact]:
     return lambda one: replace(one, **{name: change(one) for name, change in fields.items()})
 
@@ -87,6 +146,22 @@ def test_a_contact_that_is_another_is_red(fault: str, tmp_path: Path, monkeypatc
     record = held_by(written(tmp_path))
     assert (record.verdict, record.explained) == (Verdict.DISAGREES, False)
     assert record.rest == ["it is only at states where bodies touch that it is not what its documentation gives"]
+
+
+def test_a_contact_that_is_another_at_one_state_of_those_alike_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found, seen, planted = touching.contacts_of, set[Hashable](), list[Hashable]()
+
+    def faulty(own: Sequence[FoundContact], *about: Any) -> list[Constraint]:
+        structure = structure_of(found(own, *about))
+        if structure not in seen or not structure or planted:
+            seen.add(structure)
+            return found(own, *about)
+        planted.append(structure)
+        return found([FAULTS["distance"](one) for one in own], *about)
+
+    monkeypatch.setattr(touching, "contacts_of", faulty)
+    record = held_by(written(tmp_path))
+    assert planted and (record.verdict, record.explained) == (Verdict.DISAGREES, False)
 
 
 def test_a_contact_that_is_dropped_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -233,7 +233,7 @@ class Mechanism:
     def parameters_at(self, states: States, values: Sequence[float] | Array | None = None) -> Array:
         """(n, number of parameters) at each state: ``values``, by default its own, but for what actuators and a law take from the state."""
         own = np.array(self.parameter_values if values is None else values, dtype=np.float64)
-        parameters: Array = np.broadcast_to(own, (len(states), len(own)))
+        parameters: Array = np.broadcast_to(own, (len(states), own.shape[-1]))
         return parameters if self.actuation is None else np.asarray(self.actuation.parameters_at(parameters, states))
 
     def across(self, states: States, parameters: Array, unit_roundoff: float) -> Array:
