@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.comparison.geometry import hold_shapes
 from harness.comparison.robot_library import ask_engine, engine_of, engines_of_files
 from harness.comparison.switches import GROUPS, Switch, constraints_among, switches_of, why_no_equality
 from harness.comparison.touching import Touching, put, settling, steps_of
@@ -36,6 +37,7 @@ from harness.files.tree import Tree
 from harness.library import Stance
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.readings import FELT, Effect
+from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import SwitchedOnRecord
 from harness.trees.robot import Robot, with_actuators
 from harness.truth.compare import Comparison, Flags, compare
@@ -130,11 +132,21 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
     if answers.contacts and caller.contacts is not None:
         cone, _ = caller.contacts(element_at(at.robot.tree.place), at.robot.format)
         touching = Touching.of(answers.contacts, at.robot, cone)
+    shapes = _shapes(at, caller, answers)
     at = replace(at, states=at.states[touching.states], certified=at.truth[touching.states])
     within = within[touching.states]
     apart = within & ~touching.chosen.is_any
     within = apart if apart.any() else within
-    return _judged(record, _Case(asked, folded, at, judged, touching.chosen), touching.of_states(answers), within)
+    record = _judged(record, _Case(asked, folded, at, judged, touching.chosen), touching.of_states(answers), within)
+    return record if shapes is None else record.with_shapes(shapes)
+
+
+def _shapes(at: Meant, caller: Engine, answers: EngineAnswers) -> ShapesRecord | None:
+    """The contacts of answers held against the shapes of the file; None where nothing is said of them."""
+    # Shapes of bodies that are fused have other bodies and numbers.
+    if not answers.contacts or caller.fuses(element_at(at.robot.tree.place), at.robot.format):
+        return None
+    return hold_shapes(at.robot, at.states.q, answers.contacts, answers.shapes)
 
 
 @dataclass(frozen=True)

@@ -179,7 +179,9 @@ class Engine:
                 return EngineAnswers(refusal=str(refusal))
         if arithmetic.left:
             raise InvalidAnswer(f"it leaves {arithmetic.left} for everything behind it in the process")
-        return EngineAnswers(by_joint(loaded.joints, found), notes=loaded.notes, contacts=tuple(loaded.contacts))
+        return EngineAnswers(
+            by_joint(loaded.joints, found), notes=loaded.notes, contacts=tuple(loaded.contacts), shapes=tuple(loaded.shapes)
+        )
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""

@@ -253,6 +253,7 @@ class EngineAnswers:
         refusal: the engine's own words where it does not read the file; "" where it does.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         contacts: those of each state, where bodies act where they touch. states: q and v of a question with ``steps``.
+        shapes: as of ``LoadedFile``.
     """
 
     accelerations: Mapping[str, Array] = field(default_factory=dict)
@@ -260,6 +261,7 @@ class EngineAnswers:
     notes: tuple[str, ...] = ()
     contacts: tuple[tuple[FoundContact, ...], ...] = ()
     states: tuple[Array, ...] = ()
+    shapes: tuple[str, ...] = ()
 
     def of(self, joints: Sequence[str]) -> Array:
         """(n, nv) of these joints; raises KeyError for one that the engine does not have."""

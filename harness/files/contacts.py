@@ -29,6 +29,7 @@ class FoundContact:
         bodies: the first and the second. point: (3,) [m]. frame: (9,), the rows of ``Touch.frame``.
         distance, margin, friction, sliding: as of ``Touch``.
         solref, solimp: as of ``SolverParameters``. why_not: what the harness has no rows for, "" where it has.
+        shapes: names of the first and the second, as of ``Shape``; "" for what is no shape.
     """
 
     bodies: tuple[str, str]
@@ -41,6 +42,7 @@ class FoundContact:
     solimp: tuple[float, float, float, float, float]
     sliding: tuple[float, float] = (0.0, 0.0)
     why_not: str = ""
+    shapes: tuple[str, str] = ("", "")
 
 
 def contacts_of(found: Sequence[FoundContact], place: Place, cone: ConeKind) -> list[Constraint]:

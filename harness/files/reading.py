@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from shlex import quote
+from typing import TYPE_CHECKING
 
 from lxml import etree
 
@@ -25,6 +26,9 @@ from harness.files.mjcf.reading import read_tree as read_mjcf
 from harness.files.tree import Actuator, ForceLimits, Joint, SpringDampers, Tree
 from harness.files.urdf.reading import UrdfReader
 from harness.library import TEMPLATE_SUFFIX
+
+if TYPE_CHECKING:
+    from harness.files.shapes import Shapes
 
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 # What an empty file should have been.
@@ -45,6 +49,7 @@ class Meaning:
         floating_base: name of the free joint that was put under the root of a URDF; "" for none.
         declared: elements that are left out and bear on the motion, but limits, friction and equalities.
         actuators: of the file, which the tree leaves out. force_limits: as of ``Tree``.
+        shapes: of an MJCF, that may touch; None of a file without such.
     """
 
     format: str
@@ -58,6 +63,7 @@ class Meaning:
     declared: tuple[Declared, ...] = ()
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
+    shapes: Shapes | None = None
 
     @cached_property
     def moving(self) -> tuple[Joint, ...]:
@@ -109,6 +115,7 @@ def read(document: Document, *, floating_base: bool = False, compile_meshes: Com
     source, base = Source(document), ""
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
+    shapes: Shapes | None = None
     if (format := _format(source)) == "urdf":
         refuse_irregular_files(source)
         reader = UrdfReader(source)
@@ -122,5 +129,10 @@ def read(document: Document, *, floating_base: bool = False, compile_meshes: Com
         tree, equalities, spring_dampers = read_file.tree, read_file.equalities, read_file.spring_dampers
         actuators, force_limits = read_file.actuators, read_file.force_limits
         left_out, declared = left_out_of_mjcf(source, tree)
+        if source.root.find("worldbody//geom") is not None:
+            # Mechanisms have none.
+            from harness.files.mjcf.shapes import shapes_in
+
+            shapes = shapes_in(source, tree)
     passed_over, unread = tuple(source.passed_over), tuple(source.unread)
-    return Meaning(format, tree, equalities, left_out, passed_over, unread, spring_dampers, base, declared, actuators, force_limits)
+    return Meaning(format, tree, equalities, left_out, passed_over, unread, spring_dampers, base, declared, actuators, force_limits, shapes)

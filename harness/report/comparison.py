@@ -202,6 +202,8 @@ def _switched_on(found: FilesComparison, file: FileRecord) -> Iterator[str]:
     """Lines on what each engine makes of a file with all on that is judged, and of each element alone."""
     for one in found.switched_on_of(file.path):
         yield f"{one.subject}: {with_those_on(one)}{switched_on_text(one)}"
+        if one.shapes is not None and not one.shapes.rest:
+            yield f"{one.subject}: {one.shapes.text}"
         yield from (f"  {reading_line(reading, MOST_LINES)}" for reading in by_effect(one.readings))
         for (_, kind, why_not), alike in grouped(((part.what, part.kind, part.why_not), part) for part in one.parts).items():
             most = max(alike, key=lambda part: part.alone or 0.0)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from harness.files.findings import CONTACTS, FRICTION, SWITCHED_OFF, LeftOut
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, names_of, share_of_qdd, share_text
+from harness.results.shapes import ShapesRecord
 from harness.results.table import counted_nouns, error_text, grouped, joined, program_name
 from harness.verdict import DEPARTS
 
@@ -49,6 +50,7 @@ class SwitchedOnRecord:
             early to agree; None elsewhere. remedy: what its user sets for that.
         readings: what the engine's reader makes of these elements otherwise than the file says.
         rest: what is known of an answer that nothing explains, a sentence each.
+        shapes: the contacts that it finds against those of the file; None where these are not judged.
     """
 
     path: str
@@ -68,6 +70,7 @@ class SwitchedOnRecord:
     departures: list[Effect] = field(default_factory=list)
     readings: list[Effect] = field(default_factory=list)
     rest: list[str] = field(default_factory=list)
+    shapes: ShapesRecord | None = None
 
     @property
     def program(self) -> str:
@@ -76,6 +79,11 @@ class SwitchedOnRecord:
     @property
     def subject(self) -> str:
         return f"{self.engine}/{self.format}"
+
+    def with_shapes(self, shapes: ShapesRecord) -> SwitchedOnRecord:
+        """The same with its contacts judged, whose verdict is its own where they are not those of the file."""
+        found = replace(self, shapes=shapes)
+        return replace(found, verdict=shapes.verdict, explained=False, rest=[*self.rest, *shapes.rest]) if shapes.rest else found
 
     @property
     def judged(self) -> dict[str, list[SwitchedOnPart]]:
@@ -118,6 +126,8 @@ def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
     """What an engine answers with all on that is judged, a clause behind its name, or behind those of ``many`` that answer alike."""
     if not record.verdict:
         return "; ".join(filter(None, [record.message, explanation(record.readings)])) or "is not judged"
+    if record.shapes is not None and record.shapes.rest:
+        return f"{'find' if many else 'finds'} {record.shapes.text}"
     remedy = f": {record.remedy}" if record.remedy else ""
     if record.stops_early:
         return f"{record.stops_early}{remedy}"

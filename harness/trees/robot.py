@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidModel
 from harness.files.document.xml import Document, read_any
@@ -37,6 +37,9 @@ from harness.trees import recursion
 from harness.trees.actuators import moment_of
 from harness.trees.bodies.inertias import impossible_inertias, total_mass
 from harness.trees.nodes import standing
+
+if TYPE_CHECKING:
+    from harness.files.shapes import Shapes
 
 __all__ = ["Impossible", "LeftOut", "Robot", "read_robot", "robot_of", "tree_of"]
 
@@ -66,6 +69,7 @@ class Robot:
             is one, and follows the other in the tree.
         declared: elements that no equation of motion holds and that bear on the motion, but limits, friction and equalities.
         actuators: of the file, none of which acts in the tree. force_limits: as of ``Tree``.
+        shapes: as of ``Meaning``.
     """
 
     path: Path
@@ -80,6 +84,7 @@ class Robot:
     declared: tuple[Declared, ...] = ()
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
+    shapes: Shapes | None = None
 
     @property
     def bodies(self) -> int:
@@ -186,6 +191,7 @@ def _robot(path: Path, meaning: Meaning) -> Robot:
         declared=meaning.declared,
         actuators=meaning.actuators,
         force_limits=meaning.force_limits,
+        shapes=meaning.shapes,
         equalities=tuple(one for one in meaning.equalities if one.kind != BALL_CONSTRAINT),
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:

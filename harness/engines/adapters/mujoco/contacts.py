@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from harness.files.contacts import FoundContact
 from harness.files.tree import WORLD
 
+# The first version whose margin and gap are what is documented today: 3.9.0, its changelog says.
+_SUMS_MARGINS = 390
 _DEFORMABLE = "is of a deformable body"
 # What a contact may have that the harness has no rows for, by the name of its field, which older versions do not know.
 _UNREAD = {"adhesion": "has adhesion", "surfacevel": "is of a surface that moves by itself"}
@@ -42,6 +45,7 @@ def _found(model: Any, one: Any) -> FoundContact:
         solimp=(least, most, width, midpoint, power),
         sliding=(sliding, slid),
         why_not=why_not,
+        shapes=(_shape(model, one.geom[0]), _shape(model, one.geom[1])) if is_rigid else ("", ""),
     )
 
 
@@ -53,3 +57,25 @@ def _name_of(model: Any, body: int) -> str:
     parent = model.body_parentid[body]
     beside = [other for other in range(1, model.nbody) if model.body_parentid[other] == parent]
     return name or f"(body {beside.index(body) + 1} of {_name_of(model, parent)})"
+
+
+def shapes_that_touch(model: Any) -> list[str]:
+    """The names of the shapes that may touch; none of versions whose rules for margins are others."""
+    if mujoco.mj_version() < _SUMS_MARGINS:
+        return []
+    return [_shape(model, geom) for geom in range(model.ngeom) if _may_touch(model, geom)]
+
+
+def _may_touch(model: Any, geom: int) -> bool:
+    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+
+
+def _shape(model: Any, geom: int) -> str:
+    """The name of a shape; of one without a name as of ``harness.files.shapes.Shape``."""
+    name: str = model.geom(geom).name
+    if name:
+        return name
+    body = model.geom_bodyid[geom]
+    start = model.body_geomadr[body]
+    number = sum(_may_touch(model, other) for other in range(start, geom + 1))
+    return f"(geom {number} of {_name_of(model, body)})"

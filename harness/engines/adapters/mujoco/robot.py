@@ -22,7 +22,7 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.compiled import compiled
-from harness.engines.adapters.mujoco.contacts import found_contacts
+from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
 from harness.engines.adapters.mujoco.model import MujocoModel, step
 from harness.engines.adapters.mujoco.urdf import supplied, turn_of
 from harness.engines.adapters.mujoco.versions import compiling, delete, fill_mass_matrix, inputs_of, stages_off
@@ -303,6 +303,7 @@ class MujocoFile(LoadedFile):
         accelerations: Array = data.qacc
         inputs, touches = self._inputs(len(q), driving), self.request.held is not None and self.request.held.touches
         contacts = self.contacts = list[tuple[FoundContact, ...]]()
+        self.shapes = shapes_that_touch(model) if touches else []
         qpos, qvel, applied, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart
 
         def evaluate(q: Array, v: Array, force: Array, control: Array, activation: Array) -> Array:

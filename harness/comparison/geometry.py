@@ -1,0 +1,170 @@
+"""Contacts that an engine finds, held against those that the model file has by the engine's documentation.
+
+Which pairs of shapes touch and the numbers of their contacts are judged of shapes of all kinds, but pairs that the file gives numbers of
+their own. That no contact is missing, and distances, normals and points, are judged of pairs with a closed form. Tangents are the
+engine's own choice, and are held to be square to the normal. Others stay given.
+
+Source: MuJoCo documentation, Computation, section Collision detection; API reference, ``mjContact``.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import flint
+import numpy as np
+
+from harness.arrays import Array
+from harness.files.contacts import FoundContact
+from harness.files.shapes import PLANE, ContactNumbers, Shape, numbers_of_contact
+from harness.results.shapes import ShapesRecord
+from harness.trees.robot import Robot
+from harness.trees.shapes import PlacedShape, ShapesInWorld
+from harness.truth.nearest import Nearest, is_closed_form, nearest
+from harness.verdict import AGREEMENT, Verdict
+
+# States at which shapes are placed, of those with contacts first.
+MOST_STATES = 48
+_BITS = 192
+_ROUNDOFF = 2.0**-53
+# Of numbers that are averaged.
+_MEAN = 4 * _ROUNDOFF
+
+_AXES = "axes of contact"
+
+_Pair = tuple[Shape, Shape]
+
+
+@dataclass
+class _Held:
+    """What is found of the contacts of one engine, state by state."""
+
+    placed: ShapesInWorld
+    known: dict[frozenset[str], tuple[_Pair, ContactNumbers]]
+    explicit: frozenset[frozenset[str]]
+    shapes: dict[str, Shape]
+    judged: int = 0
+    given: int = 0
+    error: float = 0.0
+    faults: dict[tuple[str, frozenset[str]], tuple[_Pair, str, float]] = field(default_factory=dict)
+
+    def fault(self, names: frozenset[str], what: str, text: str, size: float = float("inf")) -> None:
+        """Note the largest of its kind of a pair of shapes."""
+        first, second = (self.shapes[name] for name in sorted(names))
+        if (what, names) not in self.faults or self.faults[what, names][2] < size:
+            self.faults[what, names] = (first, second), text, size
+
+    def state(self, q: Array, found: Sequence[FoundContact]) -> None:
+        contacts = defaultdict[frozenset[str], list[FoundContact]](list)
+        for one in found:
+            contacts[frozenset(one.shapes)].append(one)
+        placed = {one.shape.name: one for one in self.placed.at(q.tolist())}
+        for names in list(contacts):
+            if names <= set(self.shapes) and names not in self.explicit and names not in self.known:
+                self.fault(names, "pair", "touch, and the file has them touch nowhere")
+                del contacts[names]
+        for names, ((first, second), numbers) in self.known.items():
+            own = contacts.pop(names, [])
+            for one in own:
+                self._numbers(names, one, numbers)
+            if not (first.name in placed and second.name in placed):
+                self.given += len(own)
+            elif own or _may_be_near(placed[first.name], placed[second.name], numbers.detected):
+                self._pair(placed[first.name], placed[second.name], own, numbers.detected)
+        self.given += sum(map(len, contacts.values()))
+
+    def _numbers(self, names: frozenset[str], one: FoundContact, numbers: ContactNumbers) -> None:
+        sums = {"margin": ((one.margin,), (numbers.margin,)), "friction": (one.friction, numbers.friction)}
+        means = {"solref": (one.solref, numbers.solref), "solimp": (one.solimp, numbers.solimp)}
+        for what, (own, wanted) in {**sums, **means}.items():
+            room = _MEAN if what in means else 0.0
+            if len(own) != len(wanted) or any(abs(x - y) > room * abs(y) for x, y in zip(own, wanted, strict=True)):
+                self.fault(names, what, f"have {what} {_text(own)} where the file has {_text(wanted)}")
+
+    def _pair(self, first: PlacedShape, second: PlacedShape, found: Sequence[FoundContact], detected: float) -> None:
+        names, points = frozenset((first.shape.name, second.shape.name)), nearest(first, second)
+        if points is None:
+            self.given += len(found)
+            return
+        self.judged += len(found)
+        room = [AGREEMENT * _ROUNDOFF * (one.size + abs(detected)) for one in points]
+        beyond = [float(one.distance.mid()) - detected for one in points]
+        needed = [one for one, far, little in zip(points, beyond, room, strict=True) if far < -little]
+        possible = [one for one, far, little in zip(points, beyond, room, strict=True) if far <= little]
+        if len(found) < len(needed):
+            self.fault(names, "missing", f"touch in {len(needed)} points by the file, and in {len(found)} by the engine")
+        elif len(found) > len(possible):
+            self.fault(names, "missing", f"touch in {len(found)} points, where the file has {len(possible)}")
+        else:
+            choices = itertools.permutations(possible, len(found))
+            errors = [[_errors(one, own, first.shape.name) for one, own in zip(chosen, found, strict=True)] for chosen in choices]
+            least = min(errors, key=lambda own: max((max(one.values()) for one in own), default=0.0))
+            for what, error in (item for one in least for item in one.items()):
+                self.error = max(self.error, error)
+                if error > AGREEMENT:
+                    beside = "square to one another" if what == _AXES else "those of the file"
+                    self.fault(names, what, f"have {what} {error:.2g} roundoffs from {beside}", error)
+
+
+def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundContact]], engine_has: Sequence[str]) -> ShapesRecord | None:
+    """The contacts of each state, whose q are (n, nq), held against the file; None where nothing is said of them.
+
+    ``engine_has``: names of the shapes of the engine's model that may touch.
+    """
+    file = robot.shapes
+    if file is None or file.why_not or not engine_has:
+        return None
+    shapes = {shape.name: shape for shape in file.shapes}
+    pairs = [pair for pair in file.pairs(robot.tree) if {one.name for one in pair} <= set(engine_has)]
+    closed = {one.name: one for pair in pairs if is_closed_form(pair[0].kind, pair[1].kind) for one in pair}
+    if any(shape.body not in {"world", *(body.name for body in robot.tree.bodies)} for shape in shapes.values()):
+        return None
+    known = {frozenset(one.name for one in pair): (pair, numbers_of_contact(*pair)) for pair in pairs}
+    held = _Held(ShapesInWorld(robot.tree, robot.joints, [*closed.values()]), known, file.explicit, shapes)
+    order = sorted(range(len(found)), key=lambda number: not found[number])[:MOST_STATES]
+    with flint.ctx.workprec(_BITS):
+        for number in order:
+            held.state(states[number], found[number])
+    verdict = Verdict.DISAGREES if held.faults else Verdict.AGREES
+    return ShapesRecord(verdict=str(verdict.value), contacts=held.judged, given=held.given, error=held.error, rest=[*_sentences(held)])
+
+
+def _sentences(held: _Held) -> Iterator[str]:
+    for (first, second), text, _ in sorted(held.faults.values(), key=lambda one: -one[2]):
+        yield f"{_told(first)} and {_told(second)} {text}"
+
+
+def _told(shape: Shape) -> str:
+    return f"{shape.name!r} (line {shape.place.line})"
+
+
+def _text(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.17g}" for value in values) or "of none"
+
+
+def _may_be_near(first: PlacedShape, second: PlacedShape, detected: float) -> bool:
+    """False where shapes are surely further apart than that."""
+    one, other = ([float(part.mid()) for part in (*own.centre, *own.axis, own.radius, own.half)] for own in (first, second))
+    between, reach = np.subtract(other[:3], one[:3]), one[6] + one[7] + other[6] + other[7] + detected
+    planes = [own[3:6] for own, shape in ((one, first), (other, second)) if shape.shape.kind == PLANE]
+    far = abs(float(between @ planes[0])) if planes else float(np.linalg.norm(between))
+    if planes:
+        sign = 1 if first.shape.kind == PLANE else -1
+        far = sign * float(between @ planes[0])
+    return far <= reach + 1e-6 * (first.size + second.size)
+
+
+def _errors(wanted: Nearest, found: FoundContact, first: str) -> dict[str, float]:
+    """Errors of a contact in roundoffs of what is added."""
+    frame, sign = np.reshape(found.frame, (3, 3)), 1 if found.shapes[0] == first else -1
+    normal = [sign * float(part.mid()) for part in wanted.normal]
+    point = [float(part.mid()) for part in wanted.point]
+    return {
+        "distances": abs(found.distance - float(wanted.distance.mid())) / (_ROUNDOFF * wanted.size),
+        "normals": float(np.linalg.norm(frame[0] - normal)) / (_ROUNDOFF * wanted.of_normal),
+        "points": float(np.linalg.norm(np.subtract(found.point, point))) / (_ROUNDOFF * wanted.of_point),
+        _AXES: float(np.abs(frame @ frame.T - np.eye(3)).max()) / (_ROUNDOFF * wanted.of_frame),
+    }

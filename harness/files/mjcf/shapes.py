@@ -1,0 +1,86 @@
+"""The shapes of an MJCF that may touch, and what it says of pairs of them.
+
+Source: MuJoCo documentation, XML reference, ``body/geom``, ``contact`` and ``option/flag``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lxml import etree
+
+from harness.errors import InvalidModel
+from harness.files.document.source import Source
+from harness.files.given import Direction, Place, Placement, Vector, vector
+from harness.files.mjcf.attributes import Attributes, inside, is_on, resolved, resolved_text
+from harness.files.shapes import CAPSULE, PLANE, SPHERE, Shape, Shapes
+from harness.files.tree import WORLD, Tree
+
+# Numbers of ``size`` of a shape that stands by a pose, and of one between two points.
+_SIZES = {PLANE: (0, 0), SPHERE: (1, 1), CAPSULE: (2, 1)}
+_FRICTION = (1.0, 0.005, 0.0001)
+
+
+def shapes_in(source: Source, tree: Tree) -> Shapes:
+    """The shapes of a file whose included files and replicas are in place."""
+    root, attributes = source.root, Attributes(source)
+    names = {body.place: body.name for body in tree.bodies if body.place is not None}
+    try:
+        shapes = tuple(
+            shape
+            for world in root.iterchildren("worldbody")
+            for body in world.iter("worldbody", "body")
+            for shape in _of_body(source, attributes, body, names)
+        )
+    except (InvalidModel, ValueError) as error:
+        return Shapes(why_not=f"has shapes that are not read: {error}")
+    return Shapes(
+        shapes=shapes,
+        excluded=frozenset(frozenset((one.get("body1"), one.get("body2"))) for one in root.iterfind("contact/exclude")),
+        explicit=frozenset(frozenset((one.get("geom1"), one.get("geom2"))) for one in root.iterfind("contact/pair")),
+        filters_parents=is_on(root, "filterparent"),
+        why_not=_why_not(root),
+    )
+
+
+def _why_not(root: etree._Element) -> str:
+    if [flag.get("override") for flag in root.iterfind("option/flag[@override]")][-1:] == ["enable"]:
+        return "overrides the numbers of all contacts"
+    if root.find("worldbody//body[@mocap='true']") is not None:
+        return "has bodies that are moved from outside"
+    return "has deformable bodies" if root.find("deformable") is not None or root.find("worldbody//flexcomp") is not None else ""
+
+
+def _of_body(source: Source, attributes: Attributes, body: etree._Element, names: Mapping[Place, str]) -> Iterator[Shape]:
+    owner, number = WORLD if body.tag == "worldbody" else names[source.place(body)], 0
+    for geom in inside(body, "geom"):
+        contype, conaffinity = (int(resolved_text(geom, name, "1")) for name in ("contype", "conaffinity"))
+        if not (contype or conaffinity):
+            continue
+        number += 1
+        is_mesh = resolved(geom, "mesh") is not None
+        kind = "mesh" if is_mesh else resolved_text(geom, "type", SPHERE)
+        points = attributes.numbers(geom, "fromto", (0,) * 6) if kind == CAPSULE and resolved(geom, "fromto") is not None else ()
+        pose = attributes.pose(geom)
+        ends: tuple[Vector, ...] = ()
+        if points:
+            first, second = vector(points[:3]), vector(points[3:])
+            pose, ends = (*pose[:-1], Placement(first, (Direction(second, first),), second)), (first, second)
+        slide, spin, roll = map(float, attributes.numbers(geom, "friction", _FRICTION))
+        yield Shape(
+            name=geom.get("name") or f"(geom {number} of {owner})",
+            body=owner,
+            kind=kind,
+            size=attributes.numbers(geom, "size", (0, 0, 0))[: _SIZES.get(kind, (0, 0))[bool(points)]],
+            pose=pose,
+            place=source.place(geom),
+            types=(contype, conaffinity),
+            condim=int(resolved_text(geom, "condim", "3")),
+            priority=int(resolved_text(geom, "priority", "0")),
+            solmix=float(attributes.number(geom, "solmix", 1.0)),
+            friction=(slide, spin, roll),
+            softness=attributes.softness(geom),
+            margin=float(attributes.number(geom, "margin", 0.0)),
+            gap=float(attributes.number(geom, "gap", 0.0)),
+            ends=ends,
+        )

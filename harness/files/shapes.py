@@ -1,0 +1,132 @@
+"""The shapes of a model file, which pairs of them collide, and the numbers of their contacts.
+
+Source: MuJoCo documentation, Computation, section Collision detection, Selection; Modeling, section Contact parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from harness.files.equalities import SolverParameters
+from harness.files.given import Place, Pose, Vector
+from harness.files.tree import WORLD, Tree
+
+PLANE, SPHERE, CAPSULE = "plane", "sphere", "capsule"
+# mjMINMU: a coefficient of friction is no less.
+_LEAST_FRICTION = 1e-5
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One shape of a body that may touch others.
+
+    Attributes:
+        name: its own, or "(geom 2 of hand)", counted among those of the body that may touch.
+        size: radius of a sphere or capsule, and half the length of a capsule without ``ends`` [m].
+        pose: in the body; its z axis is the normal of a plane and the axis of a capsule. ends: of a capsule between two points.
+        types: ``contype`` and ``conaffinity``. friction: of sliding, spinning and rolling.
+    """
+
+    name: str
+    body: str
+    kind: str
+    size: tuple[Fraction, ...]
+    pose: Pose
+    place: Place
+    types: tuple[int, int]
+    condim: int
+    priority: int
+    solmix: float
+    friction: tuple[float, float, float]
+    softness: SolverParameters
+    margin: float
+    gap: float
+    ends: tuple[Vector, ...] = ()
+
+
+@dataclass(frozen=True)
+class ContactNumbers:
+    """The numbers of a contact of two shapes, each as of ``FoundContact``; ``detected`` is the distance below which there is one [m]."""
+
+    friction: tuple[float, ...]
+    solref: tuple[float, ...]
+    solimp: tuple[float, ...]
+    margin: float
+    detected: float
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """The shapes of a file that may touch, and what it says of pairs of them.
+
+    Attributes:
+        excluded: pairs of bodies none of whose shapes touch. explicit: pairs of shapes whose contacts the file gives numbers of their own.
+        filters_parents: whether a body and its parent do not touch.
+        why_not: why nothing is said of any contact; "" where it is.
+    """
+
+    shapes: tuple[Shape, ...] = ()
+    excluded: frozenset[frozenset[str]] = frozenset()
+    explicit: frozenset[frozenset[str]] = frozenset()
+    filters_parents: bool = True
+    why_not: str = ""
+
+    def pairs(self, tree: Tree) -> list[tuple[Shape, Shape]]:
+        """Those that collide where they are near, but explicit ones."""
+        top, above = _welded(tree)
+        return [
+            (one, other)
+            for number, one in enumerate(self.shapes)
+            for other in self.shapes[:number]
+            if _are_compatible(one, other)
+            and frozenset((one.name, other.name)) not in self.explicit
+            and frozenset((one.body, other.body)) not in self.excluded
+            and not self._is_filtered(top[one.body], top[other.body], above)
+        ]
+
+    def _is_filtered(self, one: str, other: str, above: dict[str, str]) -> bool:
+        """True within what is welded together; next to what carries it, unless that is the world."""
+        is_parent = WORLD not in (one, other) and (above[one] == other or above[other] == one)
+        return one == other or (self.filters_parents and is_parent)
+
+
+def _are_compatible(one: Shape, other: Shape) -> bool:
+    return bool(one.types[0] & other.types[1] or other.types[0] & one.types[1])
+
+
+def _welded(tree: Tree) -> tuple[dict[str, str], dict[str, str]]:
+    """By body, the first of those that no joint parts it from; by such a first body, that of what carries it."""
+    top, above = {WORLD: WORLD}, {WORLD: WORLD}
+    for body in tree.bodies:
+        top[body.name] = body.name if body.joints else top[body.parent]
+        if body.joints:
+            above[body.name] = top[body.parent]
+    return top, above
+
+
+def numbers_of_contact(one: Shape, other: Shape) -> ContactNumbers:
+    """The numbers of the contacts of two shapes, of which the one with the higher priority decides alone."""
+    first, *rest = sorted((one, other), key=lambda shape: -shape.priority)
+    deciding = [first] if first.priority > rest[0].priority else [first, *rest]
+    condim = max(shape.condim for shape in deciding)
+    slide, spin, roll = (max(_LEAST_FRICTION, *(shape.friction[axis] for shape in deciding)) for axis in range(3))
+    margin, gap = one.margin + other.margin, one.gap + other.gap
+    friction = (slide, slide, spin, roll, roll)[: condim - 1]
+    solref, solimp = _mixed_softness(deciding)
+    return ContactNumbers(friction, solref, solimp, margin, margin + gap)
+
+
+def _mixed_softness(deciding: Sequence[Shape]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The means by ``solmix``; of ``solref`` the least where one is in the direct format."""
+    total = sum(shape.solmix for shape in deciding)
+    weights = [shape.solmix / total if total else 1 / len(deciding) for shape in deciding]
+
+    def mean(parts: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
+        return tuple(sum(weight * value for weight, value in zip(weights, values, strict=True)) for values in zip(*parts, strict=True))
+
+    solrefs = [shape.softness.solref for shape in deciding]
+    is_direct = any(time <= 0 for time, _ in solrefs)
+    solref = tuple(map(min, zip(*solrefs, strict=True))) if is_direct else mean(solrefs)
+    return solref, mean([shape.softness.solimp for shape in deciding])

@@ -1,0 +1,252 @@
+"""Contacts that MuJoCo finds are those of the file: pairs, numbers, distances, normals and points."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import flint
+import mujoco
+import numpy as np
+import pytest
+from comparison.robots import line_of, meant_by
+from support import call_engines_here
+
+from harness.arrays import Array
+from harness.comparison.geometry import hold_shapes
+from harness.comparison.switched_on import judge_switched_on
+from harness.engines.adapters.mujoco import robot as adapter
+from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
+from harness.files.contacts import FoundContact
+from harness.results.shapes import ShapesRecord
+from harness.results.switched_on import switched_on_text
+from harness.trees.robot import read_robot
+from harness.trees.shapes import PlacedShape, ShapesInWorld
+from harness.truth.nearest import nearest
+from harness.verdict import AGREEMENT, Verdict
+
+SHAPES = """<mujoco>
+  <default>
+    <geom margin="0.01"/>
+    <default class="soft"><geom condim="4" friction="0.5 0.1" gap="0.03" solmix="3" solref="0.03 1"/></default>
+  </default>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 0.1" euler="10 5 0" pos="0 0 0.05"/>
+    <body name="trunk" pos="0 0 0.3">
+      <freejoint/>
+      <geom name="trunk" size="0.1"/>
+      <body name="arm" pos="0.2 0 0">
+        <joint axis="0 1 0"/>
+        <geom name="arm" class="soft" type="capsule" fromto="0 0 0 0.2 0.1 0" size="0.05"/>
+        <body name="hand" pos="0.25 0.1 0">
+          <joint axis="1 1 0" pos="0 0.01 0"/>
+          <geom name="hand" class="soft" type="capsule" size="0.05 0.1" zaxis="1 2 0"/>
+          <body pos="0 0.01 0"><geom name="box" type="box" size="0.05 0.05 0.05" pos="0 0 0.1"/></body>
+        </body>
+      </body>
+    </body>
+    <body name="other" pos="0.1 0.05 0.6">
+      <freejoint/>
+      <frame pos="0 0 0.01" euler="1 20 3">
+        <geom name="rod" type="capsule" size="0.04 0.15" zaxis="1 2 3" priority="1" friction="0.3"/>
+      </frame>
+      <geom size="0.08" pos="0 0 0.2"/>
+    </body>
+    <body name="ball" pos="0.1 0.05 0.9"><freejoint/><geom name="ball" size="0.1" solref="-500 -10" contype="2" conaffinity="3"/></body>
+  </worldbody>
+  <contact><exclude body1="trunk" body2="other"/></contact>
+</mujoco>
+"""
+
+
+def written(folder: Path, text: str, name: str = "shapes.xml") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def found_at(path: Path, states: Array) -> list[list[FoundContact]]:
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, found = mujoco.MjData(model), []
+    for q in states:
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        found.append(found_contacts(model, data))
+    return found
+
+
+def states_of(path: Path, count: int, seed: int = 0) -> Array:
+    """Where steps of MuJoCo lead."""
+    model, random = mujoco.MjModel.from_xml_path(str(path)), np.random.default_rng(seed)
+    data, found = mujoco.MjData(model), []
+    for _ in range(count):
+        mujoco.mj_resetData(model, data)
+        data.qvel[:] = random.normal(size=model.nv)
+        for _ in range(random.integers(0, 400)):
+            mujoco.mj_step(model, data)
+        found.append(data.qpos.copy())
+    return np.array(found)
+
+
+def held(path: Path, engine_has: Path | None = None, change: Callable[[FoundContact], FoundContact] = lambda one: one) -> ShapesRecord:
+    """A file against MuJoCo on another one, whose contacts are changed."""
+    own = engine_has or path
+    states, names = states_of(own, 30), shapes_that_touch(mujoco.MjModel.from_xml_path(str(own)))
+    record = hold_shapes(read_robot(path), states, [[change(one) for one in at] for at in found_at(own, states)], names)
+    assert record is not None
+    return record
+
+
+def test_contacts_are_those_of_the_file(tmp_path: Path) -> None:
+    record = held(written(tmp_path, SHAPES))
+    assert (record.verdict, record.rest) == (Verdict.AGREES, [])
+    assert record.contacts >= 100 and record.given >= 1 and 0 < record.error <= AGREEMENT
+
+
+def text_with(old: str, new: str) -> str:
+    assert old in SHAPES
+    return SHAPES.replace(old, new)
+
+
+OTHER_FILES = {
+    "radius": (text_with('name="trunk" size="0.1"', 'name="trunk" size="0.1000000001"'), "distances", "trunk"),
+    "position": (text_with('size="0.05 0.1" zaxis', 'pos="1e-10 0 0" size="0.05 0.1" zaxis'), "points", "hand"),
+    "axis": (text_with('zaxis="1 2 3"', 'zaxis="1 2 3.000001"'), "points", "rod"),
+    "orientation of a plane": (text_with('euler="10 5 0"', 'euler="10 5.0000001 0"'), "normals", "floor"),
+    "margin": (text_with('name="ball" size', 'name="ball" margin="0.0100001" size'), "margin", "ball"),
+    "dropped": (
+        text_with("<contact>", '<contact><exclude body1="ball" body2="world"/>'),
+        "touch in 1 points by the file, and in 0",
+        "ball",
+    ),
+    "further": (text_with('<exclude body1="trunk" body2="other"/>', ""), "the file has them touch nowhere", "trunk"),
+    "priority": (text_with('priority="1"', ""), "friction", "rod"),
+    "solmix": (text_with('solmix="3"', 'solmix="1"'), "solref", "arm"),
+    "condim": (text_with('condim="4"', 'condim="3"'), "friction", "arm"),
+    "contype": (text_with('contype="2" conaffinity="3"', 'contype="2" conaffinity="4"'), "by the file", "ball"),
+}
+
+
+@pytest.mark.parametrize("fault", OTHER_FILES)
+def test_contacts_of_another_file_are_red(fault: str, tmp_path: Path) -> None:
+    text, what, name = OTHER_FILES[fault]
+    path = written(tmp_path, SHAPES)
+    record = held(path, written(tmp_path, text, "other.xml"))
+    line = line_of(path, f'geom name="{name}"')
+    assert record.verdict == Verdict.DISAGREES
+    assert any(what in sentence and f"{name!r} (line {line})" in sentence for sentence in record.rest), record.rest
+
+
+CHANGED: dict[str, Callable[[FoundContact], FoundContact]] = {
+    "friction": lambda one: replace(one, friction=tuple(min(mu, 0.5) for mu in one.friction)),
+    "distances": lambda one: replace(one, distance=one.distance + 1e-12),
+    "normals": lambda one: replace(one, frame=(*(-x for x in one.frame[:3]), *one.frame[3:])),
+    "points": lambda one: replace(one, point=(one.point[0] + 1e-12, *one.point[1:])),
+    "axes of contact": lambda one: replace(one, frame=(*one.frame[:3], 1.0, 0.0, 0.0, *one.frame[6:])),
+}
+
+
+@pytest.mark.parametrize("fault", CHANGED)
+def test_contacts_that_are_changed_are_red(fault: str, tmp_path: Path) -> None:
+    record = held(written(tmp_path, SHAPES), change=CHANGED[fault])
+    assert record.verdict == Verdict.DISAGREES and any(fault in sentence for sentence in record.rest)
+
+
+def test_a_record_says_what_is_judged(tmp_path: Path) -> None:
+    record = judge_switched_on(meant_by(written(tmp_path, SHAPES)), "mujoco")
+    assert record.shapes is not None and (record.explained, record.shapes.rest) == (True, [])
+    assert record.shapes.contacts > 0 and "roundoffs of where the file has them" in record.shapes.text
+
+
+def test_a_record_is_red_where_contacts_are_not_those_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The optimum is that of the contacts as they are given, and agrees."""
+    call_engines_here(monkeypatch)
+    real = adapter.found_contacts
+    change = CHANGED["points"]
+    monkeypatch.setattr(adapter, "found_contacts", lambda model, data: [change(one) for one in real(model, data)])
+    path = written(tmp_path, SHAPES)
+    record = judge_switched_on(meant_by(path), "mujoco")
+    assert (record.verdict, record.explained) == (Verdict.DISAGREES, False)
+    assert switched_on_text(record).startswith("finds other contacts than the file has: ")
+    line = line_of(path, 'name="floor"')
+    assert f"(line {line})" in " ".join(record.rest)
+
+
+def test_no_contact_is_said_of_a_file_that_overrides_their_numbers(tmp_path: Path) -> None:
+    path = written(tmp_path, SHAPES.replace("<default>", '<option o_margin="0.1"><flag override="enable"/></option><default>', 1))
+    assert judge_switched_on(meant_by(path), "mujoco").shapes is None
+
+
+# Trees of any kind.
+
+
+def tree_of(folder: Path, seed: int) -> Path:
+    """Spheres and capsules on joints, fixed to one another and in frames, with filters and numbers of all kinds."""
+    random = np.random.default_rng(seed)
+    opened, parts = 0, list[str]()
+    for number in range(int(random.integers(3, 12))):
+        x, y, z = random.normal(size=3) * 0.15
+        kind = random.choice(["hinge", "slide", "ball", "none"])
+        joint = "" if kind == "none" else f'<joint type="{kind}" axis="{x:.3f} {y:.3f} 0.3" pos="0 {z:.3f} 0"/>'
+        if not opened:
+            joint = "" if kind == "none" else "<freejoint/>"
+        parts.append(f'<body name="b{number}" pos="{x:.3f} {y:.3f} {z if opened else 0.3:.3f}">{joint}')
+        opened += 1
+        for _ in range(int(random.integers(1, 3))):
+            a, b, c = random.normal(size=3) * 0.1
+            radius = random.uniform(0.02, 0.1)
+            ends = f'type="capsule" fromto="0 0 0 {a:.3f} {b:.3f} {c:.3f}" size="{radius:.3f}"'
+            stands = f'type="capsule" euler="{90 * a:.2f} {900 * b:.2f} 10" size="{radius:.3f} {random.uniform(0.02, 0.2):.3f}"'
+            shape = random.choice([f'size="{radius:.3f}"', ends, stands])
+            slide, spin = random.uniform(0.1, 1.5, 2)
+            numbers = f'friction="{slide:.3f} {spin:.3f}" solmix="{random.choice([0.3, 1, 2])}" margin="{random.choice([0, 0.013])}"'
+            soft = f'solref="{random.choice(["0.02 1", "0.05 0.7", "-300 -20"])}" gap="{random.choice([0, 0.02])}"'
+            others = f'priority="{random.choice([0, 0, 1])}" condim="{random.choice([1, 3, 4, 6])}" contype="{random.choice([1, 2, 3])}"'
+            geom = f"<geom {shape} mass='1' {numbers} {soft} {others}/>"
+            parts.append(f'<frame pos="0 {a:.3f} 0" axisangle="1 {b:.3f} 0 30">{geom}</frame>' if random.random() < 0.3 else geom)
+        closing = int(random.integers(0, opened + 1)) if random.random() < 0.5 else 0
+        parts.append("</body>" * closing)
+        opened -= closing
+    parts.append("</body>" * opened)
+    exclude = '<contact><exclude body1="b0" body2="b2"/></contact>'
+    flag = f'<option><flag filterparent="{random.choice(["enable", "disable"])}"/></option>'
+    floor = f'<geom name="floor" type="plane" size="1 1 1" euler="{random.normal():.3f} 3 0"/>'
+    text = f"<mujoco>{flag}<worldbody>{floor}<geom size='0.1' pos='0.1 0 0'/>{''.join(parts)}</worldbody>{exclude}</mujoco>"
+    return written(folder, text, f"tree{seed}.xml")
+
+
+@pytest.mark.parametrize("seed", [pytest.param(one, marks=pytest.mark.nightly if one > 5 else ()) for one in range(60)])
+def test_no_tree_is_red(seed: int, tmp_path: Path) -> None:
+    path = tree_of(tmp_path, seed)
+    model, random = mujoco.MjModel.from_xml_path(str(path)), np.random.default_rng(seed)
+    states = np.array([mujoco.MjData(model).qpos + random.normal(size=model.nq) * random.choice([0.05, 0.5]) for _ in range(20)])
+    record = hold_shapes(read_robot(path), states, found_at(path, states), shapes_that_touch(model))
+    assert record is not None and (record.rest, record.verdict) == ([], Verdict.AGREES)
+
+
+# Against what is least among many points.
+
+
+def sampled(shape: PlacedShape, ways: Array) -> Array:
+    """(k, 3) points of the axis."""
+    centre, axis = (np.array([float(part.mid()) for part in own]) for own in (shape.centre, shape.axis))
+    return centre + ways[:, None] * float(shape.half.mid()) * axis
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_points_of_two_capsules_are_nearer(seed: int, tmp_path: Path) -> None:
+    path = tree_of(tmp_path, seed)
+    robot, ways = read_robot(path), np.linspace(-1, 1, 401)
+    states = states_of(path, 2)
+    placed = ShapesInWorld(robot.tree, robot.joints, robot.shapes.shapes)
+    for q in states:
+        with flint.ctx.workprec(192):
+            own = [one for one in placed.at(q.tolist()) if one.shape.kind != "plane"]
+            for first, second in itertools.pairwise(own):
+                for one in nearest(first, second) or ():
+                    apart = np.linalg.norm(sampled(first, ways)[:, None] - sampled(second, ways)[None], axis=-1).min()
+                    least = apart - float(first.radius.mid()) - float(second.radius.mid())
+                    spacing = max(float(first.half.mid()), float(second.half.mid())) / 200
+                    assert -1e-12 <= least - float(one.distance.mid()) <= 2 * spacing + 1e-12
