@@ -105,8 +105,8 @@ class _Held:
             for what, error in (item for one in least for item in one.items()):
                 self.error = max(self.error, error)
                 if error > AGREEMENT:
-                    beside = "square to one another" if what == _AXES else "those of the file"
-                    self.fault(names, what, f"have {what} {error:.2g} roundoffs from {beside}", error)
+                    far = "that are not square" if what == _AXES else f"{error:.2g} roundoffs from those of the file"
+                    self.fault(names, what, f"have {what} {far}", error)
 
 
 def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundContact]], engine_has: Sequence[str]) -> ShapesRecord | None:

@@ -31,5 +31,5 @@ class ShapesRecord:
             more = f", and {counted_nouns(len(self.rest) - 1, 'further differences')}" if len(self.rest) > 1 else ""
             return f"other contacts than the file has: {self.rest[0]}{more}"
         if not self.contacts:
-            return f"no contact is of shapes with a closed form{given}"
+            return f"no contact is of shapes with a closed form{given}" if given else "no shapes touch, and none do by the file"
         return f"{counted_nouns(self.contacts, 'contacts')} within {error_text(self.error)} roundoffs of where the file has them{given}"

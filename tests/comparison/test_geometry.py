@@ -174,6 +174,23 @@ def test_a_record_is_red_where_contacts_are_not_those_of_the_file(tmp_path: Path
     assert f"(line {line})" in " ".join(record.rest)
 
 
+UPRIGHT = """<mujoco><worldbody>
+<geom name="slope" type="plane" size="1 1 1" euler="0 30 0"/>
+<body euler="0 30 0"><freejoint/><geom name="post" type="capsule" size="0.1 0.2" pos="0 0 0.299" euler="{tilt} 0 0"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("tilt", "is_square"), [(0, False), (0.01, True)])
+def test_a_capsule_upright_on_a_slope_has_a_frame_that_is_not_square(tilt: float, is_square: bool, tmp_path: Path) -> None:
+    """See docs/issues/mujoco-tangent-of-upright-capsules.md."""
+    path = written(tmp_path, UPRIGHT.format(tilt=tilt))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    states = np.array([model.qpos0])
+    record = hold_shapes(read_robot(path), states, found_at(path, states), shapes_that_touch(model))
+    wrong = ["'post' (line 3) and 'slope' (line 2) have axes of contact that are not square"]
+    assert record is not None and (record.contacts, record.rest) == (1, [] if is_square else wrong)
+
+
 def test_no_contact_is_said_of_a_file_that_overrides_their_numbers(tmp_path: Path) -> None:
     path = written(tmp_path, SHAPES.replace("<default>", '<option o_margin="0.1"><flag override="enable"/></option><default>', 1))
     assert judge_switched_on(meant_by(path), "mujoco").shapes is None

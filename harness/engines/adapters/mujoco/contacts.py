@@ -21,7 +21,10 @@ _UNREAD = {"adhesion": "has adhesion", "surfacevel": "is of a surface that moves
 
 
 def found_contacts(model: Any, data: Any) -> list[FoundContact]:
-    """The contacts of a state after ``mj_forward``, those that do not push among them."""
+    """The contacts of a state after ``mj_forward``, those that do not push among them.
+
+    Frames are as they are found, which need not be square, docs/issues/mujoco-tangent-of-upright-capsules.md.
+    """
     return [_found(model, one) for one in data.contact[: data.ncon]]
 
 
