@@ -196,6 +196,23 @@ def test_no_contact_is_said_of_a_file_that_overrides_their_numbers(tmp_path: Pat
     assert judge_switched_on(meant_by(path), "mujoco").shapes is None
 
 
+REPLICAS = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+<replicate count="3" offset="0.3 0 0" euler="0 0 20">
+  <body name="ball" pos="0.5 0 0.1"><freejoint/><geom name="ball" size="0.11"/><geom type="capsule" size="0.05 0.2" euler="80 0 0"/></body>
+</replicate>
+<body name="last" pos="0 0.4 0.1"><freejoint/><geom size="0.11"/><replicate count="2" offset="0 0 0.1"><geom size="0.1"/></replicate></body>
+</worldbody></mujoco>"""
+
+
+def test_replicas_have_shapes_of_their_own(tmp_path: Path) -> None:
+    path = written(tmp_path, REPLICAS)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    [found] = found_at(path, model.qpos0[None])
+    record = hold_shapes(read_robot(path), model.qpos0[None], [found], shapes_that_touch(model))
+    assert record is not None and (record.rest, record.given, record.contacts) == ([], 0, len(found))
+    assert {name for one in found for name in one.bodies} == {"world", *(body.name for body in read_robot(path).tree.bodies)}
+
+
 # Trees of any kind.
 
 

@@ -11,7 +11,7 @@ from lxml import etree
 
 from harness.errors import InvalidModel
 from harness.files.document.source import Source
-from harness.files.given import Direction, Place, Placement, Vector, vector
+from harness.files.given import Direction, Placement, Vector, vector
 from harness.files.mjcf.attributes import Attributes, inside, is_on, resolved, resolved_text
 from harness.files.shapes import CAPSULE, PLANE, SPHERE, Shape, Shapes
 from harness.files.tree import WORLD, Tree
@@ -24,7 +24,9 @@ _FRICTION = (1.0, 0.005, 0.0001)
 def shapes_in(source: Source, tree: Tree) -> Shapes:
     """The shapes of a file whose included files and replicas are in place."""
     root, attributes = source.root, Attributes(source)
-    names = {body.place: body.name for body in tree.bodies if body.place is not None}
+    elements = [body for world in root.iterchildren("worldbody") for body in world.iter("body")]
+    # The tree has them in this order; replicas stand at one place.
+    names = {element: body.name for element, body in zip(elements, tree.bodies, strict=True)}
     try:
         shapes = tuple(
             shape
@@ -51,8 +53,8 @@ def _why_not(root: etree._Element) -> str:
     return "has deformable bodies" if root.find("deformable") is not None or root.find("worldbody//flexcomp") is not None else ""
 
 
-def _of_body(source: Source, attributes: Attributes, body: etree._Element, names: Mapping[Place, str]) -> Iterator[Shape]:
-    owner, number = WORLD if body.tag == "worldbody" else names[source.place(body)], 0
+def _of_body(source: Source, attributes: Attributes, body: etree._Element, names: Mapping[etree._Element, str]) -> Iterator[Shape]:
+    owner, number = WORLD if body.tag == "worldbody" else names[body], 0
     for geom in inside(body, "geom"):
         contype, conaffinity = (int(resolved_text(geom, name, "1")) for name in ("contype", "conaffinity"))
         if not (contype or conaffinity):
