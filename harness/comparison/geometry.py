@@ -13,6 +13,7 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import flint
 import numpy as np
@@ -129,16 +130,18 @@ def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundConta
         for number in order:
             held.state(states[number], found[number])
     verdict = Verdict.DISAGREES if held.faults else Verdict.AGREES
-    return ShapesRecord(verdict=str(verdict.value), contacts=held.judged, given=held.given, error=held.error, rest=[*_sentences(held)])
+    return ShapesRecord(
+        verdict=str(verdict.value), contacts=held.judged, given=held.given, error=held.error, rest=[*_sentences(held, robot.path)]
+    )
 
 
-def _sentences(held: _Held) -> Iterator[str]:
+def _sentences(held: _Held, path: Path) -> Iterator[str]:
     for (first, second), text, _ in sorted(held.faults.values(), key=lambda one: -one[2]):
-        yield f"{_told(first)} and {_told(second)} {text}"
+        yield f"{_told(first, path)} and {_told(second, path)} {text}"
 
 
-def _told(shape: Shape) -> str:
-    return f"{shape.name!r} (line {shape.place.line})"
+def _told(shape: Shape, path: Path) -> str:
+    return f"{shape.name!r} ({shape.place.within(path)})"
 
 
 def _text(values: Sequence[float]) -> str:
