@@ -27,9 +27,9 @@ from harness.truth.reference import Reference, ReferenceKernel
 
 # Of the states one of so many is where the engine's own steps lead, so many steps further for each.
 EACH_SETTLED, STEPS_APART = 4, 25
-# States that are judged at which bodies touch, each of which has a program of its own: fewer where velocities are many, which are so
-# much work together.
-MOST_TOUCHING, _LEAST_TOUCHING, _VELOCITIES = 16, 4, 160
+# Work on all states that are judged at which bodies touch, of which each costs velocities squared times contacts and a few besides, and
+# as much again where no other state has the program; so many states at least.
+MOST_WORK, _BESIDES, _LEAST_TOUCHING = 100_000, 4, 4
 
 
 def settling(count: int) -> Indices:
@@ -65,13 +65,8 @@ class Touching:
         place, velocities = robot.tree.place, max(1, robot.degrees_of_freedom)
         assert place is not None
         contacts = [_constraints(own, robot.tree, place, cone) for own in found]
-        most = max(_LEAST_TOUCHING, min(MOST_TOUCHING, _VELOCITIES // velocities))
         why = [next((one.why_not for one in own if one.why_not), "") for own in contacts]
-        usable, settled = [number for number, own in enumerate(contacts) if own and not why[number]], settling(len(contacts))
-        # Those where bodies have come to touch, and those where they overlap anyhow, in turns.
-        halves = [number for number in usable if number in settled], [number for number in usable if number not in settled]
-        turns = [number for pair in itertools.zip_longest(*halves) for number in pair if number is not None]
-        touching = turns[:most]
+        touching = _affordable(contacts, [number for number, own in enumerate(contacts) if own and not why[number]], velocities)
         states = [number for number, own in enumerate(contacts) if not own or number in touching]
         return cls(contacts, np.array(states, dtype=np.int64), tuple(dict.fromkeys(filter(None, why))))
 
@@ -112,6 +107,31 @@ class Touching:
                 if (column := columns.get(parameter_name(one))) is not None:
                     own[column] = float(one)
         return ReferenceKernel(mechanism).evaluate(states[np.array(numbers)], values=values)
+
+
+def _affordable(contacts: Sequence[Sequence[Constraint]], usable: Sequence[int], velocities: int) -> list[int]:
+    """The numbers of states at which bodies touch whose truth is worth its work, which ``velocities`` make.
+
+    The most contacts that a quarter of the work suffices for come first; then, by rising numbers of contacts, states where bodies have
+    come to touch and those where they overlap anyhow, in turns.
+    """
+
+    def work(number: int) -> int:
+        return velocities**2 * (len(contacts[number]) + _BESIDES)
+
+    rising, settled = sorted(usable, key=work), settling(len(contacts))
+    halves = [number for number in rising if number in settled], [number for number in rising if number not in settled]
+    turns = [number for pair in itertools.zip_longest(*halves) for number in pair if number is not None]
+    dense = [number for number in rising if 2 * work(number) <= MOST_WORK // 4][-1:]
+    left, found, structures = MOST_WORK, list[int](), set[Hashable]()
+    for number in dict.fromkeys([*dense, *turns]):
+        structure = structure_of(contacts[number])
+        own = work(number) * (1 if structure in structures else 2)
+        if own <= left or len(found) < _LEAST_TOUCHING:
+            left -= own
+            found.append(number)
+            structures.add(structure)
+    return found
 
 
 def _constraints(found: Sequence[FoundContact], tree: Tree, place: Place, cone: ConeKind) -> list[Constraint]:

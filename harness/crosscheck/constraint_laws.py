@@ -12,8 +12,10 @@ from harness.engines import ConstraintLaw, InverseWeight, Model, load_engine
 from harness.errors import InvalidModel
 from harness.explain.as_read import ReadTruth
 from harness.explain.meant import largest_change
-from harness.files.equalities import Constraint
+from harness.files.equalities import Constraint, DryFriction, Limit
+from harness.files.findings import CONTACTS, EQUALITIES
 from harness.files.model_file import ModelFile
+from harness.files.touching import Touch
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
@@ -131,11 +133,12 @@ class DepartedTruth(ReadTruth):
 
 
 def effect_of(departure: Departure, concerned: Sequence[Constraint], documented: Reference, departed: Reference) -> Effect:
-    """What a departure that concerns some equalities does: from the accelerations by the documented law to those with it."""
+    """What a departure that concerns some constraints does: from the accelerations by the documented law to those with it."""
+    kinds = set(map(_kind_of, concerned))
     return Effect(
         name=departure.name,
         sentence=departure.sentence,
-        concerns="equalities",
+        concerns=kinds.pop() if len(kinds) == 1 else "constraints",
         lines=tuple(dict.fromkeys(one.line for one in concerned)),
         count=len(concerned),
         alone=largest_change(documented, departed.high, documented.certified & departed.certified),
@@ -143,3 +146,16 @@ def effect_of(departure: Departure, concerned: Sequence[Constraint], documented:
         remedy=departure.remedy,
         departs=True,
     )
+
+
+def _kind_of(constraint: Constraint) -> str:
+    """The noun of a constraint in the plural; of dry friction that of what rubs."""
+    match constraint.says:
+        case Touch():
+            return CONTACTS
+        case Limit():
+            return "limits"
+        case DryFriction(of=of):
+            return "joints" if isinstance(of, str) else "tendons"
+        case _:
+            return EQUALITIES

@@ -56,6 +56,29 @@ def test_a_curved_coupling_that_is_made_linear_agrees(tmp_path: Path) -> None:
     assert (record.verdict, record.departures) == (Verdict.AGREES, [])
 
 
+ONE_JOINT = """<mujoco><option gravity="0 0 -9"/><worldbody><geom type="plane" size="1 1 1" contype="{collides}" conaffinity="{collides}"/>
+  <body pos="0.1 0 0.09">
+    <joint {joint}/>
+    <geom type="sphere" size="0.1" mass="2"/>
+  </body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("joint", "collides", "concerned"),
+    [
+        ('name="j" type="ball" range="0 30" pos="0 0 0.5"', 0, "1 limit, line 3"),
+        ('name="j" type="hinge" pos="0 0 0.5" frictionloss="0.5" solimpfriction="0.5 0.9 0"', 0, "1 joint, line 3"),
+        ('name="j" type="slide" axis="0 0 1"', 1, "1 contact, line 1"),
+    ],
+)
+def test_what_a_departure_concerns_is_called_by_its_name(joint: str, collides: int, concerned: str, tmp_path: Path) -> None:
+    path = tmp_path / "one.xml"
+    path.write_text(ONE_JOINT.format(joint=joint, collides=collides))
+    (departure,) = held_by(path).departures
+    assert departure.concerned() == concerned
+
+
 def test_what_is_declared_of_no_program_is_no_excuse(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(switched_on, "departures_of", lambda engine, reader: [])
     record = held_by(FOUR_BAR)

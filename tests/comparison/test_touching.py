@@ -124,6 +124,15 @@ def test_states_whose_contacts_are_alike_are_as_each_alone(cone: str, tmp_path: 
     assert moved.tolist() == [0, 1, 2, 3]
 
 
+def test_states_at_which_bodies_touch_are_judged_by_their_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path)
+    found = {}
+    for most in (0, touching.MOST_WORK):
+        monkeypatch.setattr(touching, "MOST_WORK", most)
+        found[most] = held_by(path).touching
+    assert found[0] == 4 < found[touching.MOST_WORK]
+
+
 def changed(**fields: Callable[[FoundContact], object]) -> Callable[[FoundContact], FoundContact]:
     return lambda one: replace(one, **{name: change(one) for name, change in fields.items()})
 
