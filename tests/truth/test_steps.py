@@ -150,7 +150,7 @@ def test_a_version_of_other_rules_offers_no_steps(monkeypatch: pytest.MonkeyPatc
     import mujoco
 
     setting = Setting(model_of("double_pendulum"))
-    monkeypatch.setattr(mujoco, "mj_version", lambda: 313)
+    monkeypatch.setattr(mujoco, "mj_versionString", lambda: "3.13.0")
     with pytest.raises(NotOffered, match="no rules of integrators are declared for MuJoCo"):
         setting.truth.answers(setting.model, generic_sample(setting.mechanism, 1, SEED))
 

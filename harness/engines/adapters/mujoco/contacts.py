@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 
+from harness.engines.adapters.mujoco.versions import release
 from harness.files.contacts import FoundContact
 from harness.files.tree import WORLD
 
 # The first version whose margin and gap are what is documented today: 3.9.0, its changelog says.
-_SUMS_MARGINS = 390
+_SUMS_MARGINS = (3, 9)
 _DEFORMABLE = "is of a deformable body"
 # What a contact may have that the harness has no rows for, by the name of its field, which older versions do not know.
 _UNREAD = {"adhesion": "has adhesion", "surfacevel": "is of a surface that moves by itself"}
@@ -64,7 +64,7 @@ def _name_of(model: Any, body: int) -> str:
 
 def shapes_that_touch(model: Any) -> list[str]:
     """The names of the shapes that may touch; none of versions whose rules for margins are others."""
-    if mujoco.mj_version() < _SUMS_MARGINS:
+    if release() < _SUMS_MARGINS:
         return []
     return [_shape(model, geom) for geom in range(model.ngeom) if _may_touch(model, geom)]
 

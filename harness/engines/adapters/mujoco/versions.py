@@ -18,12 +18,18 @@ from harness.engines import NotOffered, Unsupported
 from harness.files.document.xml import parse_document
 from harness.files.model_file import ROOT_TAGS, ModelFile
 
-# The first version, as ``mj_version`` counts, that knows all that the harness lets stand in a model.
-_KNOWS_ALL = 400
+# The first version that knows all that the harness lets stand in a model.
+_KNOWS_ALL = (4, 0)
 # The first version whose steps are those that ``steps`` declares: RK4 of 3.13 turns free bodies by another rule.
-_DECLARES_STEPS = 400
+_DECLARES_STEPS = (4, 0)
 # Stages that were switched off together, as "passive", before each had a flag, and the attribute of what they compute.
 _FLAGS = {"spring": "stiffness", "damper": "damping"}
+
+
+def release() -> tuple[int, int]:
+    """Major and minor version; ``mj_version`` counts 3.9.0 as 390, and 3.12.1 as 3012001."""
+    major, minor, *_ = map(int, mujoco.mj_versionString().split("."))
+    return major, minor
 
 
 def batch(model: Any, count: int) -> Any:
@@ -60,7 +66,7 @@ def read_mjcf(file: ModelFile) -> Any:
         with compiling():
             return mujoco.MjModel.from_xml_string(_without_unknown_flags(file))
     except ValueError as error:
-        if mujoco.mj_version() < _KNOWS_ALL and "unrecognized" in str(error):
+        if release() < _KNOWS_ALL and "unrecognized" in str(error):
             raise Unsupported(f"MuJoCo {mujoco.mj_versionString()} reads no such file: {' '.join(str(error).split())}") from error
         raise
 
@@ -79,7 +85,7 @@ def compiling() -> Iterator[None]:
 
 def require_declared_steps() -> None:
     """Raises NotOffered where the rules that are declared for integrators are not of this version."""
-    if mujoco.mj_version() < _DECLARES_STEPS:
+    if release() < _DECLARES_STEPS:
         raise NotOffered(f"no rules of integrators are declared for MuJoCo {mujoco.mj_versionString()}")
 
 
