@@ -39,6 +39,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.readings import FELT, Effect
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import SwitchedOnRecord
+from harness.trees.mechanism import RobotMechanism
 from harness.trees.robot import Robot, with_actuators
 from harness.truth.compare import Comparison, Flags, compare
 from harness.truth.declared import DeclaredMechanism
@@ -346,4 +347,6 @@ def _tied(
     """
     chosen, laws = _laws(robot, caller, switches, contacts)
     laws = departed(departures, robot.tree, chosen, laws)
-    return optimum(reference_of(of or robot).mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))
+    mechanism = reference_of(of or robot).mechanism
+    assert isinstance(mechanism, RobotMechanism)
+    return optimum(mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))

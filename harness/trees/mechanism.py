@@ -72,6 +72,11 @@ class RobotMechanism(Mechanism):
         return replace(mechanism_of(with_actuators(self.robot, ())), name=self.name, digest=self.digest, request=request)
 
     @property
+    def written(self) -> FileProgram:
+        """Its equations of motion, and the numbers of the file in them."""
+        return FileProgram(self.program, self.given)
+
+    @property
     def handed_to_engines(self) -> Any:
         return self.request or self
 
@@ -187,8 +192,14 @@ class TiedMechanism:
     is_determined: bool
 
 
-def tied_tree(tree: Tree, joints: Sequence[str], constraints: Mapping[str, AnyRows], determined: Sequence[int] = ()) -> TiedTree:
-    """The rows of constraints by their names, over ``joints`` as of ``recursion_program``.
+def tied_tree(
+    tree: Tree,
+    joints: Sequence[str],
+    constraints: Mapping[str, AnyRows],
+    determined: Sequence[int] = (),
+    written: FileProgram | None = None,
+) -> TiedTree:
+    """The rows of constraints by their names, over ``joints`` as of ``recursion_program``; that of the tree may be ``written``.
 
     ``determined`` names, for rigid constraints, the place in v that each row determines; without it all rows are taken for redundant,
     and only a law that softens them has a meaning.
@@ -199,7 +210,8 @@ def tied_tree(tree: Tree, joints: Sequence[str], constraints: Mapping[str, AnyRo
     world = in_world(kinematics(tree, joints))
     rows, places = rows_in(world, constraints), tuple(determined)
     redundant, assembly = (not places,) * len(rows), (0.0,) * world.kinematics.nv
-    return _tied(world, joints, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
+    recursion = written or recursion_program(tree, joints)
+    return _tied(world, recursion, rows, redundant=redundant, positions=places, rates=places, assembly=assembly)
 
 
 def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Constraints, states: States) -> TiedMechanism:
@@ -221,7 +233,7 @@ def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Cons
         raise ValueError(f"the file's constraints determine {len(chosen)} coordinates; expected {len(declared.independent)}")
     tied = _tied(
         world,
-        robot.joints,
+        recursion_program(robot.tree, robot.joints),
         [rows[number] for number in bearing],
         redundant=tuple(number not in chosen for number in bearing),
         positions=declared.positions,
@@ -238,10 +250,9 @@ def tied_mechanism(robot: Robot, constraints: Sequence[Equality], declared: Cons
     return TiedMechanism(mechanism, tuple(bearing), len(chosen) == len(bearing))
 
 
-def _tied(world: World, joints: Sequence[str], rows: Sequence[Row], **declared: Any) -> TiedTree:
+def _tied(world: World, recursion: FileProgram, rows: Sequence[Row], **declared: Any) -> TiedTree:
     """Rows that were written, beside the equations of motion of their tree; ``declared`` is what else ``Constraints`` holds."""
-    recursion, builder = recursion_program(world.kinematics.tree, joints), world.kinematics.builder
-    own = builder.written(equations_of_rows(world, rows))
+    own = world.kinematics.builder.written(equations_of_rows(world, rows))
     given = tuple({value.key: value for value in (*recursion.parameters, *own.parameters)}.values())
     constraints = Constraints(
         rows=tuple(row.constraint for row in rows),

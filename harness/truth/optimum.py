@@ -14,15 +14,17 @@ from harness.files.equalities import AnyRows, Constraint, DryFriction, Equality,
 from harness.files.rules import ConstraintLaw
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.trees.inverse_weights import inverse_weights_of
-from harness.trees.mechanism import named, tied_tree
+from harness.trees.mechanism import RobotMechanism, named, tied_tree
 from harness.trees.robot import Robot
 from harness.truth.declared import declared
 
 
 def optimum(
-    mechanism: Mechanism, robot: Robot, constraints: Sequence[Constraint], laws: Mapping[str, ConstraintLaw], fuses: bool
+    mechanism: RobotMechanism, robot: Robot, constraints: Sequence[Constraint], laws: Mapping[str, ConstraintLaw], fuses: bool
 ) -> Mechanism:
-    """The mechanism of a robot with those constraints that have rows and a law, by their names; ``fuses`` as of ``inverse_weights_of``.
+    """The mechanism with those constraints that have rows and a law, by their names; ``fuses`` as of ``inverse_weights_of``.
+
+    ``robot`` has the equations of motion of the mechanism.
 
     Raises:
         KeyError: one is about a body or joint that the tree does not have. ValueError: as ``inverse_weights_of``.
@@ -30,7 +32,8 @@ def optimum(
     acting = sorted((one for one in constraints if one.name in laws and one.rows), key=lambda one: not isinstance(one, Equality))
     if not acting:
         return mechanism
-    tied = tied_tree(robot.tree, robot.joints, {one.name: one.rows for one in acting if one.rows is not None})
+    rows = {one.name: one.rows for one in acting if one.rows is not None}
+    tied = tied_tree(robot.tree, robot.joints, rows, written=mechanism.written)
     weights = inverse_weights_of(
         robot.tree,
         (part for one in acting for row in laws[one.name].weights or () for part in row),
