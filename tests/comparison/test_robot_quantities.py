@@ -25,8 +25,7 @@ ARM = BUILT_IN.model_path("puma_560", "urdf")
 MJCF = BUILT_IN.model_path("arm_7r", "mjcf")
 MIMIC = FILES / "mimic.urdf"
 FLOATING = BUILT_IN.model_path("quadrotor", "mjcf")
-# None of these files has a sensor.
-QUANTITIES = [value for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick and value.name != "sensors"]
+QUANTITIES = [value for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick]
 
 
 def checked(file: Path, quantities: list[Quantity], stance: Stance = Stance.AIDED) -> dict[tuple[str, str], Record]:

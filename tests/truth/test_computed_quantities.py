@@ -28,8 +28,8 @@ from harness.verdict import AGREEMENT
 
 SEED = 11
 STATES = 8
-# Reactions, derivatives and the regressor have tests of their own; files of mechanisms have no sensors.
-NAMES = [value.name for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick and value.name != "sensors"]
+# Reactions, derivatives, the regressor and sensors have tests of their own.
+NAMES = [value.name for value in vars(of_files).values() if isinstance(value, Quantity) and value.is_quick]
 
 
 def truth(name: str, quantity: str) -> FileTruth:

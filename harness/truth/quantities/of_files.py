@@ -255,6 +255,7 @@ MOMENTUM = _quantity("momentum", motion.momentum, _asks("momenta", ("q", "v"), "
 POSITION = _quantity("position", motion.positions, _positions)
 VELOCITY = _quantity("velocity", motion.velocities, _asks("velocities", ("q", "v"), "n", "joints", 6))
 JACOBIAN = _quantity("jacobian", motion.jacobians, _jacobians)
-SENSORS = Quantity("sensors", _sensors)
+# No mechanism's model has any.
+SENSORS = Quantity("sensors", _sensors, is_quick=False)
 # To write and to compile its programs takes seconds.
 REGRESSOR = Quantity("regressor", _regressor, is_quick=False)
