@@ -13,38 +13,36 @@ Source: MuJoCo documentation, Computation, sections Actuation model, Constraint 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.comparison.documented import documented, laws_of, switched_off_by_file
 from harness.comparison.geometry import hold_shapes
 from harness.comparison.robot_library import ask_engine, engine_of, engines_of_files
 from harness.comparison.switches import GROUPS, Switch, constraints_among, switches_of, why_no_equality
 from harness.comparison.touching import Touching, put, settling, steps_of
 from harness.crosscheck.constraint_laws import effect_of
-from harness.engines import ConstraintLaw, Engine
+from harness.engines import Engine
 from harness.engines.request import EngineAnswers, EngineQuestion, Held
 from harness.explain.as_read import Folded, effects, read_by
-from harness.explain.changes.departures import Departure, departed, departures_of
+from harness.explain.changes.departures import Departure, departures_of
 from harness.explain.changes.readings import element_at
 from harness.explain.file_numbers import left_beside_readings, unexplained
 from harness.explain.meant import Meant, driven, largest_change, question_of, read_as, reference_of, request_of, spread, worst
 from harness.explain.row_numbers import row_numbers_that_explain
-from harness.files.equalities import Constraint, Equality
-from harness.files.findings import CONTACTS, EQUALITIES, FRICTION, SWITCHED_OFF
+from harness.files.equalities import Equality
+from harness.files.findings import CONTACTS, EQUALITIES, FRICTION
 from harness.files.tree import Tree
 from harness.library import Stance
-from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.readings import FELT, Effect
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import SwitchedOnRecord
-from harness.trees.mechanism import RobotMechanism
-from harness.trees.robot import Robot, with_actuators
+from harness.trees.robot import with_actuators
 from harness.truth.compare import Comparison, Flags, compare
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.displaced import near, pressed
-from harness.truth.optimum import optimum
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
 
@@ -100,7 +98,7 @@ def judge_switched_on(meant: Meant, engine: str) -> SwitchedOnRecord:
     asked, read = _Asked(original, caller), read_as(original, folded.robot)
     off = read if original is meant else read_as(meant, with_actuators(folded.robot, ()))
     why_off = {what: f"is off: {reason}" for what, reason in caller.why_off.items()}
-    on_in_file = _switched_off_by_file(switches_of(original.robot, read.robot, caller), read.robot, caller)
+    on_in_file = switched_off_by_file(switches_of(original.robot, read.robot, caller), read.robot, caller)
     switches = [replace(one, why_not=why_off.get(one.group.what) or one.why_not) for one in on_in_file]
     record = SwitchedOnRecord(
         path=str(meant.robot.path),
@@ -163,7 +161,7 @@ class _Case:
     def truth(self, departures: Iterable[Departure] = ()) -> Reference:
         """By the laws that the engine documents, or with departures from them."""
         caller = self.asked.caller
-        return self.touching.truth(self.at.states, lambda contacts: _documented(self.at, caller, self.judged, departures, contacts))
+        return self.touching.truth(self.at.states, lambda contacts: documented(self.at.robot, caller, self.judged, departures, contacts))
 
 
 def _judged(record: SwitchedOnRecord, case: _Case, answers: EngineAnswers, within: Flags) -> SwitchedOnRecord:
@@ -205,11 +203,11 @@ def _judged(record: SwitchedOnRecord, case: _Case, answers: EngineAnswers, withi
 
     def truth_of(tree: Tree) -> Reference:
         changed = replace(at.robot, tree=tree)
-        return ReferenceKernel(_tied(changed, caller, judged, departures, of=at.robot)).evaluate(certified.states)
+        return ReferenceKernel(documented(changed, caller, judged, departures, of=at.robot)).evaluate(certified.states)
 
     if found := row_numbers_that_explain(at.robot.tree, truth_of, certified.truth, answers.of(joints)[apart]):
         return replace(record, rest=found)
-    kernel = ReferenceKernel(_documented(at, caller, judged, departures))
+    kernel = ReferenceKernel(documented(at.robot, caller, judged, departures))
     return replace(record, rest=unexplained(certified, answers.of(joints)[apart], kernel))
 
 
@@ -225,9 +223,9 @@ def _of_no_friction(meant: Meant, caller: Engine) -> list[Effect]:
     own = [one for one in switches_of(meant.robot, meant.robot, caller) if one.group.what == FRICTION and not one.why_not]
     other = _engine_with(FRICTION, meant.robot.format)
     # One that documents a law applies some.
-    if not own or FRICTION not in caller.why_off or other is None or _laws(meant.robot, caller, own)[1]:
+    if not own or FRICTION not in caller.why_off or other is None or laws_of(meant.robot, caller, own)[1]:
         return []
-    rubbing = ReferenceKernel(_documented(meant.few, other, own)).evaluate(meant.few.states)
+    rubbing = ReferenceKernel(documented(meant.few.robot, other, own)).evaluate(meant.few.states)
     lines = tuple(dict.fromkeys(one.element.line for one in own))
     change = largest_change(meant.few.truth, rubbing.high, meant.few.truth.certified & rubbing.certified)
     sentence, source = caller.why_off[FRICTION], f"by the law that {other.title} documents"
@@ -250,7 +248,7 @@ def _felt(asked: _Asked, read: Meant, judged: Sequence[Switch]) -> tuple[Meant, 
     touches, constraints = any(one.group.what == CONTACTS for one in judged), constraints_among(read.robot, judged)
     if not (touches or constraints) or not asked_about <= set(read.robot.joints):
         return read, within
-    mechanism, states = _tied(with_actuators(read.robot, ()), asked.caller, judged), read.states
+    mechanism, states = documented(with_actuators(read.robot, ()), asked.caller, judged), read.states
     if isinstance(mechanism, DeclaredMechanism):
         for displaced, chosen in (
             (near if mechanism.constraints else None, numbers % 2 == 0),
@@ -271,7 +269,7 @@ def _felt(asked: _Asked, read: Meant, judged: Sequence[Switch]) -> tuple[Meant, 
 def _departures(case: _Case, documented: Reference) -> dict[Departure, Effect]:
     """The engine's departures from the documented laws of some constraints, each with what it does alone; none that does nothing."""
     robot, caller, found = case.at.robot, case.asked.caller, dict[Departure, Effect]()
-    chosen, laws = _laws(robot, caller, case.judged, case.touching.first)
+    chosen, laws = laws_of(robot, caller, case.judged, case.touching.first)
     for one in departures_of(caller.name, caller.reader):
         if concerned := one.concerned(robot.tree, chosen, laws):
             found[one] = effect_of(one, concerned, documented, case.truth([one]))
@@ -290,7 +288,7 @@ def truth_with(meant: Meant, equality: Equality | None) -> Reference | None:
         return None
     alone = replace(meant.robot, equalities=(equality,))
     own = [one for one in switches_of(alone, alone, caller) if one.group.what == EQUALITIES]
-    return ReferenceKernel(_tied(alone, caller, own)).evaluate(meant.states)
+    return ReferenceKernel(documented(alone, caller, own)).evaluate(meant.states)
 
 
 def _is_held(compared: Comparison) -> bool:
@@ -302,51 +300,3 @@ def _effect(read: Meant, answers: EngineAnswers) -> float | None:
     found = answers.of(read.robot.joints)
     truth = read.truth[np.arange(len(found))]
     return largest_change(truth, found, truth.certified)
-
-
-def _laws(
-    robot: Robot, caller: Engine, switches: Sequence[Switch], contacts: Sequence[Constraint] = ()
-) -> tuple[list[Constraint], Mapping[str, ConstraintLaw]]:
-    """The constraints among what is on, with these contacts, and the laws that the engine documents of them."""
-    chosen = [*constraints_among(robot, switches), *contacts]
-    return chosen, caller.laws(element_at(robot.tree.place), robot.format, chosen)
-
-
-def _switched_off_by_file(switches: Sequence[Switch], read: Robot, caller: Engine) -> list[Switch]:
-    """The same; an element that the file switches off has no law, and says so."""
-    known = [one for one in switches if not one.why_not and one.group.what not in caller.why_off]
-    chosen, laws = _laws(read, caller, known)
-    lawless = {one.name for one in chosen} - set(laws)
-    return [
-        replace(one, why_not=SWITCHED_OFF) if lawless & {own.name for own in constraints_among(read, [one])} else one for one in switches
-    ]
-
-
-def _documented(
-    read: Meant,
-    caller: Engine,
-    switches: Sequence[Switch],
-    departures: Iterable[Departure] = (),
-    contacts: Sequence[Constraint] = (),
-) -> Mechanism:
-    """What is read, with these elements and contacts by the laws that the engine documents, or with departures from them."""
-    return _tied(read.robot, caller, switches, departures, contacts)
-
-
-def _tied(
-    robot: Robot,
-    caller: Engine,
-    switches: Sequence[Switch],
-    departures: Iterable[Departure] = (),
-    contacts: Sequence[Constraint] = (),
-    of: Robot | None = None,
-) -> Mechanism:
-    """A robot with some of its constraints by the laws that an engine documents, or with departures from them.
-
-    ``of`` has the same equations of motion, and is the robot itself by default.
-    """
-    chosen, laws = _laws(robot, caller, switches, contacts)
-    laws = departed(departures, robot.tree, chosen, laws)
-    mechanism = reference_of(of or robot).mechanism
-    assert isinstance(mechanism, RobotMechanism)
-    return optimum(mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))

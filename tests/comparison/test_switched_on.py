@@ -112,10 +112,8 @@ def test_a_number_of_an_equality_that_is_another_is_felt(change: tuple[str, str]
 def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The engine is asked about the file as it stands, and the optimum is that of a changed one."""
     own, other = meant_by(path), meant_by(changed)
-    documented, tied = switched_on._documented, switched_on._tied
-    read = switched_on.driven(other)
-    monkeypatch.setattr(switched_on, "_documented", lambda _, caller, numbers, *more: documented(read, caller, numbers, *more))
-    monkeypatch.setattr(switched_on, "_tied", lambda _, caller, numbers, *more: tied(read.robot, caller, numbers, *more))
+    documented, read = switched_on.documented, switched_on.driven(other).robot
+    monkeypatch.setattr(switched_on, "documented", lambda _, caller, numbers, *more, of=None: documented(read, caller, numbers, *more))
     record = judge_switched_on(own, "mujoco")
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 
