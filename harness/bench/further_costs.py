@@ -29,7 +29,7 @@ from harness.bench.methods import Method
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import Truths
-from harness.engines import Subject, load_engine, runs_elsewhere
+from harness.engines import Calls, Model, Subject, load_engine, runs_elsewhere
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.benchmark import DerivativeCost, Growth, QuantityCost
@@ -69,11 +69,11 @@ def quantity_costs(scene: Scene, quantity: Quantity, subjects: Sequence[Subject]
         certified = truths.of(truth)
         for count in effort.counts:
             batch, judged = states[:count], len(certified)
-            calls = EngineCalls(model, batch.q)
-            first = truth.answers(calls, batch)
+            again = partial(calls_at(truth.asks(model, batch), batch.q), model)
+            first = truth.answers(model, batch)
             rest = [truth.answers(model, states[start : min(start + count, judged)]) for start in range(count, judged, count)]
             comparison = compare(certified, np.concatenate([first, *rest])[:judged])
-            times = measure(calls.again, MINIMUM_COUNT, effort.minimum_seconds)
+            times = measure(again, MINIMUM_COUNT, effort.minimum_seconds)
             yield {"states": count, **shared_fields(comparison, certified.certified, times, count, remark)}
 
     def about(subject: Subject) -> dict[str, Any]:
@@ -83,39 +83,17 @@ def quantity_costs(scene: Scene, quantity: Quantity, subjects: Sequence[Subject]
     return cost_of_each(QuantityCost, subjects, about, costs, note)
 
 
-class EngineCalls:
-    """An engine's model that notes what it is asked at ``q``, (n, nq), to be asked it again.
+def calls_at(asked: Calls, q: Array) -> Callable[[Model], None]:
+    """What asks a model what is asked at positions ``q``, (n, nq), and nothing at others, as at zero for the engine's own frames."""
+    calls = [call for call in asked.each if np.array_equal(call.arguments[0], q)]
+    # An engine may write into what it is given.
+    given = [(call.method, [np.array(one) if isinstance(one, np.ndarray) else one for one in call.arguments]) for call in calls]
 
-    What a quantity asks at other positions, as at zero for the engine's own convention of frames, is passed on and not noted.
-    """
+    def again(model: Model) -> None:
+        for method, arguments in given:
+            getattr(model, method)(*arguments)
 
-    def __init__(self, model: Any, q: Array) -> None:
-        self._model, self._q = model, q
-        self._calls: list[tuple[Callable[..., object], tuple[Any, ...]]] = []
-
-    def __getattr__(self, name: str) -> Any:
-        attribute = getattr(self._model, name)
-        if not callable(attribute):
-            return attribute
-
-        def call(*arguments: Any) -> Any:
-            # An engine is given copies of what is asked.
-            if arguments and np.array_equal(arguments[0], self._q):
-                self._calls.append((attribute, arguments))
-            return attribute(*arguments)
-
-        return call
-
-    def again(self) -> None:
-        """Every call that was noted, in their order.
-
-        Raises:
-            ValueError: none was.
-        """
-        if not self._calls:
-            raise ValueError("the engine was asked nothing at the states")
-        for method, arguments in self._calls:
-            method(*arguments)
+    return again
 
 
 @dataclass(frozen=True)

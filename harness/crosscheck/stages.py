@@ -19,7 +19,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, answers_what_is_read, departures_of, load_audited, reference_kernel_of
-from harness.engines import InvalidAnswer, Misread, Model, NotOffered, Unsupported, accelerations, load_engine
+from harness.engines import InvalidAnswer, Misread, Model, NotOffered, Unsupported, accelerations, load_engine, timed_answers_of
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
@@ -35,7 +35,7 @@ from harness.verdict import Verdict
 NOT_OFFERED = "not offered: "
 # Why a further quantity of such a subject is another one.
 MISREAD = "its reader makes another mechanism of the file, and its accelerations are those of that"
-# Timings of a batch: that many at least, and more until they take that long, up to the most.
+# Timings of a batch: the least where these take that long, else the most.
 LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
 # A longer call is timed once; one that is shorter is set up for the size of its batch by a call before.
 REPEATED_BELOW_SECONDS = 0.25
@@ -223,21 +223,15 @@ def declared_precision(assignment: Assignment) -> str:
 
 def timed_answers(truth: Truth, model: Model, states: States, again: bool = True) -> tuple[list[Array], list[float]]:
     """The answers at ``states`` of each call, and seconds per state of each timing; of one call without ``again``."""
+    asked = truth.asks(model, states)
     # What is compiled or allocated on first use is not charged to the engine.
-    truth.answers(model, states[:1])
-    clock = getattr(model, "clock", time.perf_counter)
-    answers: list[Array] = []
-    seconds: list[float] = []
-    while len(seconds) <= MOST_TIMINGS:
-        started = clock()
-        answer = truth.answers(model, states)
-        seconds.append(clock() - started)
-        # An engine may return one array each time.
-        answers.append(answer.copy())
-        is_enough = seconds[-1] > REPEATED_BELOW_SECONDS or (len(seconds) > LEAST_TIMINGS and sum(seconds) > ENOUGH_SECONDS)
-        if is_enough or not again:
-            break
-    return answers, [one / len(states) for one in seconds[1:] or seconds]
+    found = timed_answers_of(model, [truth.asks(model, states[:1]), asked])[1:]
+    _, first = found[0]
+    if again and first <= REPEATED_BELOW_SECONDS:
+        # The call before has set the engine up for the size of the batch.
+        found += timed_answers_of(model, [asked] * (LEAST_TIMINGS if first * LEAST_TIMINGS > ENOUGH_SECONDS else MOST_TIMINGS))
+    answers, seconds = zip(*found, strict=True)
+    return list(answers), [one / len(states) for one in seconds[1:] or seconds]
 
 
 def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
@@ -284,9 +278,9 @@ def require_repeatable(truth: Truth, model: Model, states: States, answers: Sequ
     """
     few = slice(min(ASKED_AGAIN, len(states)))
     backwards = np.arange(len(states[few]))[::-1]
-    straight = _answer(truth, model, states[few])
-    turned, again = (_answer(truth, model, states[backwards]) for _ in range(2))
-    alone = _answer(truth, model, states[:1])
+    reverse = truth.asks(model, states[backwards])
+    asked = [truth.asks(model, states[few]), reverse, reverse, truth.asks(model, states[:1])]
+    straight, turned, again, alone = (answer for answer, _ in timed_answers_of(model, asked))
     if _same(straight, turned) and not _same(straight, straight[backwards]) and not _same(turned, again):
         raise InvalidAnswer("forward_dynamics returns the answer of the call before")
     batches = [*answers, *([straight] if len(straight) == len(states) else [])]
@@ -308,16 +302,11 @@ def precision_of(truth: Truth, model: Model, states: States, answer: Array) -> s
         few = states[: min(ASKED_AGAIN, len(states))]
         rounded = replace(few, **{name: getattr(few, name).astype(np.float32).astype(np.float64) for name in ("q", "v", "tau")})
     moved = np.hstack([getattr(few, name) != getattr(rounded, name) for name in ("q", "v", "tau")]).any(axis=1)
-    exact = _answer(truth, model, few)[moved]
+    exact = truth.answers(model, few)[moved]
     # An answer that feels no state feels no rounding either.
-    if len(np.unique(exact, axis=0)) >= FEWEST_NUMBERS and _same(exact, _answer(truth, model, rounded)[moved]):
+    if len(np.unique(exact, axis=0)) >= FEWEST_NUMBERS and _same(exact, truth.answers(model, rounded)[moved]):
         return "answers have the precision of float32: they are the same, bit by bit, where q, v and tau are rounded to it"
     return ""
-
-
-def _answer(truth: Truth, model: Model, states: States) -> Array:
-    """The answer as a copy: an engine may return one array each time."""
-    return np.array(truth.answers(model, states))
 
 
 def _same(one: Array, other: Array) -> bool:

@@ -13,11 +13,11 @@ their own.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from harness.arrays import Array
-from harness.engines.engine import EQUATIONS, FORMATS, Engine, load_keeping_arithmetic, require_model
+from harness.engines.calls import Call, Calls, accelerations, asked_accelerations, factorises_mass_matrix, timed_answers_of
+from harness.engines.engine import EQUATIONS, FORMATS, Engine, Subject, require_model
 from harness.engines.files import (
     LOADING_SECONDS,
     EngineFile,
@@ -28,6 +28,7 @@ from harness.engines.files import (
     file_engines,
     installed_version,
     load_engine,
+    load_model,
     runs_elsewhere,
 )
 from harness.engines.interface import (
@@ -41,24 +42,18 @@ from harness.engines.interface import (
     NotOffered,
     Terms,
     Unsupported,
-    answer_of,
-    answers_of,
 )
 from harness.environments import environment_of, split_name
-from harness.errors import InvalidModel, InvalidRequest
-from harness.files.model_file import ModelFile
+from harness.errors import InvalidRequest
 from harness.files.rules import ConstraintLaw, Impedance, ImplicitPart, InverseWeight, StepRule
 from harness.library import Library, nearest
-
-if TYPE_CHECKING:
-    from harness.programs.mechanisms.mechanism import Mechanism
-    from harness.programs.states import States
-
 
 __all__ = [
     "EQUATIONS",
     "FORMATS",
     "LOADING_SECONDS",
+    "Call",
+    "Calls",
     "ConstraintLaw",
     "Engine",
     "EngineFile",
@@ -79,8 +74,7 @@ __all__ = [
     "Terms",
     "Unsupported",
     "accelerations",
-    "answer_of",
-    "answers_of",
+    "asked_accelerations",
     "asked_of",
     "describe_engines",
     "engine_files",
@@ -99,13 +93,14 @@ __all__ = [
     "subjects",
     "subjects_beside",
     "subjects_of",
+    "timed_answers_of",
 ]
 
 
 class Model(Protocol):
     """A mechanism loaded into an engine.
 
-    One that is asked through a pipe has ``clock() -> float``, a clock [s] that stands still on the way there and back.
+    One that is asked through a pipe has ``answer_each``, see ``harness.engines.calls``.
 
     An engine may also offer what ``harness.engines.interface`` lists; ``gaps(q) -> Mapping[str, Array]``: what the rows of
     each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name, with ``is_tied``, whether the file
@@ -124,60 +119,6 @@ class Model(Protocol):
         A rotation stands in q as (w, x, y, z), its velocity in v in the body's frame, both behind the
         position of a free joint.
         """
-
-
-@dataclass(frozen=True, order=True)
-class Subject:
-    """An engine with a model format; prints as ``engine/format``, or ``engine`` for equations."""
-
-    engine: str
-    format: str
-
-    def __str__(self) -> str:
-        return self.engine if self.format == EQUATIONS else f"{self.engine}/{self.format}"
-
-    @property
-    def without_version(self) -> Subject:
-        """The same of an engine whatever its version."""
-        return Subject(split_name(self.engine)[0], self.format)
-
-
-def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: ModelFile | None) -> Model:
-    """The mechanism as the subject's engine loads it, from ``model`` or, for equations, as it is.
-
-    Raises:
-        InvalidModel: the engine refuses the model.
-        Unsupported: the engine cannot express the mechanism.
-        InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
-    """
-    source, engine = mechanism if model is None else model, load_engine(library, subject.engine)
-    try:
-        loaded: Model = load_keeping_arithmetic(engine, source, mechanism.joints, mechanism.gravity)
-    except ValueError as error:
-        if model is None:
-            raise
-        raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
-    return loaded
-
-
-def accelerations(model: Model, states: States) -> Array:
-    """The answer of ``model.forward_dynamics``, which may hold numbers that are not finite.
-
-    A model file says nothing of time; a model that is made of equations has ``takes_time = True`` and takes it last. One whose actuators
-    act has ``takes_driving = True``, and takes controls and activations last.
-
-    Raises:
-        InvalidAnswer: it is no (n, nv) array of floating-point numbers.
-    """
-    v = states.v
-    time = (states.time,) if getattr(model, "takes_time", False) else ()
-    driving = (states.control, states.activation) if getattr(model, "takes_driving", False) else ()
-    return answer_of(model, "forward_dynamics", (states.q, v, states.tau, *time, *driving), v.shape)
-
-
-def factorises_mass_matrix(model: Model) -> bool:
-    """True where a model declares that its accelerations are solved for by a factorisation of M, which may lose digits."""
-    return bool(getattr(model, "factorises_mass_matrix", False))
 
 
 def subjects(library: Library) -> list[Subject]:

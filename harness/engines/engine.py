@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 from weakref import WeakKeyDictionary
@@ -15,6 +16,7 @@ from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
+from harness.environments import split_name
 from harness.errors import InvalidEngine
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
@@ -37,6 +39,22 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _REMEDY = "mend it, or ask others alone by --subject"
 # Of an engine that is a folder, the file that defines it.
 FOLDER = "__init__.py"
+
+
+@dataclass(frozen=True, order=True)
+class Subject:
+    """An engine with a model format; prints as ``engine/format``, or ``engine`` for equations."""
+
+    engine: str
+    format: str
+
+    def __str__(self) -> str:
+        return self.engine if self.format == EQUATIONS else f"{self.engine}/{self.format}"
+
+    @property
+    def without_version(self) -> Subject:
+        """The same of an engine whatever its version."""
+        return Subject(split_name(self.engine)[0], self.format)
 
 
 class Engine:

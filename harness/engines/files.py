@@ -12,17 +12,22 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
-from harness.engines.engine import EQUATIONS, FOLDER, FORMATS, Engine, is_own_file, run_engine_file
+from harness.engines.engine import EQUATIONS, FOLDER, FORMATS, Engine, Subject, is_own_file, load_keeping_arithmetic, run_engine_file
 from harness.environments import Environment, environment_of, find_environments, split_name
-from harness.errors import InvalidRequest
+from harness.errors import InvalidModel, InvalidRequest
+from harness.files.model_file import ModelFile
 from harness.library import MODEL_SUFFIXES, Library, nearest
 from harness.storage import cache_directory, read_entry, sources_digest, write_entry
 from harness.version import version_of
 from harness.workers import Outcome, Task, Workers
+
+if TYPE_CHECKING:
+    from harness.engines import Model
+    from harness.programs.mechanisms.mechanism import Mechanism
 
 # Longest that an engine file may take to be loaded, which is an import and no more, where a command's tasks may take hours.
 LOADING_SECONDS = 600.0
@@ -206,6 +211,24 @@ def _engine_of(library: Library, name: str) -> Engine:
     if library.calls_engines_here or EQUATIONS in engine.formats:
         return engine
     return cast("Engine", EngineElsewhere(engine, (), path, None))
+
+
+def load_model(library: Library, subject: Subject, mechanism: Mechanism, model: ModelFile | None) -> Model:
+    """The mechanism as the subject's engine loads it, from ``model`` or, for equations, as it is.
+
+    Raises:
+        InvalidModel: the engine refuses the model.
+        Unsupported: the engine cannot express the mechanism.
+        InvalidAnswer: its file, or loading, leaves other arithmetic behind, or has done so before in this process.
+    """
+    source, engine = mechanism if model is None else model, load_engine(library, subject.engine)
+    try:
+        loaded: Model = load_keeping_arithmetic(engine, source, mechanism.joints, mechanism.gravity)
+    except ValueError as error:
+        if model is None:
+            raise
+        raise InvalidModel(model.path, None, f"{subject.engine} refuses it: {error}") from error
+    return loaded
 
 
 def file_engines(library: Library) -> dict[str, Engine]:

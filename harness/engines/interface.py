@@ -1,4 +1,4 @@
-"""What a loaded model may be asked for beside accelerations, the plain data that it gives, and the checks of what it returns.
+"""What a loaded model may be asked for beside accelerations, the plain data that it gives, and the audit of what it has loaded.
 
 Each is a method of the model. q is (n, nq), v and qdd (n, nv), their columns as in ``forward_dynamics``; joints are those that ``load``
 was given, each once.
@@ -38,13 +38,10 @@ Vectors are along the world's axes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from harness.arithmetic import KeptArithmetic
 from harness.arrays import Array, Rows
 from harness.errors import InvalidModel
 from harness.files.joint_kinds import JointKind
@@ -52,7 +49,6 @@ from harness.files.model_file import ModelFile
 from harness.library import nearest
 
 if TYPE_CHECKING:
-    from harness.engines import Model
     from harness.programs.mechanisms.mechanism import Mechanism
 
 METHODS = (
@@ -220,52 +216,6 @@ class NotOffered(Unsupported):
 
 class InvalidAnswer(Exception):
     """An engine returned something else than was asked for; the message says what. Verdict ``error``."""
-
-
-def answer_of(model: Model, method: str, arguments: Sequence[Any], shape: tuple[int, ...]) -> Array:
-    """What a method of the model returns, which may hold numbers that are not finite.
-
-    It is given copies, and may write into them.
-
-    Raises:
-        InvalidAnswer: it is no array of that shape of floating-point numbers, or other arithmetic is left behind.
-        NotOffered: the model has no such method.
-    """
-    return answers_of(model, method, [arguments], shape)[0]
-
-
-def answers_of(model: Model, method: str, several: Sequence[Sequence[Any]], shape: tuple[int, ...]) -> list[Array]:
-    """``answer_of`` for each of several arguments; a model in another process is sent them in one request."""
-    asked = getattr(model, method, None)
-    if asked is None:
-        raise NotOffered(f"the engine offers no {method.replace('_', ' ')}")
-    given = [[np.array(one) if isinstance(one, np.ndarray) else one for one in arguments] for arguments in several]
-    at_once = getattr(asked, "at_once", None)
-    answers = [called(method, asked, arguments) for arguments in given] if at_once is None else at_once(given)
-    return [_require_floats(method, answer, shape) for answer in answers]
-
-
-def _require_floats(method: str, answer: Any, shape: tuple[int, ...]) -> Array:
-    if not isinstance(answer, np.ndarray):
-        found = f"a {type(answer).__name__}"
-    elif answer.shape != shape or not np.issubdtype(answer.dtype, np.floating):
-        found = f"an array of shape {answer.shape} of {answer.dtype}"
-    else:
-        return np.asarray(answer)
-    raise InvalidAnswer(f"{method} returned {found}; expected an array of shape {shape} of float64")
-
-
-def called(method: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-    """What a method of an engine or its model, which is called ``method``, returns.
-
-    Raises:
-        InvalidAnswer: it leaves other arithmetic behind.
-    """
-    with KeptArithmetic() as arithmetic:
-        answer = function(*arguments)
-    if arithmetic.left:
-        raise InvalidAnswer(f"{method} leaves {arithmetic.left} for everything behind it in the process")
-    return answer
 
 
 def audit(loaded: LoadedModel | None, model: ModelFile | None, mechanism: Mechanism) -> None:

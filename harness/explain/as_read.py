@@ -19,7 +19,7 @@ from fractions import Fraction
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, Model, Unsupported, load_engine
+from harness.engines import Calls, Engine, Model, Unsupported, load_engine
 from harness.engines.request import EngineAnswers
 from harness.engines.tree_request import asked_joints
 from harness.explain.changes.readings import Reading, find_readings
@@ -261,9 +261,9 @@ class ReadTruth(Truth):
         """See ``Truth``; of what is read."""
         return self.read.evaluate(self.into(states))
 
-    def answers(self, model: Model, states: States) -> Array:
+    def asks(self, model: Model, states: States) -> Calls:
         """See ``Truth``."""
-        return self.read.answers(model, self.into(states))
+        return self.read.asks(model, self.into(states))
 
     def may_lose_digits(self, model: Model) -> bool:
         """See ``Truth``."""

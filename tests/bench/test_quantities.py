@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ from studies import silent
 
 from harness.arrays import Array
 from harness.bench.costs import Effort
-from harness.bench.further_costs import EngineCalls, quantity_costs
+from harness.bench.further_costs import calls_at, quantity_costs
 from harness.bench.parts import QUANTITIES, THOROUGHNESS, BenchmarkSettings, parts_of
 from harness.bench.study import BenchmarkStudy
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.scene import Scene
 from harness.crosscheck.stages import compare_all
-from harness.engines import Subject
+from harness.engines import Call, Calls, Subject
 from harness.errors import InvalidRequest
 from harness.library import Library
 from harness.report import benchmarks
@@ -111,14 +111,10 @@ def test_what_is_timed_is_what_the_engine_computes_at_the_states_alone() -> None
             asked.append(len(q))
             return np.zeros((len(q), 1, 12))
 
-    q = np.ones((3, 2))
-    calls = EngineCalls(Model(), q)
-    assert hasattr(calls, "positions") and not hasattr(calls, "jacobians")
     # As a quantity asks for positions: at the states, and for its own convention at zero.
-    calls.positions(q)
-    calls.positions(np.zeros((1, 2)))
-    asked.clear()
-    calls.again()
+    q = np.ones((3, 2))
+    calls = tuple(Call("positions", (positions,), (len(positions), 1, 12)) for positions in (q, np.zeros((1, 2))))
+    calls_at(Calls(calls), q)(cast("Any", Model()))
     assert asked == [3]
 
 

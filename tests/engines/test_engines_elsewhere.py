@@ -15,8 +15,21 @@ from support import InThisProcess, cross_checked, harness, harness_in_a_process
 
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.bench import FaultBench
-from harness.engines import EQUATIONS, Terms, Unsupported, describe_engines, load_engine, runs_elsewhere, select_subjects, subjects_beside
-from harness.engines.elsewhere.interpreter import EngineDied
+from harness.engines import (
+    EQUATIONS,
+    Call,
+    Calls,
+    InvalidAnswer,
+    Terms,
+    Unsupported,
+    describe_engines,
+    load_engine,
+    runs_elsewhere,
+    select_subjects,
+    subjects_beside,
+    timed_answers_of,
+)
+from harness.engines.elsewhere.interpreter import EngineDied, Interpreter
 from harness.engines.elsewhere.transport import dumps, loads, portable
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
@@ -92,8 +105,24 @@ def test_its_model_answers_as_one_in_this_process(library: Library, bar: ModelFi
     terms = model.terms(q, v, tau)  # type: ignore[attr-defined]
     assert isinstance(terms, Terms) and terms.mass.shape == (7, 1, 1) and (terms.applied == tau).all()
     assert not hasattr(model, "reactions")
-    before = model.clock()  # type: ignore[attr-defined]
-    assert 0 < before == model.clock()  # type: ignore[attr-defined]
+
+
+def test_several_calls_are_one_request_and_each_has_arguments_and_seconds_of_its_own(
+    library: Library, bar: ModelFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81)
+    q, v, tau = np.random.default_rng(0).normal(size=(3, 7, 1))
+    requests, ask = [], Interpreter.ask
+    monkeypatch.setattr(Interpreter, "ask", lambda self, *request: requests.append(request) or ask(self, *request))  # type: ignore[func-returns-value]
+    motion, mass = Call("forward_dynamics", (q, v, tau), (7, 1)), Call("terms", (q, v, tau), (7, 1, 1), part="mass")
+    both = Calls((motion, mass), lambda answers: answers[0] * answers[1][:, 0])
+    [(product, of_two), (alone, of_one)] = timed_answers_of(model, [both, Calls((motion,))])
+    [[name, _, given]] = requests
+    assert name == "answer_each" and given[0].arguments[0] is not given[2].arguments[0] and given[0].arguments[0] is not q
+    assert (alone == model.forward_dynamics(q, v, tau)).all() and (product == alone * 1.625).all()
+    assert of_two > 0 and of_one > 0
+    with pytest.raises(InvalidAnswer, match=r"shape \(7, 1\) of float64; expected an array of shape \(7, 2\)"):
+        timed_answers_of(model, [Calls((motion._replace(shape=(7, 2)),))])
 
 
 def test_a_method_that_is_kept_keeps_its_model(library: Library, bar: ModelFile) -> None:

@@ -14,7 +14,7 @@ from free_bodies import free_bodies
 from robot_files import EVERYTHING, URDF_WITH_EVERYTHING
 
 from harness.arrays import Array
-from harness.engines import answer_of, load_engine
+from harness.engines import load_engine
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.tree import Tree
 from harness.lagrange.derivation import load_mechanism
@@ -179,8 +179,8 @@ def largest_difference(tree: Tree, joints: Sequence[str], states: States, answer
 
 def test_reactions_of_mujoco_where_bodies_have_several_joints(tmp_path: Path) -> None:
     model, tree, joints, states = everything(tmp_path)
-    shape = (len(states), len(dict.fromkeys(joints)), 6)
-    answers = answer_of(load_engine(BUILT_IN, "mujoco").load(model, joints, 0.0), "reactions", [states.q, states.v, states.tau], shape)
+    loaded: Any = load_engine(BUILT_IN, "mujoco").load(model, joints, 0.0)
+    answers = loaded.reactions(states.q, states.v, states.tau)
     assert largest_difference(tree, joints, states, answers) < 1e-13
 
 
@@ -188,8 +188,8 @@ def test_reactions_of_pinocchio_off_the_axes_and_beyond_fixed_joints(tmp_path: P
     model = parse_model(tmp_path / "everything.urdf", URDF_WITH_EVERYTHING, "urdf")
     states = States.at(*np.random.default_rng(SEED).normal(size=(3, STATES, 3)))
     joints = ("first", "second", "third")
-    loaded = load_engine(BUILT_IN, "pinocchio").load(model, joints, 9.81)
-    answers = answer_of(loaded, "reactions", [states.q, states.v, states.tau], (STATES, len(joints), 6))
+    loaded: Any = load_engine(BUILT_IN, "pinocchio").load(model, joints, 9.81)
+    answers = loaded.reactions(states.q, states.v, states.tau)
     assert largest_difference(tree_of(model, 9.81), joints, states, answers) < 1e-13
 
 

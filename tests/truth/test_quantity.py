@@ -11,7 +11,7 @@ from catalogue import BUILT_IN, TREES, is_misread
 from free_bodies import BoundFreeBodies, free_bodies
 
 from harness.arrays import Array
-from harness.engines import InvalidAnswer, Model, NotOffered, Subject, answer_of, load_engine
+from harness.engines import Call, Calls, InvalidAnswer, Model, NotOffered, Subject, load_engine, timed_answers_of
 from harness.errors import InvalidModel
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
@@ -290,10 +290,11 @@ def test_answers_of_another_shape_are_refused() -> None:
         def reactions(self, q: Array, v: Array, tau: Array) -> Array:
             return np.zeros((len(q), 2, 3))
 
+    asked = [Calls((Call("reactions", (states.q, states.v, states.tau), (3, 2, 6)),))]
     with pytest.raises(InvalidAnswer, match=r"an array of shape \(3, 2, 3\) of float64; expected an array of shape \(3, 2, 6\)"):
-        answer_of(Short(), "reactions", (states.q, states.v, states.tau), (3, 2, 6))  # type: ignore[arg-type]
+        timed_answers_of(Short(), asked)  # type: ignore[arg-type]
     with pytest.raises(NotOffered, match="offers no reactions"):
-        answer_of(object(), "reactions", (states.q, states.v, states.tau), (3, 2, 6))  # type: ignore[arg-type]
+        timed_answers_of(object(), asked)  # type: ignore[arg-type]
 
 
 def test_every_quantity_is_found_by_its_name() -> None:

@@ -22,12 +22,12 @@ import subprocess
 import sys
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from multiprocessing import Pipe
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
+from harness.engines.calls import Call
 from harness.engines.elsewhere.transport import Loaded, dumps, loads, pickled
 from harness.engines.engine import handed_over
 from harness.engines.interface import CompiledNumber
@@ -59,13 +59,12 @@ class Interpreter:
     standard error.
 
     Attributes:
-        seconds: that it has spent on answers, without the way there and back.
         said: attributes and methods of its engine, once they have been asked for.
         has_ended: whether it answers nothing more, as after an exception that left it unsound.
     """
 
     def __init__(self, name: str, environment: Environment | None) -> None:
-        self.seconds, self.has_ended = 0.0, False
+        self.has_ended = False
         self.said: tuple[dict[str, Any], list[str]] | None = None
         self._name = name
         self._forgotten: list[int] = []
@@ -105,10 +104,9 @@ class Interpreter:
             self._connection.send_bytes(self._dumps((forgotten, *request)))
             while not self._arrivals.poll(memory.LOOK_SECONDS * 1000):
                 self._keep_within(self._memory_limit)
-            is_value, answer, seconds, goes_on = loads(self._connection.recv_bytes())
+            is_value, answer, goes_on = loads(self._connection.recv_bytes())
         except (EOFError, BrokenPipeError, ConnectionResetError):
             self._die()
-        self.seconds += seconds
         if not goes_on:
             self._end()
         if is_value:
@@ -172,16 +170,19 @@ class DistantModel:
         self._interpreter, (self._number, self._attributes, self._methods) = self._make()
         weakref.finalize(self, self._interpreter.forget, self._number)
 
-    def clock(self) -> float:
-        """See ``harness.engines.Model``."""
-        return self._interpreter.seconds
+    def answer_each(self, calls: Sequence[Call]) -> list[tuple[Any, float]]:
+        """See ``harness.engines.calls``; all in one request."""
+        found: list[tuple[Any, float]] = self._asked("answer_each", calls)
+        return found
 
     def _call(self, method: str, *arguments: Any) -> Any:
-        answer = self._asked("call", method, arguments)
+        def ask() -> Any:
+            return self._asked("call", method, arguments)
+
+        answer = ask()
         if type(answer) is tuple:
-            again = [functools.partial(lambda place: self._asked("call", method, arguments)[place], place) for place in range(len(answer))]
-            return tuple(map(self._received, answer, again))
-        return self._received(answer, lambda: self._asked("call", method, arguments))
+            return tuple(self._received(one, functools.partial(lambda place: ask()[place], place)) for place, one in enumerate(answer))
+        return self._received(answer, ask)
 
     def _received(self, answer: Any, again: Callable[[], Any]) -> Any:
         """An answer, and for a model that stays in the interpreter one here; ``again`` asks for it anew."""
@@ -191,10 +192,10 @@ class DistantModel:
         # The interpreter is this model's, which need not be the one that the next model would be loaded by.
         return DistantModel(lambda: (made.pop() if made else again(), self._interpreter)[::-1])
 
-    def _asked(self, request: str, method: str, arguments: Sequence[Any]) -> Any:
+    def _asked(self, request: str, *arguments: Any) -> Any:
         if self._interpreter.has_ended:
             self._load()
-        return self._interpreter.ask(request, self._number, method, arguments)
+        return self._interpreter.ask(request, self._number, *arguments)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -203,19 +204,8 @@ class DistantModel:
             return self._attributes[name]
         if name in self._methods:
             # Bound to this object: who holds the method alone must not have the model forgotten.
-            return _Method(functools.partial(self._call, name), functools.partial(self._asked, "call_for_each", name))
+            return functools.partial(self._call, name)
         raise AttributeError(f"the model of {self._interpreter} offers no {name}")
-
-
-@dataclass(frozen=True)
-class _Method:
-    """A method of a distant model; ``at_once`` takes several lists of arguments, and returns the list of what each leads to."""
-
-    call: Callable[..., Any]
-    at_once: Callable[[Sequence[Sequence[Any]]], list[Any]]
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self.call(*arguments)
 
 
 class EngineElsewhere:

@@ -14,7 +14,6 @@ import importlib
 import importlib.util
 import inspect
 import sys
-import time
 from collections.abc import Callable, Collection, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -22,6 +21,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from harness.engines.calls import Call
     from harness.engines.elsewhere.transport import Loaded
 
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -74,7 +74,7 @@ class Server:
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
         """What a method of a model returns; another model of its class stays here, also one that a tuple holds."""
-        from harness.engines.interface import called
+        from harness.engines.calls import called
 
         model = self._models[number]
         answer = called(method, getattr(model, method), arguments)
@@ -84,9 +84,11 @@ class Server:
 
         return tuple(map(handed_out, answer)) if type(answer) is tuple else handed_out(answer)
 
-    def call_for_each(self, number: int, method: str, several: Sequence[Sequence[Any]]) -> list[Any]:
-        """What a method of a model returns for each of several arguments."""
-        return [self.call(number, method, arguments) for arguments in several]
+    def answer_each(self, number: int, calls: Sequence[Call]) -> list[tuple[Any, float]]:
+        """What each call of a model returns, and its seconds."""
+        from harness.engines.calls import answer_each
+
+        return answer_each(self._models[number], calls)
 
     def forget(self, numbers: Collection[int]) -> None:
         """Drop models."""
@@ -146,8 +148,8 @@ def _passes(value: Any) -> bool:
 def main(descriptor: int) -> None:
     """Answer requests until the other side is gone, or until this process is of no more use.
 
-    Each is the numbers of models that are no longer needed, a method of ``Server`` and its arguments. The answer is (True, value, seconds
-    that it took) or (False, exception, 0), and whether this process goes on: what an exception left unsound answers nothing more.
+    Each is the numbers of models that are no longer needed, a method of ``Server`` and its arguments. The answer is (True, value) or
+    (False, exception), and whether this process goes on: what an exception left unsound answers nothing more.
     """
     _import_harness()
     from harness.engines.elsewhere.transport import dumps, loads, pickled, portable
@@ -164,13 +166,12 @@ def main(descriptor: int) -> None:
         try:
             forgotten, method, *arguments = loads(request)
             server.forget(forgotten)
-            started = time.perf_counter()
             value = getattr(server, method)(*arguments)
-            answer = (pickled if server.shares else dumps)((True, value, time.perf_counter() - started, goes_on))
+            answer = (pickled if server.shares else dumps)((True, value, goes_on))
         except Exception as error:
             missing = None if server.shares else _missing_interface(error)
             goes_on = not leaves_process_unsound(error)
-            answer = dumps((False, portable(missing or error), 0.0, goes_on))
+            answer = dumps((False, portable(missing or error), goes_on))
         connection.send_bytes(answer)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 from harness.arrays import Array
-from harness.engines import Model
+from harness.engines import Calls, Model, timed_answers_of
 from harness.files.model_file import ModelFile
 from harness.files.rules import StepRule
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -122,6 +122,9 @@ class Truth(ABC):
         """The values at ``states``."""
 
     @abstractmethod
+    def asks(self, model: Model, states: States) -> Calls:
+        """What an engine is asked, whose answers are formed into the shape of the certified ones."""
+
     def answers(self, model: Model, states: States) -> Array:
         """Those of an engine, in the shape of the certified ones.
 
@@ -129,6 +132,7 @@ class Truth(ABC):
             harness.engines.NotOffered: the engine does not offer them.
             harness.engines.InvalidAnswer: it returns something else.
         """
+        return timed_answers_of(model, [self.asks(model, states)])[0][0]
 
     def may_lose_digits(self, model: Model) -> bool:
         """True where an answer that lost digits to an ill-conditioned M is ``unstable``, not wrong."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, accelerations, factorises_mass_matrix
+from harness.engines import Calls, Model, accelerations, asked_accelerations, factorises_mass_matrix
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
@@ -159,9 +159,9 @@ class AccelerationTruth(Truth):
         """See ``Truth``."""
         return self.kernel.evaluate(states)
 
-    def answers(self, model: Model, states: States) -> Array:
+    def asks(self, model: Model, states: States) -> Calls:
         """See ``Truth``."""
-        return accelerations(model, states)
+        return asked_accelerations(model, states)
 
     def may_lose_digits(self, model: Model) -> bool:
         """True if the engine factorises M, or declares it of the model that it has loaded."""

@@ -15,7 +15,7 @@ Derivatives of inverse dynamics are asked for at the accelerations that tau caus
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, NotOffered, answer_of
+from harness.engines import Call, Calls, Model, NotOffered
 from harness.engines.coordinates import rotations
 from harness.programs.evaluation import values
 from harness.programs.mechanisms.dynamics_derivatives import (
@@ -103,12 +103,15 @@ class DerivativeTruth(Truth):
         """The third argument beside q and v, (n, nv): the applied forces, or the accelerations that they cause."""
         return self._reference.evaluate(states).high if self.dynamics.is_inverse else states.tau
 
-    def answers(self, model: Model, states: States) -> Array:
+    def asks(self, model: Model, states: States) -> Calls:
         """See ``Truth``."""
+
+        def formed(answers: Sequence[Array]) -> Array:
+            return np.ascontiguousarray(answers[0].transpose(0, 1, 3, 2).reshape(len(states), -1, self.nv))
+
         time = (states.time,) if getattr(model, "takes_time", False) else ()
         arguments = states.q, states.v, self.third(states), *time
-        matrices = answer_of(model, self.dynamics.method, arguments, (len(states), 3, self.nv, self.nv))
-        return np.ascontiguousarray(matrices.transpose(0, 1, 3, 2).reshape(len(states), -1, self.nv))
+        return Calls((Call(self.dynamics.method, arguments, (len(states), 3, self.nv, self.nv)),), formed)
 
     def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
         """The column and the row that are farthest off, and the mistake that explains all that disagrees, where one does."""

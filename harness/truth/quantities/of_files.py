@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, NotOffered, answer_of
+from harness.engines import Call, Calls, Model, NotOffered
 from harness.errors import InvalidModel
 from harness.files.model_file import ModelFile
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -57,8 +57,8 @@ class AskedMotion:
     zero: Array
 
 
-# What an engine answers, (n, components of all blocks) in the order of the blocks.
-Answer = Callable[[Model, AskedMotion], Array]
+# What a model is asked there, whose answers are formed into (n, components of all blocks) in the order of the blocks.
+Question = Callable[[Model, AskedMotion], Calls]
 
 
 class TruthOfMotion(Truth):
@@ -87,10 +87,10 @@ class TruthOfMotion(Truth):
 
 
 class FileTruth(TruthOfMotion):
-    """The certified values of a quantity of one mechanism, by the numbers of one file; ``answer`` asks a model for it."""
+    """The certified values of a quantity of one mechanism, by the numbers of one file; ``question`` is what a model is asked for it."""
 
-    def __init__(self, basis: TruthBasis, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Answer) -> None:
-        self._answer, self._robot = answer, basis.robot_of(basis.declared)
+    def __init__(self, basis: TruthBasis, blocks_of: Callable[[TreeMotion], Iterable[Block]], question: Question) -> None:
+        self._question, self._robot = question, basis.robot_of(basis.declared)
         read = basis.robot_of(basis.read)
         of_tree = tree_motion(self._robot.tree, basis.joints, basis.linear_velocity_in_body, read.tree, basis.has_other_points)
         super().__init__(basis, of_tree, blocks_of)
@@ -102,10 +102,11 @@ class FileTruth(TruthOfMotion):
             _HELD.get((mechanism.key, self._text, in_body), lambda: self._hold_against_energies(states[:HELD_AT]))
         return self._evaluated(states, self._accelerations(states))
 
-    def answers(self, model: Model, states: States) -> Array:
+    def asks(self, model: Model, states: States) -> Calls:
         """See ``Truth``."""
-        asked = AskedMotion(self._basis.joints, states.q, states.v, self._accelerations(states), _zero_position(self._basis.mechanism))
-        return self._answer(model, asked).reshape(len(states), len(self.blocks), -1)
+        motion = AskedMotion(self._basis.joints, states.q, states.v, self._accelerations(states), _zero_position(self._basis.mechanism))
+        own = self._question(model, motion)
+        return Calls(own.each, lambda answers: own.formed(answers).reshape(len(states), len(self.blocks), -1))
 
     def _accelerations(self, states: States) -> Array:
         """Those that applied forces would give each coordinate alone, about."""
@@ -152,57 +153,73 @@ def hold_against_energies(declared: ModelFile, energies: ReferenceKernel, states
 # What engines are asked.
 
 
-def _asks(method: str, takes: Sequence[str], *shape: int | str) -> Answer:
-    """The answer of a method that takes parts of the motion; sizes of its shape are numbers, or are named."""
+def _call(method: str, takes: Sequence[str], *shape: int | str) -> Callable[[AskedMotion], Call]:
+    """The call of a method that takes parts of the motion; sizes of its shape are numbers, or are named."""
 
-    def answer(model: Model, asked: AskedMotion) -> Array:
-        sizes = {"n": len(asked.q), "joints": len(asked.joints), "nv": asked.v.shape[1]}
-        given = tuple(getattr(asked, name) for name in takes)
-        return answer_of(model, method, given, tuple(size if isinstance(size, int) else sizes[size] for size in shape))
+    def call(motion: AskedMotion) -> Call:
+        sizes = {"n": len(motion.q), "joints": len(motion.joints), "nv": motion.v.shape[1]}
+        given = tuple(getattr(motion, name) for name in takes)
+        return Call(method, given, tuple(size if isinstance(size, int) else sizes[size] for size in shape))
 
-    return answer
+    return call
 
 
-def _or_term(method: str, term: str, *shape: int | str) -> Answer:
+def _asks(method: str, takes: Sequence[str], *shape: int | str) -> Question:
+    """The answer of such a method as it is."""
+    call = _call(method, takes, *shape)
+    return lambda model, motion: Calls((call(motion),))
+
+
+def _or_term(method: str, term: str, *shape: int | str) -> Question:
     """The answer of a method that takes q, or the term of a model that gives terms alone."""
+    call = _call(method, "q", *shape)
 
-    def answer(model: Model, asked: AskedMotion) -> Array:
+    def asks(model: Model, motion: AskedMotion) -> Calls:
+        own = call(motion)
         if hasattr(model, method) or not hasattr(model, "terms"):
-            return _asks(method, "q", *shape)(model, asked)
-        still = np.zeros_like(asked.v)
-        return np.asarray(getattr(model.terms(asked.q, still, still), term))
+            return Calls((own,))
+        still = np.zeros_like(motion.v)
+        return Calls((Call("terms", (motion.q, still, still), own.shape, part=term),))
 
-    return answer
-
-
-_inverse_dynamics = _asks("inverse_dynamics", ("q", "v", "qdd"), "n", "nv")
+    return asks
 
 
-def _power(model: Model, asked: AskedMotion) -> Array:
+_inverse_dynamics = _call("inverse_dynamics", ("q", "v", "qdd"), "n", "nv")
+_jacobian = _call("jacobians", "q", "n", "joints", 6, "nv")
+_in_regressor = _call("regressor", ("q", "v", "qdd"), "n", "nv", "joints", len(forces.PARAMETERS))
+
+
+def _power(model: Model, motion: AskedMotion) -> Calls:
     """Power of the applied forces that the engine's inverse dynamics ask for, beside that of springs and dampers."""
-    return np.asarray(np.einsum("nv,nv->n", asked.v, _inverse_dynamics(model, asked)))[:, None]
+    return Calls((_inverse_dynamics(motion),), lambda answers: np.asarray(np.einsum("nv,nv->n", motion.v, answers[0]))[:, None])
 
 
-def _energies(model: Model, asked: AskedMotion) -> Array:
+def _energies(model: Model, motion: AskedMotion) -> Calls:
     """The potential energy beyond that at zero."""
-    found = np.array(answer_of(model, "energies", (asked.q, asked.v), (len(asked.q), 2)))
-    at_zero = answer_of(model, "energies", (asked.zero, np.zeros((1, asked.v.shape[1]))), (1, 2))
-    found[:, 1] -= at_zero[0, 1]
-    return found
+
+    def formed(answers: Sequence[Array]) -> Array:
+        found, at_zero = answers
+        return np.asarray(found - [0.0, at_zero[0, 1]])
+
+    at_rest = motion.zero, np.zeros((1, motion.v.shape[1]))
+    return Calls((Call("energies", (motion.q, motion.v), (len(motion.q), 2)), Call("energies", at_rest, (1, 2))), formed)
 
 
-def _positions(model: Model, asked: AskedMotion) -> Array:
+def _positions(model: Model, motion: AskedMotion) -> Calls:
     """Anchors, and the columns of how the bodies are turned from where they stand at zero."""
-    count = len(asked.joints)
-    found, (at_zero,) = (answer_of(model, "positions", (q,), (len(q), count, 12)) for q in (asked.q, asked.zero))
-    turned = np.einsum("njab,jcb->njca", found[:, :, 3:].reshape(-1, count, 3, 3), at_zero[:, 3:].reshape(-1, 3, 3))
-    return np.concatenate([found[:, :, :3], turned.reshape(-1, count, 9)], axis=2)
+    count = len(motion.joints)
+
+    def formed(answers: Sequence[Array]) -> Array:
+        found, (at_zero,) = answers
+        turned = np.einsum("njab,jcb->njca", found[:, :, 3:].reshape(-1, count, 3, 3), at_zero[:, 3:].reshape(-1, 3, 3))
+        return np.concatenate([found[:, :, :3], turned.reshape(-1, count, 9)], axis=2)
+
+    return Calls(tuple(Call("positions", (q,), (len(q), count, 12)) for q in (motion.q, motion.zero)), formed)
 
 
-def _jacobians(model: Model, asked: AskedMotion) -> Array:
+def _jacobians(model: Model, motion: AskedMotion) -> Calls:
     """By joint and velocity, linear before angular."""
-    found = _asks("jacobians", "q", "n", "joints", 6, "nv")(model, asked)
-    return np.ascontiguousarray(found.transpose(0, 1, 3, 2))
+    return Calls((_jacobian(motion),), lambda answers: np.ascontiguousarray(answers[0].transpose(0, 1, 3, 2)))
 
 
 def _of_trees(basis: TruthBasis) -> None:
@@ -214,11 +231,11 @@ def _regressor(basis: TruthBasis) -> Truth:
     _of_trees(basis)
     carrying = forces.carrying_joints(basis.robot_of(basis.read).tree, basis.joints)
 
-    def answers(model: Model, asked: AskedMotion) -> Array:
-        found = _asks("regressor", ("q", "v", "qdd"), "n", "nv", "joints", len(forces.PARAMETERS))(model, asked)
-        return np.ascontiguousarray(found[:, :, [asked.joints.index(name) for name in carrying]].transpose(0, 2, 3, 1))
+    def asks(model: Model, motion: AskedMotion) -> Calls:
+        places = [motion.joints.index(name) for name in carrying]
+        return Calls((_in_regressor(motion),), lambda answers: np.ascontiguousarray(answers[0][:, :, places].transpose(0, 2, 3, 1)))
 
-    return FileTruth(replace(basis, declared=basis.read), forces.regressor, answers)
+    return FileTruth(replace(basis, declared=basis.read), forces.regressor, asks)
 
 
 def _sensors(basis: TruthBasis) -> Truth:
@@ -229,18 +246,18 @@ def _sensors(basis: TruthBasis) -> Truth:
     # Most files have none.
     from harness.trees.quantities.sensors import sensors
 
-    def answers(model: Model, asked: AskedMotion) -> Array:
-        found = answer_of(model, "sensors", (asked.q, asked.v, asked.qdd), (len(asked.q), len(known), 3))
-        return np.ascontiguousarray(found[:, places])
+    def asks(model: Model, motion: AskedMotion) -> Calls:
+        call = Call("sensors", (motion.q, motion.v, motion.qdd), (len(motion.q), len(known), 3))
+        return Calls((call,), lambda answers: np.ascontiguousarray(answers[0][:, places]))
 
-    return FileTruth(basis, sensors, answers)
+    return FileTruth(basis, sensors, asks)
 
 
-def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], answer: Answer, of_trees: bool = False) -> Quantity:
+def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], question: Question, of_trees: bool = False) -> Quantity:
     def truth(basis: TruthBasis) -> Truth:
         if of_trees:
             _of_trees(basis)
-        return FileTruth(basis, blocks_of, answer)
+        return FileTruth(basis, blocks_of, question)
 
     return Quantity(name, truth)
 
@@ -248,7 +265,9 @@ def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], ans
 MASS_MATRIX = _quantity("mass_matrix", forces.mass_matrix, _or_term("mass_matrix", "mass", "n", "nv", "nv"))
 BIAS = _quantity("bias", forces.bias, _asks("bias", ("q", "v"), "n", "nv"))
 GRAVITY = _quantity("gravity", forces.gravity, _or_term("gravity", "gravity", "n", "nv"))
-INVERSE_DYNAMICS = _quantity("inverse_dynamics", forces.inverse_dynamics, _inverse_dynamics, of_trees=True)
+INVERSE_DYNAMICS = _quantity(
+    "inverse_dynamics", forces.inverse_dynamics, lambda model, motion: Calls((_inverse_dynamics(motion),)), of_trees=True
+)
 POWER = _quantity("power", forces.power_of_forces, _power, of_trees=True)
 ENERGY = _quantity("energy", motion.energy, _energies)
 MOMENTUM = _quantity("momentum", motion.momentum, _asks("momenta", ("q", "v"), "n", 9))

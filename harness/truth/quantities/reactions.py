@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, NotOffered, answer_of
+from harness.engines import Call, Calls, Model, NotOffered
 from harness.programs.evaluation import jacobians
 from harness.programs.mechanisms.constraint_forces import MULTIPLIERS
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -80,12 +80,15 @@ class ReactionTruth(TruthOfMotion):
         between = self._values_between(states, reference)
         return self._evaluated(states, between.high, between)
 
-    def answers(self, model: Model, states: States) -> Array:
+    def asks(self, model: Model, states: States) -> Calls:
         """See ``Truth``; of joints in the order of ``evaluate``."""
-        joints, inputs = self._basis.joints, (states.q, states.v, states.tau)
-        found = answer_of(model, "reactions", inputs, (len(states), len(joints), 6))
-        found = found[:, [joints.index(name) for name in self._transmitting]]
-        return np.concatenate([found[:, :, :3], found[:, :, 3:]], axis=1)
+        joints = self._basis.joints
+
+        def formed(answers: Sequence[Array]) -> Array:
+            found = answers[0][:, [joints.index(name) for name in self._transmitting]]
+            return np.concatenate([found[:, :, :3], found[:, :, 3:]], axis=1)
+
+        return Calls((Call("reactions", (states.q, states.v, states.tau), (len(states), len(joints), 6)),), formed)
 
     def _values_between(self, states: States, reference: Reference) -> Between:
         """The accelerations and the multipliers as values between, with their derivatives by all inputs of the equations of motion."""

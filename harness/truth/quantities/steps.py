@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, NotOffered, answers_of
+from harness.engines import Call, Calls, Model, NotOffered
 from harness.engines.coordinates import multiplied
 from harness.files.rules import ImplicitPart, StepRule
 from harness.programs.evaluation import values
@@ -88,14 +88,18 @@ class StepTruth(Truth):
         known = certified.certified & reference.certified & self._turn_little(states, after)
         return replace(certified, share=self._share_of_the_motion(states, reference), certified=known)
 
-    def answers(self, model: Model, states: States) -> Array:
+    def asks(self, model: Model, states: States) -> Calls:
         """See ``Truth``."""
         n, nv, nq = len(states), states.v.shape[1], states.q.shape[1]
-        found = np.zeros((n, 2 * len(self.rules), nv + nq))
-        asked = [(states.q, states.v, states.tau, rule.length, rule.name) for rule in self.rules]
-        for number, after in enumerate(answers_of(model, "step", asked, (n, nq + nv))):
-            found[:, 2 * number + 1, nv:], found[:, 2 * number, :nv] = after[:, :nq], after[:, nq:]
-        return found
+
+        def formed(answers: Sequence[Array]) -> Array:
+            found = np.zeros((n, 2 * len(self.rules), nv + nq))
+            for number, after in enumerate(answers):
+                found[:, 2 * number + 1, nv:], found[:, 2 * number, :nv] = after[:, :nq], after[:, nq:]
+            return found
+
+        given = ((states.q, states.v, states.tau, rule.length, rule.name) for rule in self.rules)
+        return Calls(tuple(Call("step", arguments, (n, nq + nv)) for arguments in given), formed)
 
     def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
         """The block that is farthest off, and the mistake that explains both blocks of its rule, where one does."""

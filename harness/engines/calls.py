@@ -1,0 +1,121 @@
+"""Calls of a model's methods, and what is checked of what they return.
+
+What a quantity needs of an engine is ``Calls``. A model in another process answers several of them in one request, and times each there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from harness.arithmetic import KeptArithmetic
+from harness.arrays import Array
+from harness.engines.interface import InvalidAnswer, NotOffered
+
+if TYPE_CHECKING:
+    from harness.engines import Model
+    from harness.programs.states import States
+
+
+class Call(NamedTuple):
+    """A method of a model, its arguments, and the shape of what it returns; with ``part``, of that attribute of what it returns."""
+
+    method: str
+    arguments: tuple[Any, ...]
+    shape: tuple[int, ...]
+    part: str = ""
+
+
+@dataclass(frozen=True)
+class Calls:
+    """What a model is asked, and what is made of its answers, which are in the order of the calls."""
+
+    each: tuple[Call, ...]
+    formed: Callable[[Sequence[Array]], Array] = lambda answers: answers[0]
+
+
+def timed_answers_of(model: Model, several: Sequence[Calls]) -> list[tuple[Array, float]]:
+    """The answer to each and its seconds, without the way to another process and back; what is asked is asked in order.
+
+    The model is given copies, and may write into them, and return one array each time.
+
+    Raises:
+        InvalidAnswer: it is no array of that shape of floating-point numbers, or other arithmetic is left behind.
+        NotOffered: the model has no such method.
+    """
+    calls = [call for asked in several for call in asked.each]
+    for call in calls:
+        if not hasattr(model, call.method):
+            raise NotOffered(f"the engine offers no {call.method.replace('_', ' ')}")
+    given = [call._replace(arguments=tuple(map(_copied, call.arguments))) for call in calls]
+    answers = iter([] if not given else getattr(model, "answer_each", lambda given: answer_each(model, given))(given))
+    found = []
+    for asked in several:
+        own = [next(answers) for _ in asked.each]
+        checked = [_require_floats(call, answer) for call, (answer, _) in zip(asked.each, own, strict=True)]
+        found.append((asked.formed(checked), sum(seconds for _, seconds in own)))
+    return found
+
+
+def asked_accelerations(model: Model, states: States) -> Calls:
+    """The call of ``model.forward_dynamics``.
+
+    A model file says nothing of time; a model that is made of equations has ``takes_time = True`` and takes it last. One whose actuators
+    act has ``takes_driving = True``, and takes controls and activations last.
+    """
+    time = (states.time,) if getattr(model, "takes_time", False) else ()
+    driving = (states.control, states.activation) if getattr(model, "takes_driving", False) else ()
+    return Calls((Call("forward_dynamics", (states.q, states.v, states.tau, *time, *driving), states.v.shape),))
+
+
+def accelerations(model: Model, states: States) -> Array:
+    """The answer of ``model.forward_dynamics``, (n, nv), which may hold numbers that are not finite; raises as ``timed_answers_of``."""
+    return timed_answers_of(model, [asked_accelerations(model, states)])[0][0]
+
+
+def factorises_mass_matrix(model: Model) -> bool:
+    """True where a model declares that its accelerations are solved for by a factorisation of M, which may lose digits."""
+    return bool(getattr(model, "factorises_mass_matrix", False))
+
+
+def answer_each(model: Model, calls: Sequence[Call]) -> list[tuple[Any, float]]:
+    """What each call of a model in this process returns, and its seconds."""
+    found = []
+    for call in calls:
+        method = getattr(model, call.method)
+        started = time.perf_counter()
+        answer = called(call.method, method, call.arguments)
+        seconds = time.perf_counter() - started
+        found.append((_copied(getattr(answer, call.part) if call.part else answer), seconds))
+    return found
+
+
+def called(method: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+    """What a method of an engine or its model, which is called ``method``, returns.
+
+    Raises:
+        InvalidAnswer: it leaves other arithmetic behind.
+    """
+    with KeptArithmetic() as arithmetic:
+        answer = function(*arguments)
+    if arithmetic.left:
+        raise InvalidAnswer(f"{method} leaves {arithmetic.left} for everything behind it in the process")
+    return answer
+
+
+def _copied(value: Any) -> Any:
+    return np.array(value) if isinstance(value, np.ndarray) else value
+
+
+def _require_floats(call: Call, answer: Any) -> Array:
+    if not isinstance(answer, np.ndarray):
+        found = f"a {type(answer).__name__}"
+    elif answer.shape != call.shape or not np.issubdtype(answer.dtype, np.floating):
+        found = f"an array of shape {answer.shape} of {answer.dtype}"
+    else:
+        return np.asarray(answer)
+    raise InvalidAnswer(f"{call.method} returned {found}; expected an array of shape {call.shape} of float64")
