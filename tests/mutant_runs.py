@@ -141,7 +141,7 @@ class Copy:
     def __enter__(self) -> Copy:
         self.root = Path(self._stack.enter_context(tempfile.TemporaryDirectory())).resolve()
         for path in self.repository.iterdir():
-            if path.name in ("harness", "tests"):
+            if path.name in ("benchmarks", "harness", "tests"):
                 shutil.copytree(path, self.root / path.name, ignore=IGNORED)
             elif path.name not in IGNORED(str(self.repository), [path.name]):
                 (self.root / path.name).symlink_to(path)

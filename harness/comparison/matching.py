@@ -11,7 +11,7 @@ place anywhere. With every joint at zero, frames of one robot differ by a turn t
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -27,7 +27,7 @@ from harness.explain.changes.readings import with_bodies, with_joints, with_tree
 from harness.files.equalities import Linkage, Rows, Sum, Tendon, TendonLinkage
 from harness.files.facts import in_radians
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Coupling, Joint
+from harness.files.tree import Coupling, Joint, Tree
 from harness.library import nearest
 from harness.programs.states import States
 from harness.trees.canonical import CanonicalNode, canonical
@@ -158,10 +158,15 @@ def renamed_to(robot: Robot, names: Mapping[str, str]) -> Robot:
     def change(joint: Joint) -> Joint:
         return replace(joint, name=names.get(joint.name, joint.name), follows=names.get(joint.follows, joint.follows))
 
+    def of_sum(terms: Iterable[tuple[str, Fraction]]) -> tuple[tuple[str, Fraction], ...]:
+        return tuple((names.get(name, name), multiple) for name, multiple in terms)
+
     def of_tendon(tendon: Tendon) -> Tendon:
-        if not isinstance(tendon, Sum):
-            return tendon
-        return replace(tendon, terms=tuple((names.get(name, name), multiple) for name, multiple in tendon.terms))
+        return replace(tendon, terms=of_sum(tendon.terms)) if isinstance(tendon, Sum) else tendon
+
+    def driving(one: Robot | Tree) -> dict[str, Any]:
+        limits = tuple((names.get(name, name), bounds) for name, bounds in one.force_limits)
+        return {"actuators": tuple(replace(own, joints=of_sum(own.joints)) for own in one.actuators), "force_limits": limits}
 
     def tied(says: Rows | None) -> Rows | None:
         if isinstance(says, Linkage):
@@ -174,7 +179,9 @@ def renamed_to(robot: Robot, names: Mapping[str, str]) -> Robot:
         return robot
     equalities = tuple(replace(one, says=tied(one.says)) for one in robot.equalities)
     declared = tuple(one.about(names) for one in robot.declared)
-    return replace(with_tree(robot, with_joints(robot.tree, change)), equalities=equalities, declared=declared)
+    couplings = tuple(replace(one, joints=of_sum(one.joints)) for one in robot.tree.couplings)
+    tree = replace(with_joints(robot.tree, change), couplings=couplings, **driving(robot.tree))
+    return replace(with_tree(robot, tree), equalities=equalities, declared=declared, **driving(robot))
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
 
-from harness.comparison.matching import match
+from harness.comparison.matching import match, renamed_to
 from harness.comparison.sameness import hold_against
 from harness.results.comparison import PairRecord
 from harness.results.pair_conclusion import conclude_pair
@@ -151,6 +152,28 @@ def test_a_joint_that_stands_still_adds_a_constant_to_a_tendon(of_joint: str, re
     one.write_text(text.replace(ALONE.format(of_joint=""), "").replace('<joint joint="b" coef="0.5"/>', ""))
     found = pair(both, one)
     assert found.alike and found.backward_error is not None and found.backward_error < 4, conclude_pair(found).sentence
+
+
+HELD_BY_NAME = """<mujoco><worldbody>
+<body name="one"><joint name="one" axis="0 1 0" range="-40 30" frictionloss="1" actuatorfrcrange="-3 5"/>
+<inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
+<body name="two"><joint name="two" axis="0 1 0"/><inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
+<body name="tip"><joint name="tip" type="slide"/><inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/></body></body></body></worldbody>
+<tendon><fixed name="t" springlength="0.1" stiffness="3"><joint joint="one" coef="1"/><joint joint="tip" coef="2"/></fixed>
+<fixed name="u"><joint joint="two" coef="1"/></fixed></tendon>
+<equality><joint joint1="one" joint2="two" polycoef="0 1 0 0 0"/><tendon tendon1="t" tendon2="u"/></equality>
+<actuator><muscle joint="one"/><motor joint="two" gear="2"/><motor tendon="t" gear="2"/></actuator></mujoco>"""
+
+
+def test_a_robot_whose_joints_are_renamed_is_read_from_a_file_that_names_them_so(tmp_path: Path) -> None:
+    path, names = tmp_path / "robot.xml", {"one": "start", "tip": "end"}
+    path.write_text(HELD_BY_NAME)
+    robot = read_robot(path)
+    path.write_text(re.sub(r'(joint\d?|joint name)="(one|tip)"', lambda found: f'{found[1]}="{names[found[2]]}"', HELD_BY_NAME))
+    assert renamed_to(robot, names) == read_robot(path) != robot
+    (tmp_path / "other.xml").write_text(HELD_BY_NAME)
+    found = pair(path, tmp_path / "other.xml", **{new: name for name, new in names.items()})
+    assert found.same and not found.problem and found.backward_error is not None and found.backward_error < 4
 
 
 def test_a_joint_that_carries_much_is_none_that_carries_little(tmp_path: Path) -> None:

@@ -145,6 +145,16 @@ def test_mujoco_limits_as_it_documents(name: str, tmp_path: Path) -> None:
     assert worst(compared) <= AGREEMENT
 
 
+@pytest.mark.parametrize("kind", ['frictionloss="{0}" solimpfriction="0.3 0.6 0.001"', 'limited="true" range="-20 20"'])
+@pytest.mark.parametrize("mass", [1e14, 1e17])
+def test_what_is_heavy_is_no_stiffer_than_mujocos_least_regularisation(kind: str, mass: float, tmp_path: Path) -> None:
+    path, inertia = tmp_path / "heavy.xml", f'<inertial pos=".5 0 0" mass="{mass}" diaginertia="{mass} {mass} {mass}"/>'
+    body = f'<body><joint name="a" axis="0 1 0" {kind.format(mass)}/>{inertia}</body>'
+    path.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    _, _, compared = judged(path)
+    assert worst(compared) <= AGREEMENT
+
+
 @pytest.mark.parametrize("name", ["hinge", "both at once", "power"])
 def test_a_state_that_is_pressed_is_beyond_a_limit(name: str, tmp_path: Path) -> None:
     """Whatever its own joints are at; of states that are not there nothing would ever be asked of limits."""
