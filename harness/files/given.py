@@ -20,8 +20,7 @@ _COMPONENTS = {
     **dict.fromkeys(("xyz", "pos", "axis", "gravity"), SPACE),
     "rpy": ("roll", "pitch", "yaw"),
     "quat": ("w", *SPACE),
-    "fullinertia": MOMENTS,
-    "diaginertia": MOMENTS[:3],
+    **dict.fromkeys(("fullinertia", "diaginertia"), MOMENTS),
 }
 
 

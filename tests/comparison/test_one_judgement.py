@@ -16,6 +16,7 @@ from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
 from harness.engines import Model, Subject
+from harness.engines.request import EngineAnswers
 from harness.explain.meant import Meant, question_of, reference_of
 from harness.library import Stance
 from harness.programs.states import States
@@ -25,6 +26,7 @@ from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.reference import ReferenceKernel
+from harness.truth.sampling import sample
 
 # Seats that hang from arms of 4 m on a mast. Where one hangs still its acceleration is zero, and so is what its data round.
 CHAIROPLANE = """
@@ -92,6 +94,14 @@ def test_an_error_that_a_number_explains_is_no_lost_digits_for_either(tmp_path: 
     (record,) = records
     assert record.verdict == "disagrees" and not record.as_expected
     assert "mass" in record.message and "3.00000003" in record.message
+
+    robot = read_robot(path)
+    states = sample(mechanism_of(robot), 40, 0)
+    values = kernel.evaluate(states).high
+    meant = Meant(robot, states, reference_of(robot).evaluate(states))
+    answers = EngineAnswers({name: values[:, [column]] for column, name in enumerate(robot.joints)})
+    compared = judge(meant, answers, "pinocchio", Stance.AIDED)
+    assert compared.verdict == "disagrees" and any("3.00000003" in one for one in compared.rest)
 
 
 def test_a_file_that_compare_explains_is_as_expected_for_check(file: Path) -> None:

@@ -277,19 +277,22 @@ LEG = """<link name="{side}_thigh"/><link name="{side}_{foot}"/>
 
 
 @pytest.mark.parametrize(
-    ("root", "foot", "sides", "trunk"),
+    ("root", "ends", "trunk"),
     [
-        ("base", "foot", ("left", "right"), "base"),
-        ("base", "foot", ("left",), ""),
-        ("base", "link", ("a", "b", "c"), "base"),
-        ("base", "link", ("a", "b"), ""),
-        ("base", "finger_tip", ("a", "b", "c"), ""),
-        ("plate", "link", ("a", "b", "c"), ""),
-        ("plate", "toe", ("a", "b"), "plate"),
+        ("base", ("foot", "foot"), "base"),
+        ("base", ("foot",), ""),
+        ("base", ("link", "link", "link"), "base"),
+        ("base", ("link", "link"), ""),
+        ("base", ("link", "link", "gripper"), "base"),
+        ("base", ("link", "finger_tip", "thumb"), ""),
+        ("plate", ("link", "link", "link"), ""),
+        ("plate", ("toe", "toe"), "plate"),
+        ("plate", ("rotor", "rotor", "propeller"), "plate"),
+        ("plate", ("rotor", "rotor"), ""),
     ],
 )
-def test_a_trunk_that_hangs_on_the_world_is_told(root: str, foot: str, sides: tuple[str, ...], trunk: str, tmp_path: Path) -> None:
-    legs = "".join(LEG.format(side=side, foot=foot) for side in sides)
+def test_a_trunk_that_hangs_on_the_world_is_told(root: str, ends: tuple[str, ...], trunk: str, tmp_path: Path) -> None:
+    legs = "".join(LEG.format(side=side, foot=end) for side, end in zip("abc", ends, strict=False))
     path = tmp_path / "robot.urdf"
     path.write_text(f'<robot name="r"><link name="base"/>{legs}</robot>'.replace('"base"', f'"{root}"'))
     assert read_robot(path).trunk_on_the_world == trunk
