@@ -9,13 +9,12 @@ import pytest
 from comparison.test_lost_digits import wheels
 from support import InThisProcess, completed, cross_checked
 
-from harness.arrays import Array
 from harness.comparison.judgement import judge
 from harness.comparison.robot_library import RobotLibrary, ask_engine
 from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
-from harness.engines import Model, Subject
+from harness.engines import Calls, Model, Subject
 from harness.engines.request import EngineAnswers
 from harness.explain.meant import Meant, question_of, reference_of
 from harness.library import Stance
@@ -85,10 +84,10 @@ def test_an_error_that_a_number_explains_is_no_lost_digits_for_either(tmp_path: 
     wrong = mechanism_of(read_robot(other))
     kernel = ReferenceKernel(wrong)
 
-    def answers(self: AccelerationTruth, model: Model, states: States) -> Array:
-        return kernel.evaluate(states).high
+    def asks(self: AccelerationTruth, model: Model, states: States) -> Calls:
+        return Calls((), lambda answers: kernel.evaluate(states).high)
 
-    monkeypatch.setattr(AccelerationTruth, "answers", answers)
+    monkeypatch.setattr(AccelerationTruth, "asks", asks)
     library = RobotLibrary.of([str(path)], stance=Stance.AIDED)
     records, _ = cross_checked(Settings(library=library, subjects=["pinocchio/urdf"], states=40, examples=None))
     (record,) = records
