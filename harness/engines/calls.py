@@ -52,7 +52,9 @@ def timed_answers_of(model: Model, several: Sequence[Calls]) -> list[tuple[Array
         if not hasattr(model, call.method):
             raise NotOffered(f"the engine offers no {call.method.replace('_', ' ')}")
     given = [call._replace(arguments=tuple(map(_copied, call.arguments))) for call in calls]
-    answers = iter([] if not given else getattr(model, "answer_each", lambda given: answer_each(model, given))(given))
+    # Of its class: what stands before a model, and answers some of its methods otherwise, hands on all that it does not know.
+    at_once = getattr(type(model), "answer_each", answer_each)
+    answers = iter(at_once(model, given) if given else [])
     found = []
     for asked in several:
         own = [next(answers) for _ in asked.each]
