@@ -133,7 +133,7 @@ def forward_dynamics_derivatives(
     return without_unused(given.builder.program(outputs))
 
 
-def terms_of_forces(mechanism: Mechanism, program: StraightLineProgram, linear_velocity_in_body: bool = False) -> StraightLineProgram:
+def terms_of_forces(mechanism: Mechanism, program: StraightLineProgram, linear_velocity_in_body: bool) -> StraightLineProgram:
     """As ``inverse_dynamics_derivatives``, of each term of the forces by itself: outputs named by ``TERMS``.
 
     Each holds 2 nv columns of nv entries, by positions and by velocities.
@@ -146,7 +146,7 @@ def terms_of_forces(mechanism: Mechanism, program: StraightLineProgram, linear_v
 
 
 def sizes_of_parts(
-    mechanism: Mechanism, program: StraightLineProgram, linear_velocity_in_body: bool = False, *, of_accelerations: bool
+    mechanism: Mechanism, program: StraightLineProgram, linear_velocity_in_body: bool, *, of_accelerations: bool
 ) -> StraightLineProgram:
     """Sizes of the parts that an algorithm may form of a column of derivatives and cancel, from the inputs of ``program``.
 

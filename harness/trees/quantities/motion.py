@@ -137,7 +137,7 @@ def size_of(value: Term) -> Term:
 def tree_motion(
     tree: Tree,
     joints: Sequence[str],
-    is_in_body: bool = False,
+    is_in_body: bool,
     read: Tree | None = None,
     has_other_points: bool = False,
     multipliers: int = 0,
