@@ -70,16 +70,10 @@ class Impedance:
     midpoint: float
     power: float
 
-    def at(self, distance: float) -> float:
-        """The impedance at a distance of 0 or more [m or rad]."""
-        if self.is_constant:
-            return (self.least + self.most) / 2
-        x = min(distance / self.width, 1.0)
-        if x <= self.midpoint:
-            y = math.pow(x, self.power) / math.pow(self.midpoint, self.power - 1)
-        else:
-            y = 1 - math.pow(1 - x, self.power) / math.pow(1 - self.midpoint, self.power - 1)
-        return self.least + y * (self.most - self.least)
+    @property
+    def at_zero(self) -> float:
+        """The impedance at distance 0."""
+        return (self.least + self.most) / 2 if self.is_constant else self.least
 
     @property
     def is_constant(self) -> bool:

@@ -238,7 +238,7 @@ def declared(
 def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[InverseWeight, float]) -> Softness:
     """The law of a constraint that has so many rows in the mechanism, near which it stays."""
     inverse_masses: tuple[float | None, ...] = (None,) * count
-    impedance = law.impedance.at(0.0)
+    impedance = law.impedance.at_zero
     if law.weights is not None:
         own = [max(sum(weights[part] for part in row), _least(law, impedance)) for row in law.weights]
         if len(own) != count and len(set(own)) > 1:

@@ -284,3 +284,19 @@ def test_no_points_of_two_capsules_are_nearer(seed: int, tmp_path: Path) -> None
                     least = apart - float(first.radius.mid()) - float(second.radius.mid())
                     spacing = max(float(first.half.mid()), float(second.half.mid())) / 200
                     assert -1e-12 <= least - float(one.distance.mid()) <= 2 * spacing + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("<worldbody>", '<option><flag override="enable"/></option><worldbody>', "overrides the numbers of all contacts"),
+        ("</worldbody>", '<body mocap="true" pos="0 0 5"><geom size="0.1"/></body></worldbody>', "has bodies that are moved from outside"),
+        ("</worldbody>", "</worldbody><deformable/>", "has deformable bodies"),
+        ("</worldbody>", '<geom size="large"/></worldbody>', "has shapes that are not read: "),
+    ],
+)
+def test_a_file_whose_shapes_mean_something_else_says_why(old: str, new: str, why: str, tmp_path: Path) -> None:
+    path = tmp_path / "shapes.xml"
+    path.write_text(SHAPES.replace(old, new, 1))
+    shapes = read_robot(path).shapes
+    assert shapes is not None and shapes.why_not.startswith(why)

@@ -150,6 +150,13 @@ def test_a_model_that_cannot_be_read_is_not_missing(root: Path) -> None:
         ("unsupported", "note = 1\n", "unknown field `note`; expected the texts subject, verdict, reason, link, system"),
         ("unsuported", "", "did you mean 'unsupported'"),
         ("", "", "of length >= 1 - at `$.verdict`; expected the texts"),
+        ("unsupported", 'versions = "about 3"\n', "versions = 'about 3' of mujoco/mjcf on bar_pendulum is no specifier; expected one as"),
+        ("unsupported", "note =\n", "cannot be read as TOML: Invalid value"),
+        (
+            "unsupported",
+            ENTRY.format(subject="mujoco/mjcf", verdict="unsupported", reason="again"),
+            "[[expected]] number 2 repeats bar_pendulum",
+        ),
     ],
 )
 def test_malformed_entries_are_refused(root: Path, verdict: str, more: str, fragment: str) -> None:

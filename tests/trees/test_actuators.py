@@ -298,8 +298,21 @@ def test_the_rule_of_damping_ratios_before_3_15_is_seen(tmp_path: Path) -> None:
         ('<motor site="s" refsite="s"/>', "drives by refsite, which is not read"),
         ('<motor joint="A"/>', 'joint="A"> names nothing in this file'),
         ('<motor joint="a" delay="0.1" nsample="3"/>', "has delay, which is not read"),
+        ('<general joint="a" gaintype="muscle"/>', "has gaintype 'muscle' and biastype 'none', which are not read"),
+        ('<position joint="a" kp="-3" dampratio="1"/>', "has a damping ratio beside a negative stiffness"),
+        ('<position joint="a" inheritrange="1"/>', "has inheritrange, and drives no joint with a range"),
+        ('<motor class="m" joint="a"/>', "takes defaults of <muscle>, which is not read"),
+        ('<motor tendon="w"/>', "which is not of hinges and slides"),
+        ('<motor tendon="l"/>', "whose actuatorfrcrange is not read"),
+        ('<motor joint="a" group="3"/>', "is switched off in the file"),
     ],
 )  # fmt: skip
 def test_what_is_not_read_is_told_with_its_line(actuator: str, why: str, tmp_path: Path) -> None:
-    (found,) = read_robot(written(tmp_path, actuator)).actuators
+    path = written(tmp_path, actuator)
+    further = (
+        '<fixed name="w"><joint joint="c" coef="1"/></fixed><fixed name="l" actuatorfrcrange="-1 1"><joint joint="b" coef="1"/></fixed>'
+    )
+    text = path.read_text().replace("</tendon>", f"{further}</tendon>").replace("<mujoco>", '<mujoco><option actuatorgroupdisable="1 3"/>')
+    path.write_text(text.replace("</default></default>", '</default><default class="m"><muscle/></default></default>'))
+    (found,) = read_robot(path).actuators
     assert why in found.why_not and found.line == 8

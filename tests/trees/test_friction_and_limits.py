@@ -331,6 +331,17 @@ def test_what_mixes_signs_is_no_law(tmp_path: Path) -> None:
     assert found.why_not == "has solref 0.3 -1, which mixes signs; expected both positive, or none" and found.line == 4
 
 
+def test_friction_of_a_planar_joint_is_none_of_one_engine(tmp_path: Path) -> None:
+    path, inertial = (
+        tmp_path / "sheet.urdf",
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>',
+    )
+    joint = '<joint name="j" type="planar"><parent link="a"/><child link="b"/><dynamics friction="1"/></joint>'
+    path.write_text(f'<robot name="sheet">\n<link name="a"/><link name="b">{inertial}</link>\n{joint}</robot>')
+    (found,) = frictions_of(read_robot(path).tree)
+    assert found.why_not == "is of a planar joint, which engines make several of" and found.line == 3
+
+
 def test_what_the_file_switches_off_does_not_act(tmp_path: Path) -> None:
     both = {"a": 'frictionloss="3" range="-40 30"'}
     for flag, left in (("constraint", []), ("limit", ["dry friction"]), ("frictionloss", ["lower limit", "upper limit"])):

@@ -185,6 +185,7 @@ def test_a_sign_of_gravity_and_the_other_body_s_force_are_red() -> None:
         ('<jointpos joint="pin"/>', "the file has no sensor that the motion of its bodies decides"),
         ('<gyro site="bob" cutoff="3"/>', "<gyro> has a cutoff, which hides what is beyond"),
         ('<framelinacc objtype="body" objname="bar"/>', "is about a body; name a site in its place to have it judged"),
+        ('<gyro site="bob"/></sensor><option><flag sensor="disable"/></option><sensor>', "is switched off in the file"),
     ],
 )
 def test_what_is_not_judged_says_why(sensors: str, said: str) -> None:
