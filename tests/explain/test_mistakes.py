@@ -13,20 +13,24 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from catalogue import BUILT_IN, is_tied
+from scipy.spatial.transform import Rotation
 
 from harness.diagnosis.faults.campaign import is_valid
 from harness.engines import load_engine
 from harness.errors import InvalidModel
 from harness.explain.changes import Change, mistakes
 from harness.explain.changes.mistakes import Mistake, find_mistakes, mended_mistakes
+from harness.explain.changes.mistakes.frames import matrix_of
 from harness.explain.columns import watch
 from harness.explain.fit import fit
 from harness.explain.model_side import ModelSide
 from harness.explain.search import OTHER_STARTS
 from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.text.anatomy import anatomy
 from harness.files.text.scan import Watch, find_elements, find_numbers
 from harness.lagrange.derivation import load_mechanism
 from harness.library import names_in
@@ -266,8 +270,6 @@ def test_frames_that_are_turned_have_their_rotations_dropped_reversed_and_misrea
 
 def _same_numbers(model: ModelFile, once: ModelFile, text: str) -> bool:
     """True where mending ``once`` gives the orientation of ``model`` again; MJCF writes it as a quaternion."""
-    from harness.explain.changes.mistakes.frames import matrix_of
-    from harness.files.text.anatomy import anatomy
 
     def orientations(of: ModelFile) -> list[np.ndarray]:
         parts = anatomy(of)
@@ -276,6 +278,30 @@ def _same_numbers(model: ModelFile, once: ModelFile, text: str) -> bool:
 
     again = orientations(parse_model(model.path, text, model.format))
     return all(np.allclose(one, other, atol=1e-15) for one, other in zip(orientations(model), again, strict=True))
+
+
+@pytest.mark.parametrize("compiler", ["", 'angle="radian"', 'angle="degree" eulerseq="ZYX"'])
+@pytest.mark.parametrize(
+    "orientation",
+    [
+        'quat="1 2 -3 0.5"',
+        'axisangle="1 -2 0.5 0.75"',
+        'euler="0.3 -0.7 1.1"',
+        'xyaxes="1 2 0.5 0 1 -2"',
+        'zaxis="1 -2 0.5"',
+        'zaxis="0 0 3"',
+        'zaxis="0 0 -3"',
+    ],
+)
+def test_an_orientation_is_that_which_mujoco_compiles(orientation: str, compiler: str) -> None:
+    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    body = f'<body name="b" {orientation}><joint name="j"/>{inertial}</body>'
+    text = f'<mujoco model="m"><compiler {compiler}/><worldbody>{body}</worldbody></mujoco>'
+    parts = anatomy(parse_model(Path("m.xml"), text, "mjcf"))
+    [slot] = [body.rotation for body in parts.bodies if body.rotation is not None]
+    compiled = mujoco.MjModel.from_xml_string(text).body("b").quat
+    expected = Rotation.from_quat(compiled, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(matrix_of(slot, parts), expected, atol=1e-14)
 
 
 @pytest.mark.parametrize("model_format", FORMATS)

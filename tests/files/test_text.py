@@ -10,6 +10,8 @@ import pytest
 
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.anatomy import anatomy
+from harness.files.text.joint_table import joint_rows
+from harness.files.text.lines import lines_of
 from harness.files.text.scan import Number, Watch, find_elements, find_numbers, largest_change, scaled, with_values, without
 from harness.library import MODEL_SUFFIXES, Library
 
@@ -143,3 +145,70 @@ def test_each_joint_has_the_rotor_of_its_own_transmission(before: bool) -> None:
     bodies = anatomy(parse_model(plain.path, text, "urdf")).bodies
     rotors = {joint.name.words[0]: joint.armature.words for body in bodies for joint in body.joints if joint.armature is not None}
     assert rotors == {"arm": ("0.0001",), "pendulum": ("0.75",)}
+
+
+# Every attribute on a line of its own, named by its value.
+LINES = """<mujoco model="m">
+<option gravity="0 0 -9"/>
+<worldbody>
+<frame
+ pos="0 0 1"
+ euler="10 0 0">
+<body name="b"
+ pos="1 0 0"
+ quat="1 1 0 0">
+<joint name="j"
+ axis="0 1 0"
+ pos="0 0 .1"
+ damping="1"
+ stiffness="2"
+ springref="3"
+ armature="4"/>
+<inertial
+ pos="0 0 .2"
+ quat="1 0 1 0"
+ mass="2"
+ diaginertia="1 1 1"/>
+<body name="fixed"
+ pos="2 0 0">
+<inertial
+ pos="0 0 .3"
+ mass="3"
+ diaginertia="2 2 2"/>
+</body>
+</body></frame></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("quantity", "attributes"),
+    [
+        ("gravity", ['gravity="0 0 -9"']),
+        ("joint", ['name="j"']),
+        ("anchor", ['pos="1 0 0"', 'pos="0 0 1"', 'pos="0 0 .1"']),
+        ("axis", ['axis="0 1 0"', 'quat="1 1 0 0"', 'euler="10 0 0"']),
+        ("frame", ['quat="1 1 0 0"', 'euler="10 0 0"']),
+        ("armature", ['armature="4"']),
+        ("damping", ['damping="1"']),
+        ("stiffness", ['stiffness="2"']),
+        ("spring reference", ['springref="3"']),
+        ("mass", ['mass="2"', 'mass="3"']),
+        ("centre", ['pos="0 0 .2"', 'pos="0 0 .3"', 'pos="1 0 0"', 'quat="1 1 0 0"', 'pos="0 0 1"', 'euler="10 0 0"']),
+        ("inertia", ['diaginertia="1 1 1"', 'quat="1 0 1 0"', 'diaginertia="2 2 2"', 'quat="1 1 0 0"', 'euler="10 0 0"']),
+    ],
+)
+def test_the_lines_that_decide_a_quantity_begin_with_the_likeliest(quantity: str, attributes: list[str]) -> None:
+    """What is the body's or joint's own first, then the body's place, then the frames around it."""
+    lines = LINES.splitlines()
+    found = [lines[line - 1] for line in lines_of(parse_model(Path("m.xml"), LINES, "mjcf"), quantity, "j")]
+    assert len(found) == len(attributes) and all(one in line for one, line in zip(attributes, found, strict=True)), found
+
+
+def test_a_row_of_a_joint_tells_what_the_file_leaves_out_in_brackets() -> None:
+    inertial = '<inertial pos="0 0 0" mass="7" diaginertia="1 1 1"/>'
+    further = f'<body name="s"><joint name="s" type="slide"/>{inertial}</body><body name="f"><freejoint name="f"/>{inertial}</body>'
+    hinge, slide, free = joint_rows(parse_model(Path("m.xml"), LINES.replace("</frame>", f"</frame>{further}"), "mjcf"))
+    place = "1 0 0, quat 1 1 0 0, body in frame 0 0 1, euler 10 0 0, joint at 0 0 .1"
+    assert (hinge.kind, hinge.axis, hinge.origin, hinge.line) == ("(hinge)", "0 1 0", place, 10)
+    assert (hinge.body, hinge.mass, hinge.damping, hinge.stiffness, hinge.armature) == ("b", "2", "1", "2", "4")
+    assert (slide.kind, slide.axis, slide.origin, slide.damping) == ("slide", "(0 0 1)", "(0 0 0)", "")
+    assert (free.kind, free.axis, free.mass) == ("free", "", "7")

@@ -56,6 +56,21 @@ def test_inverse_weights_are_those_of_the_compiled_model(name: str) -> None:
         assert value == pytest.approx(compiled, rel=_solve_error(model))
 
 
+@pytest.mark.parametrize("name", ["arm_3r", "cart_pendulum", "puma_560"])
+def test_inverse_weights_are_the_same_wherever_a_model_stands(name: str) -> None:
+    path = LIBRARY.model_path(name, "mjcf")
+    text = path.read_text(encoding="utf-8")
+    moved = text.replace("<worldbody>", '<worldbody><frame pos="0.5 -1.25 2" euler="10 20 30">').replace(
+        "</worldbody>", "</frame></worldbody>"
+    )
+    weights = []
+    for file in (parse_model(path, text, "mjcf"), parse_model(path, moved, "mjcf")):
+        bodies = [body.name for body in tree_of(file, 0.0).bodies]
+        wanted = [InverseWeight(kind, body) for body in bodies for kind in ("translation", "rotation")]  # type: ignore[arg-type]
+        weights.append([*inverse_weights(file, [*wanted, *(InverseWeight("joint", joint) for joint in file.joint_lines)]).values()])
+    assert weights[1] == pytest.approx(weights[0], rel=1e-11)
+
+
 def test_the_mean_of_a_body_that_slides_along_one_axis_is_a_third_of_what_the_program_has() -> None:
     file = read_model(LIBRARY.model_path("slider_crank", "mjcf"), "mjcf")
     model = load_engine(LIBRARY, "mujoco").load(file, tuple(file.joint_lines), 9.81).model  # type: ignore[attr-defined]

@@ -250,6 +250,51 @@ def test_a_mass_matrix_singular_everywhere_is_never_certified(mechanism_of: Call
     assert not reference.certified.any()
 
 
+def test_the_reason_of_each_state_that_is_undecided_is_told(mechanism_of: Callable[[System], Mechanism]) -> None:
+    mechanism = mechanism_of(double_pendulum(relative=True))
+    found = ReferenceKernel(mechanism).evaluate(random_states(mechanism, 7))
+    assert found.certified.all() and not list(found.why_undecided())
+    high, condition, sensitivity = found.high.copy(), found.condition.copy(), found.sensitivity.copy()
+    radius, bits = found.radius.copy(), found.bits.copy()
+    high[0, 0] = condition[1] = sensitivity[2] = math.inf
+    bits[4:6], radius[4:6], sensitivity[6], radius[6] = [PRECISIONS[0], PRECISIONS[-1]], 0.25 * sensitivity[4:6], 0.0, 1.0
+    certified = np.arange(7) == 7
+    changed = replace(found, high=high, condition=condition, sensitivity=sensitivity, radius=radius, bits=bits, certified=certified)
+    for reason, said in zip(
+        [
+            f"M is singular, or not certainly regular at {PRECISIONS[-1]} bits, or it is not certain on which side",
+            "M is not certainly positive definite",
+            f"the equations have no derivative there that {PRECISIONS[-1]} bits would show",
+            "the state does not close the constraints",
+            f"the radius is 2.5e-01 of the sensitivity at {PRECISIONS[0]} bits; 8.7e-19 is needed; accelerations cancel further",
+            f"the radius is 2.5e-01 of the sensitivity at {PRECISIONS[-1]} bits; 8.7e-19 is needed",
+            "the radius is inf of the sensitivity at ",
+        ],
+        changed.why_undecided(),
+        strict=True,
+    ):
+        assert said.startswith(reason)
+    reasons = list(changed.why_undecided())
+    assert reasons[5].endswith("is needed") and reasons[6].endswith("holds them")
+
+
+def test_an_engine_of_single_precision_is_judged_by_what_that_rounds(mechanism_of: Callable[[System], Mechanism]) -> None:
+    mechanism = mechanism_of(double_pendulum(relative=True))
+    double, single = ReferenceKernel(mechanism), ReferenceKernel(mechanism, unit_roundoff=2.0**-24)
+    states = random_states(mechanism, 5)
+    asked = single.asked_at(states)
+    for name in ("q", "v", "tau"):
+        given, taken = getattr(states, name), getattr(asked, name)
+        assert (taken == taken.astype(np.float32)).all() and (np.abs(taken - given) <= 2.0**-24 * np.abs(given)).all()
+        assert (taken != given).any()
+    assert double.asked_at(states) is states
+    own, of_single = double.evaluate(asked), single.evaluate(asked)
+    np.testing.assert_array_equal(of_single.high, own.high)
+    np.testing.assert_array_equal(of_single.radius, own.radius)
+    for name in ("sensitivity", "share", "instability"):
+        np.testing.assert_array_equal(getattr(of_single, name), 2.0**29 * getattr(own, name))
+
+
 def test_one_coordinate_without_inertia_is_not_certified(mechanism_of: Callable[[System], Mechanism]) -> None:
     system = System(
         coordinates={x: "a"},

@@ -54,7 +54,8 @@ class Actuation:
             given = states.activation if is_activation else states.control
             found[:, column] = values = given[:, actuator] if actuator < given.shape[1] else np.zeros(len(states))
             if (clamp := ranges.get(actuator)) is not None:
-                clamp.put(found, np.where(values < clamp.least(found), -1.0, np.where(values > clamp.most(found), 1.0, 0.0)))
+                low, high = clamp.least(found), clamp.most(found)
+                clamp.put(found, np.where(values < low, -1.0, np.where(values > high, 1.0, 0.0)), low, high)
         if self.zones is not None:
             self.zones.settle(states.known, found)
         return found

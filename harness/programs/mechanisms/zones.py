@@ -71,7 +71,7 @@ class Clamp:
         """(n,) upper bounds."""
         return found[:, self.bounds[3]] if self.bounds and self.bounds[3] >= 0 else np.full(len(found), self.high)
 
-    def put(self, found: Array, sides: Array, low: Array | float = 0.0, high: Array | float = 0.0) -> None:
+    def put(self, found: Array, sides: Array, low: Array, high: Array) -> None:
         """Set a state's own parameters where it is below the range, inside or beyond, as ``sides`` (n,) say by -1, 0 and 1."""
         found[:, self.share] = sides == 0
         found[:, self.constant] = 0.0 if self.bounds else np.where(sides == 0, 0.0, np.where(sides < 0, low, high))
