@@ -31,16 +31,21 @@ TABLE = ("one",)[0]
 def elsewhere(x):
     return -x
 '''
-COUNTING = '''"""Another module."""
+COUNTING = '''"""A module with a loop."""
+
+
+def counted(n):
+    while n:
+        n -= 1
+'''
+RETURNING = '''"""Another module."""
 
 
 def doubled(x):
     return x + x
 
 
-def counted(n):
-    while n > 0:
-        n -= 1
+def same(n):
     return n
 
 
@@ -52,12 +57,13 @@ import subprocess
 import sys
 import time
 
-from harness.counting import counted, doubled
+from harness.counting import counted
+from harness.returning import doubled, same
 from harness.toy import LIMIT
 
 def test_dear():
     started = time.process_time()
-    while time.process_time() < started + 0.15:
+    while time.process_time() < started + 0.05:
         pass
     assert doubled(2) == 4
 
@@ -65,7 +71,7 @@ def test_doubled():
     assert doubled(3) == 6
 
 def test_counted():
-    counted(2)
+    counted(same(2))
 
 def test_limit():
     assert LIMIT == 3
@@ -81,7 +87,13 @@ def test_red():
 
 @pytest.fixture
 def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    written = {"pyproject.toml": SETTINGS, "harness/toy.py": TOY, "harness/counting.py": COUNTING, "tests/test_toy.py": TESTS}
+    written = {
+        "pyproject.toml": SETTINGS,
+        "harness/toy.py": TOY,
+        "harness/counting.py": COUNTING,
+        "harness/returning.py": RETURNING,
+        "tests/test_toy.py": TESTS,
+    }
     for name, text in {"harness/__init__.py": "", "harness/pytest_plugin.py": "", **written}.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -89,7 +101,10 @@ def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(repository: Path, *words: str, modules: Sequence[str] = ("toy", "counting")) -> tuple[int, dict[tuple[str, str], dict[str, Any]]]:
+MODULES = ("toy", "counting", "returning")
+
+
+def run(repository: Path, *words: str, modules: Sequence[str] = MODULES) -> tuple[int, dict[tuple[str, str], dict[str, Any]]]:
     """The exit status, and the last verdict on each mutant by its line and what that becomes."""
     paths, results = [str(repository / "harness" / f"{name}.py") for name in modules], repository / "results"
     places = ["--repository", str(repository), "--results", str(results), "--equivalent", str(repository / "equivalent.toml")]
@@ -99,7 +114,7 @@ def run(repository: Path, *words: str, modules: Sequence[str] = ("toy", "countin
 
 def explained(repository: Path, was: str, became: str) -> None:
     """Have a mutant stand in the list of those that no test can tell from the product."""
-    entry = {"module": "harness/counting.py", "was": was, "became": became, "reason": "planted"}
+    entry = {"module": "harness/returning.py", "was": was, "became": became, "reason": "planted"}
     lines = (f"{name} = {json.dumps(value)}\n" for name, value in entry.items())
     (repository / "equivalent.toml").write_text("".join(["[[mutant]]\n", *lines]))
 
@@ -109,9 +124,9 @@ def test_planted_mutants_have_the_fate_that_they_must_have(
     repository: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     status, found = run(repository)
-    # No test looks at what ``counted`` returns or how far it counts, and nothing calls ``nowhere``.
-    loop, step, end = "while n > 0:", "n -= 1", "return n"
-    alive = {(end, "return None"), (loop, "while n > (1):"), (loop, "while (n <= 0):"), (step, "n -= (2)"), ("return x", "return None")}
+    # No test looks at what ``same`` returns or how ``counted`` counts, and nothing calls ``nowhere``.
+    step, same, nowhere = "n -= 1", ("return n", "return None"), ("return x", "return None")
+    alive = {same, (step, "n -= (2)"), nowhere}
     assert {place for place, one in found.items() if one["verdict"] == "survives"} == alive
     assert {found[place]["verdict"] for place in found.keys() - alive} == {"killed"}
     # The cheaper of the two tests that see it, and not the one that fails always.
@@ -123,10 +138,10 @@ def test_planted_mutants_have_the_fate_that_they_must_have(
     assert table["how"] == "tests cannot be collected"
     assert found["LIMIT = 3", "LIMIT = (4)"]["test"] == "tests/test_toy.py::test_limit"
     assert found["return -x", "return (+x)"]["test"] == "tests/test_toy.py::test_elsewhere"
-    assert found[end, "return None"]["tried"] == 5
+    assert found[same]["tried"] == 5
     printed = capsys.readouterr().out
-    assert "harness/counting.py:11: survives (5 tests tried)  return n -> return None\n" in printed
-    assert "7 of 12 mutants killed, 58.3 %; without 0 that" in printed and status == 1
+    assert "harness/returning.py:9: survives (5 tests tried)  return n -> return None\n" in printed
+    assert "7 of 10 mutants killed, 70.0 %; without 0 that" in printed and status == 1
 
     # A run that is cut off goes on; what a cut left of a line is made again.
     log = repository / "results" / "mutants.jsonl"
@@ -137,20 +152,25 @@ def test_planted_mutants_have_the_fate_that_they_must_have(
     monkeypatch.setattr(mutant_runs.Copy, "run", lambda *given: asked.append(list(given[1])) or ask(*given))
     assert run(repository)[1] == found and 2 <= len(asked) <= 4
 
-    # With another test each is asked anew, first the test that killed it; a survivor that is explained does not count.
+    # With another test each is asked anew, first the test that killed it.
     asked.clear()
-    (repository / "tests" / "test_toy.py").write_text(TESTS + "\ndef test_counted_down():\n    assert counted(2) == 0\n")
-    explained(repository, step, "n -= (2)")
-    further = partial(run, repository, "--tests", "tests/test_toy.py -k counted_down", modules=["counting"])
-    status, again = further("--least", "80")
+    (repository / "tests" / "test_toy.py").write_text(TESTS + "\ndef test_same():\n    assert same(2) == 2\n")
+    further = partial(run, repository, "--tests", "tests/test_toy.py -k same", "--least", "80", modules=["returning"])
+    status, again = further()
     assert ["tests/test_toy.py::test_doubled"] in asked
-    assert [again[place]["verdict"] for place in ((end, "return None"), ("return x", "return None"))] == ["killed", "survives"]
+    assert [again[place]["verdict"] for place in (same, nowhere)] == ["killed", "survives"]
+    in_all = "3 of 4 mutants killed, 75.0 %; without {} that no test can tell from the product, {:.1f} %; seed 4, of 4 mutants\n"
+    assert in_all.format(0, 75) in capsys.readouterr().out and status == 1
+
+    # A survivor that is explained does not count, and nothing is asked again for it.
+    asked.clear()
+    explained(repository, *nowhere)
+    status, _ = further()
     printed = capsys.readouterr().out
-    assert "survives (6 tests tried)  1 -> 2; equivalent: planted\n" in printed
-    assert "6 of 8 mutants killed, 75.0 %; without 1 that no test can tell from the product, 85.7 %; seed 4, of 8 mutants\n" in printed
-    assert status == 0 and further("--least", "90")[0] == 1
+    assert "survives (6 tests tried)  return x -> return None; equivalent: planted\n" in printed
+    assert in_all.format(1, 100) in printed and (status, asked) == (0, [])
     explained(repository, "return x + x", "return (x - x)")
-    assert further("--least", "80")[0] == 1
+    assert further()[0] == 1
     assert "test_doubled kills it: delete the entry\n" in capsys.readouterr().out
 
 
