@@ -142,7 +142,7 @@ def _changes(one: Equality | None, other: Equality | None, are_built_alike: bool
     for name in ("solref", "solimp") if one.softness and other.softness else ():
         values = [getattr(each, name) for each in soft]
         if values[0] != values[1]:
-            texts = _values(values)
+            texts = _values([_floats(value) for value in values])
             yield (f"{name} {texts[0]}", f"{name} {texts[1]}"), replace(one, softness=replace(soft[0], **{name: values[1]}))
     if one.says == other.says or one.says is None or other.says is None or (isinstance(one.says, Meeting) and not are_built_alike):
         return

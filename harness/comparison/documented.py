@@ -42,14 +42,14 @@ def documented(
     switches: Sequence[Switch],
     departures: Iterable[Departure] = (),
     contacts: Sequence[Constraint] = (),
-    of: Robot | None = None,
+    mechanism: Mechanism | None = None,
 ) -> Mechanism:
     """A robot with some of its constraints by the laws that an engine documents, or with departures from them.
 
-    ``of`` has the same equations of motion, and is the robot itself by default.
+    ``mechanism`` has its equations of motion, where they are written.
     """
     chosen, laws = laws_of(robot, caller, switches, contacts)
     laws = departed(departures, robot.tree, chosen, laws)
-    mechanism = reference_of(of or robot).mechanism
+    mechanism = mechanism or reference_of(robot).mechanism
     assert isinstance(mechanism, RobotMechanism)
     return optimum(mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))

@@ -5,9 +5,6 @@ The truth is certified anew at each value. No change is taken for linear, where 
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass, replace
-from typing import Any
-
 import numpy as np
 
 from harness.arrays import Array
@@ -17,7 +14,7 @@ from harness.explain.fit import best_change
 from harness.explain.meant import Meant, reference_of
 from harness.explain.search import Tried
 from harness.explain.textbook_side import TextbookSide, search_parameters
-from harness.files.given import Given, Place
+from harness.files.given import Given, with_numbers
 from harness.results.table import error_text
 from harness.trees.bodies.inertias import impossible_inertias
 from harness.trees.bodies.spatial import parameter_name
@@ -69,17 +66,13 @@ def _is_possible(robot: Robot, name: str, value: float) -> bool:
     """
     found: list[Given] = []
 
-    def changed(part: Any) -> Any:
-        if isinstance(part, Given) and parameter_name(part) == name:
-            found.append(part)
-            return Given(value, part.place, part.attribute, part.index)
-        if isinstance(part, tuple):
-            return tuple(map(changed, part))
-        if is_dataclass(part) and not isinstance(part, type | Place):
-            return replace(part, **{field.name: changed(getattr(part, field.name)) for field in fields(part)})
-        return part
+    def changed(number: Given) -> Given:
+        if parameter_name(number) != name:
+            return number
+        found.append(number)
+        return Given(value, number.place, number.attribute, number.index)
 
-    tree = changed(robot.tree)
+    tree = with_numbers(robot.tree, changed)
     if any(_is_out_of_bounds(number, value) for number in found):
         return False
     return len(impossible_inertias(tree)) <= len(robot.impossible)

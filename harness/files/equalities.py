@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 SOLREF = (0.02, 1.0)
 SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
 POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)
+# Numbers of a file are exact, and those that an engine tells are floats.
+_Real = float | Fraction
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class SolverParameters:
     (least impedance, most impedance, width [m or rad], midpoint, power).
     """
 
-    solref: tuple[float, float] = SOLREF
-    solimp: tuple[float, float, float, float, float] = SOLIMP
+    solref: tuple[_Real, _Real] = SOLREF
+    solimp: tuple[_Real, _Real, _Real, _Real, _Real] = SOLIMP
 
 
 BY_DEFAULT = SolverParameters()
@@ -256,8 +258,9 @@ def _velocities(one: Joint | BoundTendon) -> int:
 
 def _of(one: Joint | BoundTendon, kind: str, says: DryFriction | Limit, softness: SolverParameters) -> Constraint:
     place = one.places["friction_loss" if isinstance(says, DryFriction) else "limits"]
-    complaint = one_sign(softness.solref)
-    why_not = f"has solref {softness.solref[0]:g} {softness.solref[1]:g}, which {complaint}" if complaint else ""
+    time, ratio = map(float, softness.solref)
+    complaint = one_sign((time, ratio))
+    why_not = f"has solref {time:g} {ratio:g}, which {complaint}" if complaint else ""
     if isinstance(one, BoundTendon):
         why_not = one.why_not or why_not
     elif one.kind is JointKind.PLANAR:

@@ -6,15 +6,16 @@ plain fractions, which stand nowhere.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 Vector = tuple[Fraction, Fraction, Fraction]
 ORIGIN: Vector = (Fraction(0), Fraction(0), Fraction(0))
 SPACE, MOMENTS = ("x", "y", "z"), ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+_Part = TypeVar("_Part")
 # Names of the numbers of an attribute that holds several.
 _COMPONENTS = {
     **dict.fromkeys(("xyz", "pos", "axis", "gravity"), SPACE),
@@ -57,6 +58,11 @@ class Given(Fraction):
         self = super().__new__(cls, value)
         self.place, self.attribute, self.index = place, attribute, index
         return self
+
+    @classmethod
+    def from_float(cls, value: float) -> Fraction:  # type: ignore[override]
+        """A number that stands nowhere; fractions compare themselves with floats by it."""
+        return Fraction(value)
 
     @property
     def key(self) -> tuple[Place, str, int]:
@@ -105,6 +111,36 @@ def numbers_in(value: object) -> Iterator[Given]:
     elif isinstance(value, Turn | Quaternion | Axes | Direction | Placement):
         for part in fields(value):
             yield from numbers_in(getattr(value, part.name))
+
+
+def every_number_in(part: object) -> Iterator[Given]:
+    """The numbers of the file in a quantity, and in parts that have places of their own."""
+    if isinstance(part, Given):
+        yield part
+    for own in _parts_of(part):
+        yield from every_number_in(own)
+
+
+def with_numbers(part: _Part, changed: Callable[[Given], Given]) -> _Part:
+    """The same with other numbers of the file; itself where ``changed`` gives back every number."""
+    found: Any = part
+    if isinstance(part, Given):
+        found = changed(part)
+    elif isinstance(part, tuple):
+        values = tuple(with_numbers(own, changed) for own in part)
+        found = part if all(one is other for one, other in zip(values, part, strict=True)) else values
+    elif is_dataclass(part) and not isinstance(part, type | Place):
+        own = {field.name: getattr(part, field.name) for field in fields(part)}
+        others = {name: value for name, one in own.items() if (value := with_numbers(one, changed)) is not one}
+        found = replace(part, **others) if others else part
+    return found  # type: ignore[no-any-return]
+
+
+def _parts_of(part: object) -> Iterator[object]:
+    if isinstance(part, tuple):
+        yield from part
+    elif is_dataclass(part) and not isinstance(part, type | Place):
+        yield from (getattr(part, field.name) for field in fields(part))
 
 
 @dataclass(frozen=True)

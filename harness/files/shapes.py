@@ -126,7 +126,11 @@ def _mixed_softness(deciding: Sequence[Shape]) -> tuple[tuple[float, ...], tuple
     def mean(parts: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
         return tuple(sum(weight * value for weight, value in zip(weights, values, strict=True)) for values in zip(*parts, strict=True))
 
-    solrefs = [shape.softness.solref for shape in deciding]
+    solrefs = [_floats(shape.softness.solref) for shape in deciding]
     is_direct = any(time <= 0 for time, _ in solrefs)
     solref = tuple(map(min, zip(*solrefs, strict=True))) if is_direct else mean(solrefs)
-    return solref, mean([shape.softness.solimp for shape in deciding])
+    return solref, mean([_floats(shape.softness.solimp) for shape in deciding])
+
+
+def _floats(values: Sequence[float | Fraction]) -> tuple[float, ...]:
+    return tuple(map(float, values))

@@ -127,6 +127,21 @@ class ReferenceKernel:
             found.sensitivity[kinks] = np.maximum(found.sensitivity[kinks], other.sensitivity)
         return found if self.unit_roundoff == UNIT_ROUNDOFF else found.for_unit_roundoff(self.unit_roundoff)
 
+    def accelerations(self, states: States) -> tuple[Array, Array]:
+        """High and low of the accelerations as of ``Reference``, (n, nv) each, without their data roundoff, which costs most.
+
+        Not a number where balls of ``PRECISIONS[0]`` bits leave more than a rounding of high open.
+        """
+        states = self.asked_at(states)
+        parameters = self.mechanism.parameters_at(states)
+        found = np.full((2, *states.v.shape), np.nan)
+        for chart, chosen in self.by_chart(states):
+            high, low, radius, *_ = chart.balls.solve(states[chosen], parameters[chosen], PRECISIONS[0])
+            is_open = ~(radius <= UNIT_ROUNDOFF * np.abs(high).max(axis=1, keepdims=True)).all(axis=1)
+            high[is_open] = low[is_open] = np.nan
+            found[:, chosen] = high, low
+        return found[0], found[1]
+
     def derivatives(self, states: States, accelerations: Array, parameters: Array | None = None) -> Array:
         """d(force - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64; ``parameters`` as of ``evaluate``."""
         inputs = self.mechanism.inputs(states, parameters)

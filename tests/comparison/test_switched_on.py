@@ -10,9 +10,11 @@ import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
 from support import call_engines_here
 
-from harness.comparison import switched_on
+from harness.comparison import case
+from harness.comparison.documented import documented
 from harness.comparison.switched_on import judge_switched_on
 from harness.engines.adapters.mujoco import robot as adapter
+from harness.explain.meant import driven
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
 from harness.results.switched_on import SwitchedOnRecord, switched_on_text
@@ -80,7 +82,7 @@ def test_what_a_departure_concerns_is_called_by_its_name(joint: str, collides: i
 
 
 def test_what_is_declared_of_no_program_is_no_excuse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(switched_on, "departures_of", lambda engine, reader: [])
+    monkeypatch.setattr(case, "departures_of", lambda engine, reader: [])
     record = held_by(FOUR_BAR)
     assert not record.explained and record.backward_error is not None and record.backward_error > 1e9
 
@@ -112,8 +114,8 @@ def test_a_number_of_an_equality_that_is_another_is_felt(change: tuple[str, str]
 def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The engine is asked about the file as it stands, and the optimum is that of a changed one."""
     own, other = meant_by(path), meant_by(changed)
-    documented, read = switched_on.documented, switched_on.driven(other).robot
-    monkeypatch.setattr(switched_on, "documented", lambda _, caller, numbers, *more, of=None: documented(read, caller, numbers, *more))
+    read = driven(other).robot
+    monkeypatch.setattr(case, "documented", lambda _, caller, numbers, *more, mechanism=None: documented(read, caller, numbers, *more))
     record = judge_switched_on(own, "mujoco")
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 
@@ -295,7 +297,7 @@ def test_a_reader_that_passes_over_actuators_is_told_with_their_effect() -> None
 WRONG = {
     "gear": ({"gear": {(0, 0): 3.003}}, "motor gear = 3: the engine behaves as with 3.003"),
     "kp": ({"gainprm": {(1, 0): 24.024}, "biasprm": {(1, 1): -24.024}}, "position kp = 24: the engine behaves as with 24.024"),
-    "dampratio": ({"biasprm": {(1, 2): -2.8}}, "position damping of actuator 1 by dampratio = "),
+    "dampratio": ({"biasprm": {(1, 2): -2.8}}, "position dampratio = 0.75: "),
     "ctrlrange": ({"ctrlrange": {(0, 1): 4.004}}, "motor ctrlrange [1] = 4: the engine behaves as with 4.004"),
     "forcerange": ({"forcerange": {(1, 1): 5.005}}, "position forcerange [1] = 5: the engine behaves as with 5.005"),
     "kv": ({"biasprm": {(2, 2): -0.5005}}, "intvelocity kv = 0.5: the engine behaves as with 0.5005"),

@@ -100,7 +100,7 @@ class ModelCampaign:
                 note(f"{self.model.path}: {kind}: {one.statement} {one.places[0]}")
                 found.append(self._caught(one))
             answered = [place for place, fault in enumerate(found) if fault.live and fault.caught_by in ("check", "audit")]
-            chosen = {answered[place] for place in _spread(len(answered), self.settings.diagnosed)}
+            chosen = {answered[place] for place in spread_evenly(len(answered), self.settings.diagnosed)}
             # A party that is blamed wrongly is cleared by a diagnosis that explains its answers.
             chosen |= {place for place in answered if found[place].blamed}
             for place, (one, fault) in enumerate(zip(planted, found, strict=True)):
@@ -214,7 +214,7 @@ def is_valid(model: ModelFile, text: str) -> bool:
     return True
 
 
-def _spread(count: int, most: int | None) -> set[int]:
+def spread_evenly(count: int, most: int | None) -> set[int]:
     """At most ``most`` of ``count`` places, evenly apart."""
     if most is None or most >= count:
         return set(range(count))

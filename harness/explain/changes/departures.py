@@ -141,7 +141,7 @@ def _mean_impedance_of_friction(_: Tree, constraint: Constraint, law: Constraint
     if not isinstance(constraint.says, DryFriction) or softness is None or softness.solimp[2] > LEAST_WIDTH:
         return law
     # What ``solimp`` is bounded by bounds both of its impedances, of which the law has the first.
-    least, most = law.impedance.least, min(max(softness.solimp[1], LEAST_IMPEDANCE), MOST_IMPEDANCE)
+    least, most = law.impedance.least, min(max(float(softness.solimp[1]), LEAST_IMPEDANCE), MOST_IMPEDANCE)
     return replace(law, impedance=replace(law.impedance, least=(least + most) / 2, most=(least + most) / 2))
 
 

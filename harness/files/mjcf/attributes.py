@@ -239,8 +239,8 @@ class Attributes:
 
     def softness(self, element: etree._Element, of: str = "") -> SolverParameters:
         """How a constraint gives, or what a joint or tendon has ``of`` one, "limit" or "friction"."""
-        time, ratio = map(float, self.numbers(element, f"solref{of}", SOLREF))
-        least, most, width, midpoint, power = map(float, self.numbers(element, f"solimp{of}", SOLIMP))
+        time, ratio = self.numbers(element, f"solref{of}", SOLREF)
+        least, most, width, midpoint, power = self.numbers(element, f"solimp{of}", SOLIMP)
         return SolverParameters((time, ratio), (least, most, width, midpoint, power))
 
     def leave_unread(self, element: etree._Element, attribute: str, number: Fraction, why: str, advice: str) -> None:

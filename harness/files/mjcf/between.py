@@ -263,6 +263,7 @@ def _rest(attributes: Attributes, tendon: etree._Element) -> tuple[Given, Given]
 
 def _softness(attributes: Attributes, element: etree._Element) -> SolverParameters:
     found = attributes.softness(element)
-    if complaint := one_sign(found.solref):
-        raise NotRead('has solref="{:g} {:g}" with its default class, which '.format(*found.solref) + complaint)
+    time, ratio = map(float, found.solref)
+    if complaint := one_sign((time, ratio)):
+        raise NotRead(f'has solref="{time:g} {ratio:g}" with its default class, which {complaint}')
     return found

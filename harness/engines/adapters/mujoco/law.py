@@ -156,14 +156,14 @@ def _cone(touch: Touch, impedance: Impedance, least_time: Fraction, ratio: float
 
 
 def _impedance(softness: SolverParameters) -> Impedance:
-    least, most, width, midpoint, power = softness.solimp
+    least, most, width, midpoint, power = map(float, softness.solimp)
     bounded = (min(MOST_IMPEDANCE, max(LEAST_IMPEDANCE, value)) for value in (least, most, midpoint))
     least, most, midpoint = bounded
     return Impedance(least, most, max(0.0, width), midpoint, max(1.0, power))
 
 
 def _stiffness_and_damping(softness: SolverParameters, most: Fraction, least_time: Fraction) -> tuple[Fraction, Fraction]:
-    time, ratio = map(Fraction, softness.solref)
+    time, ratio = (Fraction(value) for value in softness.solref)
     least = Fraction(LEAST_NUMBER)
     if time <= 0:
         return -time / max(least, most**2), -ratio / max(least, most)
