@@ -281,7 +281,9 @@ def pytest_in_this_process(*arguments: str, cwd: Path) -> Done:
         patch.chdir(cwd)
         for variable in [name for name in os.environ if name.startswith("PYTEST_")]:
             patch.delenv(variable)
-        status = pytest.main(["-p", "no:cacheprovider", "--capture=no", *arguments])
+        # In the end it collects garbage five times, through all objects of this process too.
+        plain = ["-p", "no:cacheprovider", "-p", "no:unraisableexception", "--capture=no"]
+        status = pytest.main([*plain, *arguments])
     return Done(int(status), output.getvalue(), errors.getvalue())
 
 

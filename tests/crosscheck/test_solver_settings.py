@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.stages import Answers, compare_all
 from harness.engines import Subject, load_engine
 from harness.engines.adapters.mujoco.model import MujocoModel
+from harness.engines.elsewhere import interpreter
 from harness.files.model_file import parse_model
 from harness.library import Library
 from harness.truth.sampling import sample
@@ -38,15 +38,15 @@ def test_pinocchio_is_asked_by_its_defaults_too(name: str) -> None:
     assert said in found.remark
 
 
-def test_the_same_model_by_its_defaults_is_asked_where_the_model_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In another working folder the next model of a file would be loaded by another process."""
+def test_the_same_model_by_its_defaults_is_asked_where_the_model_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next model of a file may be loaded by another process."""
     own = Assignment.of(LIBRARY, "delta_robot", Subject("pinocchio", "urdf"))
     model: Any = load_audited(own)
     states = sample(own.mechanism, 1, seed=0)
     asked_at = states.q, states.v, states.tau
     usual, _, _ = model.by_default()
     expected = usual.forward_dynamics(*asked_at)
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(interpreter, "_RUNNING", {})
     load_engine(LIBRARY, "pinocchio").load(own.model, own.mechanism.joints, own.mechanism.gravity)
     usual, _, _ = model.by_default()
     np.testing.assert_array_equal(usual.forward_dynamics(*asked_at), expected)

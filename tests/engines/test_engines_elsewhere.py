@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import toy_engine
-from support import InThisProcess, cross_checked, harness, harness_in_a_process
+from support import InThisProcess, cross_checked, engine_source, harness, harness_in_a_process
 
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.bench import FaultBench
@@ -29,7 +29,7 @@ from harness.engines import (
     subjects_beside,
     timed_answers_of,
 )
-from harness.engines.elsewhere.interpreter import EngineDied, Interpreter
+from harness.engines.elsewhere.interpreter import EngineDied, Interpreter, engine_in_a_process_of_its_own
 from harness.engines.elsewhere.transport import dumps, loads, portable
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile, read_model
@@ -138,6 +138,21 @@ def test_another_cache_directory_has_another_interpreter(library: Library, bar: 
     with toy_engine.planted(tmp_path, {"1.0": toy_engine.HEAVIER}):
         [[heavier]] = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81).forward_dynamics(q, v, tau)
     assert heavier != right
+
+
+def test_files_have_their_names_in_the_working_folder_and_the_process_stays(
+    bar: ModelFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (file := tmp_path / "reading.py").write_text(engine_source("return np.array([[os.getpid(), float(open('weight').read())]])"))
+    answers = []
+    for weight in ("2", "3"):
+        (folder := tmp_path / weight).mkdir()
+        (folder / "weight").write_text(weight)
+        monkeypatch.chdir(folder)
+        model = engine_in_a_process_of_its_own(file, "reading").load(bar, ["pin"], 9.81)
+        answers += model.forward_dynamics(*np.ones((3, 1, 1))).tolist()
+    (process, two), (same, three) = answers
+    assert process == same and (two, three) == (2.0, 3.0)
 
 
 def test_it_runs_in_the_environment_and_sees_nothing_of_the_harnesss(library: Library) -> None:

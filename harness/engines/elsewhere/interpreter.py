@@ -85,8 +85,15 @@ class Interpreter:
                 pass_fds=[theirs.fileno()],
                 env=variables,
             )
+        self._folder = Path.cwd()
         if environment is None:
             self.ask("share", sys.path)
+
+    def work_in(self, folder: Path) -> None:
+        """Have files found by their names in a folder."""
+        if folder != self._folder:
+            self.ask("work_in", str(folder))
+            self._folder = folder
 
     def forget(self, number: int) -> None:
         """Have a model dropped before the next request; this may run while another one is under way."""
@@ -140,19 +147,20 @@ class Interpreter:
         raise EngineDied(f"{self._name} ended its process with status {status}")
 
 
-# By the folder of an environment, of which another cache directory has others of the same names; or by an engine file. Each with the time
-# of the file, and the working folder.
-_RUNNING: dict[Path, tuple[tuple[int, Path], Interpreter]] = {}
+# By the folder of an environment, of which another cache directory has others of the same names; or by an engine file, with its time.
+_RUNNING: dict[Path, tuple[int, Interpreter]] = {}
 
 
 def _interpreter_of(path: Path, name: str, environment: Environment | None) -> Interpreter:
     """The interpreter of an environment, or of this Python for an engine file, in this process; started at the first call."""
     key = path if environment is None else environment.folder
-    # An engine file that has been written since is run anew, and files have their names in the working folder.
-    since = 0 if environment else path.stat().st_mtime_ns, Path.cwd()
+    # An engine file that has been written since is run anew.
+    since = 0 if environment else path.stat().st_mtime_ns
     if key not in _RUNNING or _RUNNING[key][0] != since or _RUNNING[key][1].has_ended:
         _RUNNING[key] = since, Interpreter(environment.name if environment else name, environment)
-    return _RUNNING[key][1]
+    interpreter = _RUNNING[key][1]
+    interpreter.work_in(Path.cwd())
+    return interpreter
 
 
 class DistantModel:

@@ -13,6 +13,7 @@ import gc
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Callable, Collection, Sequence
 from multiprocessing.connection import Connection
@@ -48,6 +49,10 @@ class Server:
         """Find what the harness finds."""
         self.shares = True
         sys.path[:] = search_path
+
+    def work_in(self, folder: str) -> None:
+        """Find files by their names in the folder in which the harness finds them."""
+        os.chdir(folder)
 
     def declared(self, path: str, name: str) -> tuple[dict[str, Any], list[str]]:
         """Plain attributes and methods of the ``ENGINE`` of an engine file."""
