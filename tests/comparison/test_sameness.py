@@ -154,7 +154,7 @@ def test_a_joint_that_stands_still_adds_a_constant_to_a_tendon(of_joint: str, re
     assert found.alike and found.backward_error is not None and found.backward_error < 4, conclude_pair(found).sentence
 
 
-HELD_BY_NAME = """<mujoco><worldbody>
+HELD_BY_NAME = """<mujoco><default><muscle ctrllimited="false"/></default><worldbody>
 <body name="one"><joint name="one" axis="0 1 0" range="-40 30" frictionloss="1" actuatorfrcrange="-3 5"/>
 <inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
 <body name="two"><joint name="two" axis="0 1 0"/><inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
@@ -171,6 +171,7 @@ def test_a_robot_whose_joints_are_renamed_is_read_from_a_file_that_names_them_so
     robot = read_robot(path)
     path.write_text(re.sub(r'(joint\d?|joint name)="(one|tip)"', lambda found: f'{found[1]}="{names[found[2]]}"', HELD_BY_NAME))
     assert renamed_to(robot, names) == read_robot(path) != robot
+    assert robot.declared[0].values == {"joint": "one", "ctrllimited": "false"}
     (tmp_path / "other.xml").write_text(HELD_BY_NAME)
     found = pair(path, tmp_path / "other.xml", **{new: name for name, new in names.items()})
     assert found.same and not found.problem and found.backward_error is not None and found.backward_error < 4

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from harness.engines import load_engine
 from harness.errors import InvalidModel
-from harness.files.document.xml import MAXIMUM_BYTES, MAXIMUM_DEPTH
+from harness.files.document.xml import MAXIMUM_BYTES, MAXIMUM_DEPTH, MAXIMUM_ELEMENTS
 from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, parse_model, read_model
 from harness.files.text.scan import find_elements
 from harness.library import Library
@@ -514,6 +514,12 @@ WHOLE_FILES = {
         b"<mujoco>\n" + b"<body></body>\n" * 5 + b"<body>" * MAXIMUM_DEPTH,
         7,
         f"nested more than {MAXIMUM_DEPTH} deep",
+    ),
+    "too many": (
+        "mjcf",
+        b"<mujoco>\n" + b"<body/>\n" * MAXIMUM_ELEMENTS,
+        MAXIMUM_ELEMENTS + 1,
+        f"is element {MAXIMUM_ELEMENTS + 1} of the file",
     ),
     "too deep": ("mjcf", b"<mujoco>\n" + b"<body>" * MAXIMUM_DEPTH, 2, f"nested more than {MAXIMUM_DEPTH} deep"),
     "chain too deep": ("urdf", chain(MAXIMUM_DEPTH).encode(), 2 * MAXIMUM_DEPTH + 1, f"more than {MAXIMUM_DEPTH} joints from the root"),

@@ -260,6 +260,13 @@ def test_replicas_are_counted_before_they_are_made(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("harness.files.mjcf.reading.MAXIMUM_ELEMENTS", 17)
     with pytest.raises(InvalidModel, match="makes 18 elements; expected at most 17"):
         read_robot(path)
+    (tmp_path / "part.xml").write_text(f"<mujocoinclude>{body}</mujocoinclude>")
+    path.write_text('<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>')
+    monkeypatch.setattr("harness.files.mjcf.reading.MAXIMUM_ELEMENTS", 5)
+    assert len(read_robot(path).joints) == 1
+    monkeypatch.setattr("harness.files.mjcf.reading.MAXIMUM_ELEMENTS", 4)
+    with pytest.raises(InvalidModel, match="makes 5 elements; expected at most 4"):
+        read_robot(path)
 
 
 @pytest.mark.parametrize("numbers", ["0.1 0", "0 0.1", "0.1 -1"])

@@ -163,6 +163,18 @@ def test_a_step_from_rest_is_certified() -> None:
     assert setting.judged(states=still)[0] == {"agrees"}
 
 
+def test_a_difference_of_positions_is_as_long_as_the_velocities_that_make_it_in_a_second() -> None:
+    setting = Setting(model_of("free_body"))
+    states = generic_sample(setting.mechanism, 4, SEED)
+    certified, velocities = setting.truth.evaluate(states), np.random.default_rng(SEED).normal(size=(4, 6))
+    quaternion = certified.high[:, 1, 6 + 3 :]
+    rates = np.hstack([velocities[:, :3], multiplied(quaternion, np.hstack([np.zeros((4, 1)), velocities[:, 3:]])) / 2])
+    vectors = np.zeros_like(certified.high)
+    vectors[:, 0, :6], vectors[:, 1, 6:] = velocities, rates
+    lengths = certified.lengths(vectors)
+    np.testing.assert_allclose(lengths[:, 1], lengths[:, 0], rtol=1e-12)
+
+
 # What makes the steps of another integrator.
 MADE_BY = {
     "velocity terms explicit in implicit": ("implicit", "implicitfast"),
