@@ -15,6 +15,7 @@ from comparison.robots import line_of, meant_by
 from support import call_engines_here
 
 from harness.arrays import Array
+from harness.comparison import touching
 from harness.comparison.geometry import hold_shapes
 from harness.comparison.switched_on import judge_switched_on
 from harness.engines.adapters.mujoco import robot as adapter
@@ -160,6 +161,13 @@ def test_a_record_says_what_is_judged(tmp_path: Path) -> None:
     assert record.shapes.contacts > 0 and "roundoffs of where the file has them" in record.shapes.text
 
 
+@pytest.fixture
+def at_few_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Truth at the fewest states that are judged; shapes are held against contacts at all."""
+    monkeypatch.setattr(touching, "MOST_WORK", 0)
+
+
+@pytest.mark.usefixtures("at_few_states")
 def test_a_record_is_red_where_contacts_are_not_those_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The optimum is that of the contacts as they are given, and agrees."""
     call_engines_here(monkeypatch)
@@ -191,6 +199,7 @@ def test_a_capsule_upright_on_a_slope_has_a_frame_that_is_not_square(tilt: float
     assert record is not None and (record.contacts, record.rest) == (1, [] if is_square else wrong)
 
 
+@pytest.mark.usefixtures("at_few_states")
 def test_no_contact_is_said_of_a_file_that_overrides_their_numbers(tmp_path: Path) -> None:
     path = written(tmp_path, SHAPES.replace("<default>", '<option o_margin="0.1"><flag override="enable"/></option><default>', 1))
     assert judge_switched_on(meant_by(path), "mujoco").shapes is None
