@@ -521,7 +521,7 @@ WHOLE_FILES = {
         MAXIMUM_ELEMENTS + 1,
         f"is element {MAXIMUM_ELEMENTS + 1} of the file",
     ),
-    "too deep": ("mjcf", b"<mujoco>\n" + b"<body>" * MAXIMUM_DEPTH, 2, f"nested more than {MAXIMUM_DEPTH} deep"),
+    "too deep": ("mjcf", b"<mujoco>\n" + b"<body>" * (MAXIMUM_DEPTH - 1) + b"\n<body>", 3, f"nested more than {MAXIMUM_DEPTH} deep"),
     "chain too deep": ("urdf", chain(MAXIMUM_DEPTH).encode(), 2 * MAXIMUM_DEPTH + 1, f"more than {MAXIMUM_DEPTH} joints from the root"),
     "MJCF without joints": ("mjcf", b"<mujoco><worldbody><body/></worldbody></mujoco>", 1, "no joint in any body"),
     "URDF without links": ("urdf", b'<robot name="r"/>', 1, "has no link"),

@@ -144,6 +144,16 @@ def test_what_is_left_out_is_listed_with_its_lines() -> None:
     }
 
 
+def test_sections_that_are_left_out_are_told(tmp_path: Path) -> None:
+    path, body = tmp_path / "robot.xml", '<body><joint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    path.write_text(f'<mujoco>\n<visual/>\n<statistic/>\n<size nconmax="3"/>\n<bones/>\n<worldbody>{body}</worldbody></mujoco>')
+    assert set(read_robot(path).left_out) == {
+        LeftOut("settings of the picture", (2, 3), False),
+        LeftOut("sizes of memory", (4,), False),
+        LeftOut("elements that MJCF does not know", (5,), False),
+    }
+
+
 def test_joints_stand_in_the_order_of_the_file() -> None:
     for name in ("arm.urdf", "humanoid.urdf"):
         robot = read_robot(FILES / name)

@@ -57,7 +57,7 @@ def test_a_seed_gives_the_same_states_and_another_seed_others(cart: Mechanism) -
         assert len(drawn) > 20 and not np.isin(drawn, getattr(other, name)).any()
 
 
-@pytest.mark.parametrize("count", [10, 64, 2047, 2048, 2049, 40_000])
+@pytest.mark.parametrize("count", [10, 64, 2047, 2048, 2049, 32_776, 40_000])
 def test_a_larger_sample_begins_with_the_smaller_one(cart: Mechanism, count: int) -> None:
     """Both where all blocks are kept and where a long sample is drawn block by block."""
     blocks = sample_in_blocks(cart, 70_000, 3)
