@@ -29,6 +29,8 @@ _ANYWHERE, _WITHIN_WIDTH, _OF_RATES = (-7.0, -1.0), (-2.0, 0.5), (-3.0, 0.0)
 _STEPS, _LONGEST, _SINGULAR, _ARRIVED = 40, 0.5, 1e-8, 1e-9
 # Limits that a state is beyond at most, and steps there, of which joints of one axis take one.
 _MOST_LIMITS, _PRESSES = 3, 8
+# Share of states at rest that move beyond limits.
+_MOVING = 0.5
 
 
 def opened(mechanism: DeclaredMechanism, states: States, share: float) -> States:
@@ -51,12 +53,15 @@ def near(mechanism: DeclaredMechanism, states: States) -> States:
 
 
 def pressed(mechanism: DeclaredMechanism, states: States) -> States:
-    """The states, each beyond one to three limits that its own bits choose, by a little of what their impedances vary in."""
+    """The states, each beyond one to three limits that its own bits choose, by a little of what their impedances vary in.
+
+    Half of those at rest move, since at rest no damping of a limit is felt.
+    """
     rows = mechanism.softened
     if rows is None or not mechanism.pushing:
         return states
     chosen, depth = np.zeros((2, len(states), len(rows.rows)))
-    laws = dict(mechanism.laws)
+    laws, v, reach = dict(mechanism.laws), states.v.copy(), np.abs(np.array(mechanism.rate_ranges)).max(axis=1)
     for state in range(len(states)):
         random, owners = _random_of(states, state), set[str]()
         for _, row in random.permutation(mechanism.pushing)[: random.integers(1, _MOST_LIMITS + 1)]:
@@ -67,10 +72,12 @@ def pressed(mechanism: DeclaredMechanism, states: States) -> States:
             owners.add(owner)
             width = laws[rows.rows[row]].impedance.width
             chosen[state, row], depth[state, row] = 1.0, width * 10 ** random.uniform(*_WITHIN_WIDTH) + 10 ** random.uniform(*_ANYWHERE)
+        if not v[state].any() and random.random() < _MOVING:
+            v[state] = 10 ** random.uniform(*_OF_RATES) * reach * random.uniform(-1.0, 1.0, mechanism.nv)
     at = states
     for _ in range(_PRESSES):
         at, _, usable = _nearer(mechanism, rows, at, chosen, -depth, math.inf)
-    return replace(states, q=np.where((usable & np.isfinite(at.q).all(axis=1))[:, None], at.q, states.q))
+    return replace(states, q=np.where((usable & np.isfinite(at.q).all(axis=1))[:, None], at.q, states.q), v=v)
 
 
 def _nearer(
