@@ -28,7 +28,7 @@ from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import with_actuators
 from harness.truth.compare import Flags
 from harness.truth.declared import DeclaredMechanism
-from harness.truth.displaced import near, pressed
+from harness.truth.displaced import near, pressed, slowed
 from harness.truth.reference import Reference, ReferenceKernel
 
 # One of so many states is beyond limits.
@@ -174,6 +174,7 @@ def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Mea
         for displaced, chosen in (
             (near if mechanism.constraints else None, numbers % 2 == 0),
             (pressed if mechanism.pushing else None, numbers % _EACH_PRESSED == 1),
+            (slowed, numbers % _EACH_PRESSED > 1),
         ):
             if displaced is not None:
                 moved = displaced(mechanism, states[chosen])

@@ -122,9 +122,13 @@ class Model(Protocol):
 
 
 def subjects(library: Library) -> list[Subject]:
-    """Every subject that is asked where none is named, sorted: none of versions, or of optional engines that are installed nowhere."""
-    missing = {name for name, file in engine_files(library).items() if file.optional and file.version is None}
-    return [one for one in known_subjects(library) if one.engine not in missing]
+    """Every subject that is asked where none is named, sorted.
+
+    None of versions, of optional engines that are installed nowhere, or of engines that are asked by name alone.
+    """
+    files = engine_files(library).items()
+    others = {name for name, file in files if file.is_asked_by_name or (file.optional and file.version is None)}
+    return [one for one in known_subjects(library) if one.engine not in others]
 
 
 def subjects_beside(library: Library) -> list[Subject]:

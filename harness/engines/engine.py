@@ -66,6 +66,7 @@ class Engine:
         formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``. The first is its
             native one. What a reader of another passes over, the engine file supplies from the same file or refuses.
         optional: whether not everybody installs it: where it is installed nowhere, it is asked by name alone.
+        is_asked_by_name: whether it is asked by name alone wherever it is installed, as another call of a program that is asked anyway.
         oldest: the oldest version of its program that it knows, by format. companions: what versions need beside what they require
             themselves, by specifier, as ``{"<3.5": ("numpy<2.4",)}``.
         linear_velocity_in_body: whether it gives the linear velocity of a free joint in the body's own frame, and not in the joint's.
@@ -97,6 +98,7 @@ class Engine:
     requires: tuple[str, str] = ("", "")
     formats: tuple[str, ...] = ()
     optional = False
+    is_asked_by_name = False
     oldest: Mapping[str, str] = {}
     companions: Mapping[str, Sequence[str]] = {}
     linear_velocity_in_body = False

@@ -39,7 +39,8 @@ class Description:
 
     Attributes:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.
-        of_users: the formats in which files of users are handed to it. oldest, companions, optional, title: as of ``Engine``.
+        of_users: the formats in which files of users are handed to it.
+        oldest, companions, optional, is_asked_by_name, title: as of ``Engine``.
     """
 
     requires: tuple[str, str] = ("", "")
@@ -48,6 +49,7 @@ class Description:
     oldest: Mapping[str, str] = field(default_factory=dict)
     companions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     optional: bool = False
+    is_asked_by_name: bool = False
     title: str = ""
 
 
@@ -157,6 +159,7 @@ def _describe(library: Library, name: str, note: object = None) -> Description:
         formats=tuple(dict.fromkeys(engine.formats)),
         of_users=tuple(engine.call),
         optional=engine.optional,
+        is_asked_by_name=engine.is_asked_by_name,
         title=engine.title,
         oldest=dict(engine.oldest),
         companions={versions: tuple(those) for versions, those in engine.companions.items()},

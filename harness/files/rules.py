@@ -8,7 +8,10 @@ J = dr/dq and
 - d, the impedance at |r|, the norm over all rows of the constraint.
 
 A row whose force has a ``force_range`` gives D (aref - J qdd) within it, and its bound beyond: dry friction within its bound on both
-sides, a limit above 0 alone. A row that pushes alone is there where r < 0, and nowhere else.
+sides, a limit above 0 alone. A row that pushes alone is there where r < 0, and nowhere else, but for a law with ``stiffness_ahead``.
+
+A law with d = 1 at all distances has R_i = ``least_regularisation``, which may be 0: J qdd = aref then, as far as the force of the row
+goes in its range. All laws of a mechanism are of this kind, or none is.
 
 The rows of a contact with friction have one impedance, that of its distance, and one R_1 of the row along the normal, from which those
 of the others follow with the coefficients mu of friction and the ratio i of impedances: of a pyramid, whose edges push alone, all are
@@ -108,6 +111,7 @@ class ConstraintLaw:
         force_range: the least and the largest force of each row [N or N m].
         is_contact: whether it is of a point in which bodies touch, whose impedance is that of its first row.
         cone: of a contact with friction, whose ``weights`` are those of its row along the normal alone.
+        stiffness_ahead: k where r >= 0, of a row that pushes alone and is there before its limit is reached; None for one that is not.
     """
 
     impedance: Impedance
@@ -119,10 +123,16 @@ class ConstraintLaw:
     force_range: tuple[float, float] = (-math.inf, math.inf)
     is_contact: bool = False
     cone: FrictionCone | None = None
+    stiffness_ahead: float | None = None
 
     @property
     def pushes_alone(self) -> bool:
         return self.force_range[0] == 0.0
+
+    @property
+    def is_rigid(self) -> bool:
+        """True for a law whose rows have no softness but ``least_regularisation``."""
+        return self.impedance.least == self.impedance.most == 1.0
 
 
 class ImplicitPart(StrEnum):

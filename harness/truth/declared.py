@@ -10,7 +10,7 @@ Source: MuJoCo documentation, Computation, sections Constraint model and Solver 
 from __future__ import annotations
 
 import functools
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from harness.arrays import Array
 from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
+from harness.programs.mechanisms.bounded import STIFFNESS, bounded_program
 from harness.programs.mechanisms.cones import Cone
 from harness.programs.mechanisms.descent import sides_at_least
 from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
@@ -59,7 +60,8 @@ class DeclaredMechanism(Mechanism):
         laws: of each constraint by its name.
         zones: of the rows whose forces have a range; None without any.
         pushing: rows that push alone, by the places of their force in ``zones``.
-        problem: as of ``SoftenedProgram``, where contacts are among the constraints: so many sides are found as a least; None elsewhere.
+        problem: as of ``SoftenedProgram``, where contacts or rigid rows are among the constraints: so many sides are found as a least;
+            None elsewhere.
     """
 
     laws: tuple[tuple[str, ConstraintLaw], ...] = ()
@@ -88,7 +90,10 @@ class DeclaredMechanism(Mechanism):
                 residuals = self._residuals(states, found)
                 for name, law in self.laws:
                     for state, residual in enumerate(residuals):
-                        if not law.pushes_alone or residual[self._rows[name][0]] < 0:
+                        if law.is_rigid:
+                            if law.stiffness_ahead is not None and residual[self._rows[name][0]] >= 0:
+                                found[state, columns[number_of(name, STIFFNESS)]] = law.stiffness_ahead
+                        elif not law.pushes_alone or residual[self._rows[name][0]] < 0:
                             for number, value in self._numbers(name, law, residual, found[state], columns):
                                 found[state, columns[number]] = value
             if self.pushing:
@@ -123,7 +128,7 @@ class DeclaredMechanism(Mechanism):
         inputs = self._inputs_of_residuals(states, found)
         (spread,) = values_and_spread(self._residual_program, inputs, np.abs(inputs))[1].values()
         is_at = np.abs(residuals) <= UNIT_ROUNDOFF * spread.T
-        for place, row in self.pushing:
+        for place, row in self._within_limits:
             [states_at] = np.nonzero(is_at[:, row])
             if len(states_at):
                 _, reach = self.zones.reach(states.known[states_at], found[states_at], UNIT_ROUNDOFF)
@@ -132,9 +137,16 @@ class DeclaredMechanism(Mechanism):
     def _most(self, zones: Zones, residuals: Array) -> Array:
         """(n, clamps) largest forces, 0 of a row that pushes alone and is not there."""
         high = np.tile([clamp.high for clamp in zones.clamps], (len(residuals), 1))
-        for place, row in self.pushing:
+        for place, row in self._within_limits:
             high[residuals[:, row] >= 0, place] = 0.0
         return high
+
+    @functools.cached_property
+    def _within_limits(self) -> list[tuple[int, int]]:
+        """Those of ``pushing`` that are not there before their limits are reached."""
+        laws = dict(self.laws)
+        assert self.softened is not None
+        return [(place, row) for place, row in self.pushing if laws[self.softened.rows[row]].stiffness_ahead is None]
 
     def _inputs_of_residuals(self, states: States, parameters: Array) -> Array:
         return self.inputs(states, parameters)[: len(self._residual_program.inputs)]
@@ -245,11 +257,22 @@ def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[Invers
             raise ValueError(f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
         inverse_masses = tuple(own if len(own) == count else [own[0]] * count)
     plain = Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature, law.force_range)
+    if law.is_rigid:
+        return replace(plain, compliance=law.least_regularisation)
     if (cone := law.cone) is None:
         return plain
     return replace(
         plain, friction=cone.friction, ratio=cone.impedance_ratio, is_round=cone.is_elliptic, sliding_damping=cone.sliding_damping
     )
+
+
+def _paired(ranged: Sequence[tuple[str, int]], laws: Mapping[str, ConstraintLaw]) -> Iterator[tuple[int, int]]:
+    """Places of the dry friction of a joint and of each limit of it, which asks nothing of a velocity that friction keeps at zero."""
+    for first, (rubbing, _) in enumerate(ranged):
+        for second, (limit, _) in enumerate(ranged):
+            of_one = rubbing.rpartition(" of ")[2] == limit.rpartition(" of ")[2]
+            if of_one and laws[limit].pushes_alone and not laws[limit].stiffness and not laws[rubbing].pushes_alone:
+                yield first, second
 
 
 def softened(
@@ -263,7 +286,8 @@ def softened(
     assert tied is not None
 
     def write() -> DeclaredMechanism:
-        written = softened_program(tied, softness)
+        is_rigid = any(law.is_rigid for law in by_name.values())
+        written = (bounded_program if is_rigid else softened_program)(tied, softness)
         parameters = (*mechanism.parameters, *((name, value, "") for name, value in written.numbers))
         columns = {name: column for column, (name, _, _) in enumerate(parameters)}
         clamps = [
@@ -272,13 +296,14 @@ def softened(
         ]
         numbers = {name: [row for row, owner in enumerate(tied.rows) if owner == name] for name in written.round}
         cones = [_cone_of(name, rows, len(softness[name].friction), columns) for name, rows in numbers.items()]
+        paired = _paired(written.ranged, by_name) if is_rigid else ()
         own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}
         own |= {"parameters": parameters, "program": written.program, "softened": tied}
         return DeclaredMechanism(
             **own,
             laws=tuple(by_name.items()),
-            zones=Zones(tuple(clamps), written.unbounded, tuple(cones)) if clamps or cones else None,
-            problem=written.problem if any(law.is_contact for law in by_name.values()) else None,
+            zones=Zones(tuple(clamps), written.unbounded, tuple(cones), tuple(paired)) if clamps or cones else None,
+            problem=written.problem if is_rigid or any(law.is_contact for law in by_name.values()) else None,
             pushing=tuple((place, row) for place, (name, row) in enumerate(written.ranged) if by_name[name].pushes_alone),
         )
 

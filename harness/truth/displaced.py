@@ -24,6 +24,8 @@ from harness.truth.manifold import closes
 
 # Exponents of 10 of how far positions are moved [m or rad], or of the width in which an impedance varies; and rates, of their range.
 _ANYWHERE, _WITHIN_WIDTH, _OF_RATES = (-7.0, -1.0), (-2.0, 0.5), (-3.0, 0.0)
+# And of what rates are slowed to, of their own.
+_OF_SLOW_RATES = (-5.0, -1.0)
 
 # Of the way to closed constraints: steps, the longest [m or rad], singular values that count, and residuals that are none.
 _STEPS, _LONGEST, _SINGULAR, _ARRIVED = 40, 0.5, 1e-8, 1e-9
@@ -70,14 +72,25 @@ def pressed(mechanism: DeclaredMechanism, states: States) -> States:
             if owner in owners:
                 continue
             owners.add(owner)
-            width = laws[rows.rows[row]].impedance.width
-            chosen[state, row], depth[state, row] = 1.0, width * 10 ** random.uniform(*_WITHIN_WIDTH) + 10 ** random.uniform(*_ANYWHERE)
+            law = laws[rows.rows[row]]
+            beyond = law.impedance.width * 10 ** random.uniform(*_WITHIN_WIDTH) + 10 ** random.uniform(*_ANYWHERE)
+            # One that acts ahead does so before its limit too.
+            is_ahead = law.stiffness_ahead is not None and random.random() < 0.5
+            chosen[state, row], depth[state, row] = 1.0, -beyond if is_ahead else beyond
         if not v[state].any() and random.random() < _MOVING:
             v[state] = 10 ** random.uniform(*_OF_RATES) * reach * random.uniform(-1.0, 1.0, mechanism.nv)
     at = states
     for _ in range(_PRESSES):
         at, _, usable = _nearer(mechanism, rows, at, chosen, -depth, math.inf)
     return replace(states, q=np.where((usable & np.isfinite(at.q).all(axis=1))[:, None], at.q, states.q), v=v)
+
+
+def slowed(mechanism: DeclaredMechanism, states: States) -> States:
+    """The states at rates that their own bits choose, down to those that rigid dry friction may end within a step."""
+    if not any(law.is_rigid for _, law in mechanism.laws):
+        return states
+    v = np.array([10 ** _random_of(states, state).uniform(*_OF_SLOW_RATES) * states.v[state] for state in range(len(states))])
+    return replace(states, v=v.reshape(states.v.shape))
 
 
 def _nearer(

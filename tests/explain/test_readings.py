@@ -123,7 +123,8 @@ IMPERATIVES = {"add", "build", "call", "give", "keep", "leave", "load", "pass", 
 
 @pytest.mark.parametrize("engine", sorted(engines_of_files()))
 def test_every_reading_says_what_its_user_can_do(engine: str) -> None:
-    readings = [reading for model_format in engines_of_files()[engine].formats for reading in find_readings(engine, model_format)]
+    found = engines_of_files()[engine]
+    readings = [reading for model_format in found.formats for reading in find_readings(engine, model_format, found.reader)]
     assert readings
     for reading in readings:
         assert reading.remedy.split()[0] in IMPERATIVES and len(reading.remedy) <= 90 and reading.remedy[-1] not in ".;", reading

@@ -28,6 +28,7 @@ class Softness:
         friction, ratio: mu_j of a contact, and the ratio of impedances; () of all other constraints. Its R are those of its first row.
         is_round: whether its forces lie in an elliptic cone.
         sliding_damping: b of its rows across the normal [1/s]; None for that of the normal.
+        compliance: R of each row [1/kg, or 1/(kg m^2)], in place of what impedance and inverse masses give; None for these.
     """
 
     impedance: float
@@ -40,6 +41,7 @@ class Softness:
     ratio: float = 1.0
     is_round: bool = False
     sliding_damping: float | None = None
+    compliance: float | None = None
 
     @property
     def has_range(self) -> bool:

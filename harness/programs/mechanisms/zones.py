@@ -19,7 +19,7 @@ import functools
 import itertools
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,8 @@ _ROUNDINGS = 8
 # Of the length of y, by which it may still move where a contact slides, in float64 and in balls: what is then left of the force is the
 # square of that.
 _SETTLED, _SAME = 1e-6, 2.0**-90
+# Of the largest force, by which float64 may miss a bound.
+_AT_BOUND = 1e-9
 _KERNELS: Kept[BallKernel] = Kept(32)
 
 
@@ -113,16 +115,18 @@ class Zones:
         program: its only output is what each force would be, and y of the rows of the cones; inputs are the mechanism's, up to the last
             that it takes.
         cones: of contacts whose forces lie in round ones.
+        paired: numbers of two forces along one row, of which the second is 0 wherever the first is inside its range.
     """
 
     clamps: tuple[Clamp, ...]
     program: StraightLineProgram
     cones: tuple[Cone, ...] = ()
+    paired: tuple[tuple[int, int], ...] = ()
 
     @property
     def key(self) -> Hashable:
         """Equal for what settles equal states alike."""
-        return self.clamps, self.cones, self.program.key
+        return self.clamps, self.cones, self.paired, self.program.key
 
     @functools.cached_property
     def _shares(self) -> list[int]:
@@ -170,7 +174,7 @@ class Zones:
             is_near = np.logical_and(np.abs(own - bound) <= reach[:, :count], low < high)
             sides = np.where(is_near, side - sides, sides)
         other = found.copy()
-        self._put_clamps(other, low, high, sides)
+        self._put_clamps(other, low, high, self._one_of_two(sides, sides))
         for state in range(len(found)):
             for cone, part in zip(self.cones, self.parts, strict=True):
                 zone = cone.across(found[state], y[state, part], reach[state, count:][part])
@@ -213,6 +217,7 @@ class Zones:
     def _guessed(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> Sides:
         """The side of each force by float64."""
         left, count = np.arange(len(low)), len(self.clamps)
+        sides = replace(sides, clamps=self._one_of_two(sides.clamps, sides.clamps))
         for exchange in range(_BLOCKS + _SINGLE):
             if not len(left):
                 break
@@ -221,10 +226,15 @@ class Zones:
             (raw,) = values(self.program, self._inputs(known[left], part)).values()
             own, cones = raw.T[:, :count], self.sides(before.clamps, raw.T[:, count:], part)
             fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
+            bounds = np.where(before.clamps < 0, low[left], high[left])
+            fitting = self._one_of_two(
+                fitting, before.clamps, np.abs(own - bounds) <= _AT_BOUND * np.abs(own).max(axis=1, keepdims=True, initial=0.0)
+            )
             unfit = np.not_equal(fitting, before.clamps)
             if exchange >= _BLOCKS:
                 unfit &= np.cumsum(unfit, axis=1) == 1
-            sides.clamps[left] = np.where(unfit, _exchanged(before.clamps, fitting), before.clamps)
+            exchanged = np.where(unfit, _exchanged(before.clamps, fitting), before.clamps)
+            sides.clamps[left] = self._one_of_two(exchanged, exchanged)
             sides.cones[left], sides.towards[left] = cones.cones, cones.towards
             moved = np.linalg.norm(cones.towards - before.towards, axis=1) > _SETTLED * np.linalg.norm(cones.towards, axis=1)
             left = left[unfit.any(axis=1) | (cones.cones != before.cones).any(axis=1) | (moved & (cones.cones == Zone.SLIDES).any(axis=1))]
@@ -246,17 +256,35 @@ class Zones:
                 for _ in range(_PROVED):
                     self._put(part := found[at].copy(), low[at], high[at], sides[at])
                     balls = evaluate(*self._inputs(known[at], part)[:, 0].tolist())
-                    fitting = [
+                    places = [
                         -1.0 if ball < least else 1.0 if ball > most else 0.0
                         for ball, (least, most) in zip(balls[:count], bounds, strict=True)
                     ]
                     own = sides.clamps[state]
+                    is_at = [
+                        any(ball.overlaps(flint.arb(bound)) for bound in pair) for ball, pair in zip(balls[:count], bounds, strict=True)
+                    ]
+                    fitting = self._one_of_two(np.array(places), own, np.array(is_at))
                     contacts_fit = [self._cone_fits(number, part[0], balls[count:], sides, state) for number in range(len(self.cones))]
-                    if fitting == own.tolist() and all(contacts_fit):
+                    if np.array_equal(fitting, own) and all(contacts_fit):
                         raw[state], is_proved[state] = [float(ball.mid()) for ball in balls[:count]], True
                         break
-                    sides.clamps[state] = np.where(fitting != own, _exchanged(own, np.array(fitting)), own)
+                    exchanged = np.where(fitting != own, _exchanged(own, fitting), own)
+                    sides.clamps[state] = self._one_of_two(exchanged, exchanged)
         return raw, is_proved
+
+    def _one_of_two(self, wanted: Array, sides: Array, is_at: Flags | None = None) -> Array:
+        """The sides that are ``wanted`` of forces on ``sides``, (..., clamps) both, but for those of pairs.
+
+        The second of a pair is 0 where the first is inside, and the first stays at a bound, where it ``is_at`` one, while the second acts.
+        """
+        found = wanted.copy()
+        for first, second in self.paired:
+            found[..., second] = np.where(sides[..., first] == 0.0, -1.0, found[..., second])
+            if is_at is not None:
+                stays = is_at[..., first] & (sides[..., second] == 0.0)
+                found[..., first] = np.where(stays, sides[..., first], found[..., first])
+        return found
 
     def _cone_fits(self, number: int, found: Array, balls: Sequence[Any], sides: Sides, state: int) -> bool:
         """Whether balls of y show that a contact does what ``sides`` say, which says what they do afterwards."""

@@ -6,7 +6,7 @@ velocity of a free or planar joint is in the body's frame. Source: Pinocchio 4 d
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property, partial
 from typing import Any
 
@@ -105,5 +105,9 @@ class PinocchioFile(LoadedFile):
         configuration, velocity, force = (
             part.T for part in self.placed.pulled(q[:, self.q_columns], own_v[:, self.v_columns], tau[:, self.v_columns])
         )
-        evaluate = partial(pinocchio.aba, model, data) if self.couplings is None else of_leaders
+        evaluate = self.accelerating() if self.couplings is None else of_leaders
         return EngineRun(self, (configuration, velocity, force), evaluate, in_file)
+
+    def accelerating(self) -> Callable[..., Array]:
+        """Accelerations of the model by its own q, v and tau, (nv,), where no joint's are eliminated."""
+        return partial(pinocchio.aba, self.model, self.model.createData())

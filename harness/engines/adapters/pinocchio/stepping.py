@@ -1,0 +1,109 @@
+"""Accelerations over one step under dry friction and limits of joints, by one of Pinocchio's constraint solvers.
+
+The problem is put together as Pinocchio's own example does: G x + g of the Delassus operator and of g = J v_free, the velocity that rows
+have after the step without impulses x, and besides the distance to a limit over the step; where a limit is passed, Kp of that, which is 0
+by default. Bounds of friction are forces, which the constraint model makes impulses by its time step: it is 1 s unless it is set.
+
+Source: Pinocchio 4.1, examples/g1-constraint-simulation.py; constraints/joint-friction-constraint.hxx, setTimeStep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio
+
+from harness.arrays import Array
+from harness.engines.adapters.pinocchio.robot import PinocchioFile, model_of
+from harness.engines.adapters.pinocchio.step_law import EXACT, ITERATIONS, STEP
+from harness.engines.adapters.pinocchio.versions import require
+from harness.engines.request import Request
+
+_PARTS = ("ConstraintSolver", "SolverResult", "SolverSettings")
+_TOLERANCES = tuple(f"{kind}_{what}_tol" for kind in ("absolute", "relative") for what in ("feasibility", "complementarity"))
+
+
+def read(request: Request, solver: str) -> SteppedFile:
+    """A file as its user loads it, whose bounded rows a solver holds: "ADMM" or "PGS"; see ``harness.engines.Engine``."""
+    require("dry friction and limits", "JointFrictionConstraintModel", f"{solver}ConstraintSolver")
+    return SteppedFile(model_of(request), request, solver)
+
+
+class SteppedFile(PinocchioFile):
+    """A ``pinocchio.Model`` whose dry friction and limits act over one step."""
+
+    def __init__(self, model: Any, request: Request, solver: str) -> None:
+        super().__init__(model, request)
+        self._solver = solver
+
+    def accelerating(self) -> Callable[..., Array]:
+        held = self.request.held
+        if held is None or not (held.rubbing or held.limited):
+            return super().accelerating()
+        solver = EXACT if held.to_the_end else self._solver
+        return _Step(self.model, self._numbers(held.rubbing), self._numbers(held.limited), solver, held.to_the_end).accelerations
+
+    def _numbers(self, owners: Collection[str]) -> list[int]:
+        """Numbers of the joints called "joint NAME" in the model, in its order."""
+        return sorted(self.model.getJointId(owner.removeprefix("joint ")) for owner in owners)
+
+
+class _Step:
+    """The constraint models of a model, and their solver."""
+
+    def __init__(self, model: Any, rubbing: Sequence[int], limited: Sequence[int], solver: str, to_the_end: bool) -> None:
+        self._model, self._limited, self._to_the_end = model, bool(limited), to_the_end
+        self._models, self._data = pinocchio.StdVec_ConstraintModel(), pinocchio.StdVec_ConstraintData()
+        if limited:
+            bounds = model.lowerPositionLimit, model.upperPositionLimit
+            self._limits = pinocchio.JointLimitConstraintModel(model, list(limited), *bounds)
+            self._models.append(pinocchio.ConstraintModel(self._limits))
+        if rubbing:
+            friction = pinocchio.JointFrictionConstraintModel(model, list(rubbing))
+            friction.setTimeStep(STEP)
+            self._models.append(pinocchio.ConstraintModel(friction))
+        for one in self._models:
+            self._data.append(one.createData())
+        self._memory = model.createData()
+        self._make, self._result, settings = (getattr(pinocchio, f"{solver}{what}") for what in _PARTS)
+        self._settings = settings()
+        if to_the_end:
+            self._settings.max_iterations = ITERATIONS
+            for tolerance in _TOLERANCES:
+                setattr(self._settings, tolerance, 0.0)
+
+    def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
+        """(nv,) of ``aba`` under the impulses that the solver finds, spread over the step."""
+        model, memory, models, data = self._model, self._memory, self._models, self._data
+        free = v + STEP * pinocchio.aba(model, memory, q, v, tau)
+        memory.q_in, memory.v_in, memory.tau_in = q, v, tau
+        pinocchio.computeJointJacobians(model, memory, q)
+        for one, own in zip(models, data, strict=True):
+            one.calc(model, memory, own)
+        jacobian = np.array(pinocchio.getConstraintsJacobian(model, memory, models, data)).reshape(-1, model.nv)
+        drift = jacobian @ free
+        if self._limited:
+            distance = np.array(data[0].extract().constraint_residual)
+            behind = self._limits.baumgarte_corrector_parameters.Kp
+            drift[: len(distance)] += np.where(distance < 0, behind, 1.0) * distance / STEP
+        upper = np.triu(pinocchio.computeMinverse(model, memory, q))
+        inverse = upper + np.triu(upper, 1).T
+        impulses = self._impulses(pinocchio.DelassusOperatorDense(jacobian @ inverse @ jacobian.T), drift)
+        return np.array(pinocchio.aba(model, memory, q, v, tau + jacobian.T @ impulses / STEP))
+
+    def _impulses(self, delassus: Any, drift: Array) -> Array:
+        """(rows,); to the end, solved for again from where the solver has ended until that changes nothing."""
+        guess: Array | None = None
+        sweeps = 0
+        while True:
+            result = self._result()
+            if guess is not None:
+                result.setConstraintImpulseGuess(guess)
+            self._make().solve(delassus, drift, self._models, self._data, self._settings, result)
+            found, sweeps = np.array(result.retrieveConstraintImpulses()), sweeps + 1 + result.iterations
+            # What goes on for so long moves to and fro by the last bit.
+            if not self._to_the_end or sweeps > ITERATIONS or (guess is not None and np.array_equal(found, guess)):
+                return found
+            guess = found

@@ -1,0 +1,10 @@
+"""Pinocchio with dry friction and limits of joints over one step, by its projected Gauss-Seidel method.
+
+See ``harness.engines.adapters.pinocchio.stepping``.
+"""
+
+from __future__ import annotations
+
+from harness.engines.adapters.pinocchio import PinocchioStepper
+
+ENGINE = PinocchioStepper("PGS")
