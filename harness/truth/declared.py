@@ -20,7 +20,6 @@ from harness.arrays import Array
 from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
-from harness.programs.mechanisms.bounded import STIFFNESS, bounded_program
 from harness.programs.mechanisms.cones import Cone
 from harness.programs.mechanisms.descent import sides_at_least
 from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
@@ -37,6 +36,7 @@ from harness.programs.mechanisms.softened import (
     SLIDING,
     SLOPE,
     STICKING,
+    STIFFNESS,
     TOWARDS,
     Softness,
     number_of,
@@ -286,8 +286,13 @@ def softened(
     assert tied is not None
 
     def write() -> DeclaredMechanism:
-        is_rigid = any(law.is_rigid for law in by_name.values())
-        written = (bounded_program if is_rigid else softened_program)(tied, softness)
+        if is_rigid := any(law.is_rigid for law in by_name.values()):
+            # Most laws are soft.
+            from harness.programs.mechanisms.bounded import bounded_program
+
+            written = bounded_program(tied, softness)
+        else:
+            written = softened_program(tied, softness)
         parameters = (*mechanism.parameters, *((name, value, "") for name, value in written.numbers))
         columns = {name: column for column, (name, _, _) in enumerate(parameters)}
         clamps = [

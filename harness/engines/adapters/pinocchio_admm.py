@@ -5,6 +5,6 @@ See ``harness.engines.adapters.pinocchio.stepping``.
 
 from __future__ import annotations
 
-from harness.engines.adapters.pinocchio import PinocchioStepper
+from harness.engines.adapters.pinocchio.stepper import PinocchioStepper
 
 ENGINE = PinocchioStepper("ADMM")

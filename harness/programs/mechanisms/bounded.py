@@ -18,11 +18,11 @@ from fractions import Fraction
 
 from harness.programs.mechanisms.constraint_forces import solved, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
-from harness.programs.mechanisms.softened import CONSTANT, SHARE, UNBOUNDED, SoftenedProgram, Softness, number_of
+from harness.programs.mechanisms.softened import CONSTANT, SHARE, STIFFNESS, UNBOUNDED, SoftenedProgram, Softness, number_of
 from harness.programs.program import without_unused
 from harness.programs.terms import matrix, vector
 
-COMPLIANCE, STIFFNESS, DAMPING = "compliance", "stiffness", "damping"
+COMPLIANCE, DAMPING = "compliance", "damping"
 # Of the diagonal of J M^-1 J', what rows give where a proof of their sides begins.
 _GIVING = Fraction(1, 2**30)
 

@@ -50,7 +50,7 @@ class Softness:
 
 # Numbers of a law that a state may have of its own, behind the names of constraint and row.
 IMPEDANCE, REST, DISTANCE, SLOPE, INVERSE_MASS = "impedance", "rest of impedance", "distance", "slope", "inverse mass"
-SHARE, CONSTANT, UNBOUNDED = "share", "constant", "unbounded"
+SHARE, CONSTANT, UNBOUNDED, STIFFNESS = "share", "constant", "unbounded", "stiffness"
 # And of a contact with friction.
 FRICTION, RATIO, SLIDING_DAMPING = "friction", "ratio of impedances", "damping across the normal"
 STICKING, SLIDING, TOWARDS, REST_OF_TOWARDS = "sticking", "sliding", "towards", "rest of towards"
@@ -109,7 +109,7 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
     blocks = dict[str, Matrix]()
     for name, rows in places.items():
         law = laws[name]
-        impedance, rest, stiffness, damping = (known[number_of(name, what)] for what in (IMPEDANCE, REST, "stiffness", "damping"))
+        impedance, rest, stiffness, damping = (known[number_of(name, what)] for what in (IMPEDANCE, REST, STIFFNESS, "damping"))
         for row in rows:
             slope, distance = (known[number_of(name, what, row)] for what in (SLOPE, DISTANCE))
             rest = rest + slope * (tied.residual[row] - distance)
@@ -176,7 +176,7 @@ def _of_cone(law: Softness, first: Term, friction: Vector, ratio: Term, count: i
 
 def _numbers(name: str, rows: Sequence[int], law: Softness) -> Iterator[tuple[str, float]]:
     """Names and values of the numbers of the law of a constraint."""
-    of_all = {IMPEDANCE: law.impedance, REST: 0.0, "stiffness": law.stiffness, "damping": law.damping}
+    of_all = {IMPEDANCE: law.impedance, REST: 0.0, STIFFNESS: law.stiffness, "damping": law.damping}
     if law.friction:
         of_all |= {RATIO: law.ratio}
         of_all |= {} if law.sliding_damping is None else {SLIDING_DAMPING: law.sliding_damping}

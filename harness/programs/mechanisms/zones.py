@@ -226,10 +226,10 @@ class Zones:
             (raw,) = values(self.program, self._inputs(known[left], part)).values()
             own, cones = raw.T[:, :count], self.sides(before.clamps, raw.T[:, count:], part)
             fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
-            bounds = np.where(before.clamps < 0, low[left], high[left])
-            fitting = self._one_of_two(
-                fitting, before.clamps, np.abs(own - bounds) <= _AT_BOUND * np.abs(own).max(axis=1, keepdims=True, initial=0.0)
-            )
+            if self.paired:
+                bounds = np.where(before.clamps < 0, low[left], high[left])
+                is_at = np.abs(own - bounds) <= _AT_BOUND * np.abs(own).max(axis=1, keepdims=True)
+                fitting = self._one_of_two(fitting, before.clamps, is_at)
             unfit = np.not_equal(fitting, before.clamps)
             if exchange >= _BLOCKS:
                 unfit &= np.cumsum(unfit, axis=1) == 1
@@ -256,15 +256,11 @@ class Zones:
                 for _ in range(_PROVED):
                     self._put(part := found[at].copy(), low[at], high[at], sides[at])
                     balls = evaluate(*self._inputs(known[at], part)[:, 0].tolist())
-                    places = [
-                        -1.0 if ball < least else 1.0 if ball > most else 0.0
-                        for ball, (least, most) in zip(balls[:count], bounds, strict=True)
-                    ]
-                    own = sides.clamps[state]
-                    is_at = [
-                        any(ball.overlaps(flint.arb(bound)) for bound in pair) for ball, pair in zip(balls[:count], bounds, strict=True)
-                    ]
-                    fitting = self._one_of_two(np.array(places), own, np.array(is_at))
+                    own, ranges = sides.clamps[state], zip(balls, bounds, strict=False)
+                    fitting = np.array([-1.0 if ball < least else 1.0 if ball > most else 0.0 for ball, (least, most) in ranges])
+                    if self.paired:
+                        is_at = [any(ball.overlaps(flint.arb(one)) for one in pair) for ball, pair in zip(balls, bounds, strict=False)]
+                        fitting = self._one_of_two(fitting, own, np.array(is_at))
                     contacts_fit = [self._cone_fits(number, part[0], balls[count:], sides, state) for number in range(len(self.cones))]
                     if np.array_equal(fitting, own) and all(contacts_fit):
                         raw[state], is_proved[state] = [float(ball.mid()) for ball in balls[:count]], True

@@ -18,13 +18,11 @@ Source: Featherstone, Rigid Body Dynamics Algorithms, section 7.3; Pinocchio 4 d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from harness.engines import ConstraintLaw, Engine
-from harness.engines.adapters.pinocchio.step_law import EXACT, ITERATIONS, laws
+from harness.engines import Engine
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Request
-from harness.files.equalities import Constraint
 from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, TRANSMISSIONS
 from harness.files.model_file import ModelFile
 
@@ -75,49 +73,6 @@ class PinocchioEngine(Engine):
         from harness.engines.adapters.pinocchio.model import load
 
         return load(file, joints, gravity)
-
-
-class PinocchioStepper(PinocchioEngine):
-    """The same with dry friction and limits of joints over one step, by a constraint solver of Pinocchio: "ADMM" or "PGS"."""
-
-    is_asked_by_name = True
-    to_the_end = (
-        f"use pin.{EXACT}ConstraintSolver with the four tolerances of its settings at 0 and max_iterations = {ITERATIONS}, "
-        "and solve again from the impulses that it finds until they stay"
-    )
-    reader = "pinocchio"
-    formats = ("urdf",)
-    oldest: Mapping[str, str] = {"urdf": "4.1.0"}
-    factorises_mass_matrix = True
-    why_off: Mapping[str, str] = {
-        EQUALITIES: "the harness asks Pinocchio's constraint solvers about dry friction and limits alone",
-        TENDON_LIMITS: "Pinocchio knows no tendons",
-    }
-
-    def __init__(self, solver: str) -> None:
-        self._solver = solver
-        self.title = f"Pinocchio by {solver}"
-        settings = f"pin.{solver}SolverSettings"
-        self.call = {
-            "urdf": (
-                "m = pin.buildModelFromUrdf(PATH); d = m.createData(); c = pin.JointFrictionConstraintModel(m, joints); c.setTimeStep(h); "
-                f"pin.{solver}ConstraintSolver().solve(delassus, J @ (v + h * pin.aba(m, d, q, v, tau)), cs, cds, {settings}(), x); "
-                "pin.aba(m, d, q, v, tau + J.T @ x.retrieveConstraintImpulses() / h)"
-            )
-        }
-
-    def read(self, request: Request) -> PinocchioFile:
-        from harness.engines.adapters.pinocchio.stepping import read
-
-        return read(request, self._solver)
-
-    def compiled(self, request: Request) -> tuple[CompiledNumber, ...]:
-        """None: what it holds is said of ``pinocchio``."""
-        return ()
-
-    def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
-        """See ``harness.engines.adapters.pinocchio.step_law``."""
-        return laws(constraints)
 
 
 ENGINE = PinocchioEngine()
