@@ -7,8 +7,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from scipy.stats import mannwhitneyu
-
 from benchmarks.history import Measured, Run
 
 # A change is one where the ratio is another by this factor and the rounds of both runs differ at this level (Mann and Whitney).
@@ -83,6 +81,9 @@ def row(name: str, before: Measured | None, after: Measured | None) -> Row:
 def _differ(before: Sequence[float], after: Sequence[float]) -> bool:
     if min(len(before), len(after)) < FEWEST_ROUNDS:
         return True
+    # Its import takes 0.4 s of every process that lists benchmarks or collects the tests of them.
+    from scipy.stats import mannwhitneyu
+
     return bool(mannwhitneyu(before, after).pvalue < LEVEL)
 
 
