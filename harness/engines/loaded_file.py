@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.engines.interface import METHODS, NotOffered, Unsupported
 from harness.engines.request import Aid, AskedJoint, JointForces, Refused, Request, by_joint, projected
-from harness.files.contacts import FoundContact
 from harness.files.rules import StepRule
+
+if TYPE_CHECKING:
+    from harness.files.contacts import FoundContact
 
 
 class LoadedFile:

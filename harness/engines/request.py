@@ -12,13 +12,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.files.contacts import FoundContact
 from harness.files.facts import JointSpring, PointSpring
 from harness.files.joint_kinds import JointKind
+
+if TYPE_CHECKING:
+    from harness.files.contacts import FoundContact
 
 # Of engines that no URDF tells theirs.
 GRAVITY = (0.0, 0.0, -9.81)
