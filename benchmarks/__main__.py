@@ -127,6 +127,18 @@ def page(path: Path) -> None:
         raise click.UsageError(str(error.args[0])) from None
 
 
+@main.command(name="solvers")
+def write_solvers() -> None:
+    """Measure solvers of constraints on the robots of dm_control's suite, and write docs/reference/solvers.md."""
+    from benchmarks.solvers import PAGE, files, measured, page
+
+    try:
+        paths = files()
+    except LookupError as error:
+        raise click.UsageError(str(error.args[0])) from None
+    PAGE.write_text(page(measured(paths)), encoding="utf-8")
+
+
 def _read(path: Path) -> list[Run]:
     try:
         return history.read(path)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from rooms import REPOSITORY
 
+from benchmarks import solvers
 from benchmarks.benchmark import Benchmark, benchmarks_of, cpu, suites
 from benchmarks.comparison import Verdict, first_line, last_measured, lines, row, rows
 from benchmarks.history import Measured, append, read, run_of
@@ -288,3 +289,22 @@ def test_every_benchmark_can_be_measured(suite: str, tmp_path: Path) -> None:
     """One round: a bar may be missed beside other tests, and nothing else."""
     done = asked(REPOSITORY, suite, "--rounds", "1", "--history", str(tmp_path / "runs.jsonl"))
     assert done.returncode in {0, 1} and "FAILED" not in done.stdout, done.stdout + done.stderr
+
+
+def solver_cost(method: str, iterations: int | None, right: int, relative_error: float) -> dict[str, object]:
+    about = {"system": "suite/hopper.xml", "states": 64, "touching": 27, "method": method, "iterations": iterations}
+    return about | {"right": right, "relative_error": relative_error}
+
+
+def test_the_page_on_solvers_says_what_each_needs_or_leaves() -> None:
+    costs = [
+        solver_cost("", None, 64, 3.7e-14),
+        solver_cost("Newton", 4, 62, 0.0178),
+        solver_cost("Newton", 8, 64, 3.2e-14),
+        solver_cost("CG", 256, 64, 4.2e-14),
+        solver_cost("PGS", 1024, 63, 0.76),
+        {"system": "suite/free.xml", "states": 0, "note": "nothing is left to a solver"},
+    ]
+    text = solvers.page({"benchmark": {"run": {"versions": {"mujoco": "4.0.0"}}, "solvers": costs}})
+    assert "MuJoCo 4.0.0" in text and "free.xml" not in text
+    assert "| hopper.xml | 64 | 27 | 3.70e-14 | 8 | 256 | 0.760 left |" in text

@@ -19,6 +19,7 @@ from harness.bench.energy_drift import drifts
 from harness.bench.further_costs import FAMILY, SIZES, STATES, derivative_costs, growth, quantity_costs, robot_growth
 from harness.bench.methods import DERIVATIVES, Method, find_methods
 from harness.bench.motion_cost import motion_costs
+from harness.bench.solvers import solver_costs
 from harness.bench.stationary_action import stationarity
 from harness.bench.tuned_mass_damper import SYSTEM, figures
 from harness.crosscheck.scene import Scene
@@ -28,6 +29,7 @@ from harness.motion.integrators import Integrator, integrators, kind_of
 from harness.results.benchmark import AccelerationCost, Benchmark, DerivativeCost, QuantityCost, Yardstick
 from harness.results.records import ACCELERATIONS
 from harness.study import Note
+from harness.trees.mechanism import RobotMechanism
 from harness.truth.quantities import find_quantities, select_quantities
 
 COUNT, CALLS = 4096, 10
@@ -62,6 +64,7 @@ class Thoroughness:
         states: states per system of the accelerations; minimum_seconds: how long each method is timed at least.
         derivative_states: numbers of states of which derivatives are asked for at once.
         quantity_states: at which errors of other quantities than accelerations are measured.
+        solver_states: at which errors of solvers are measured.
         sizes: numbers of bodies of the growing chain; arms: of seven joints, of the growing robot.
         steps: steps of the integrators [s]; horizon: length of those motions [s].
         seconds: longest that an integrator may take with one step by its nominal time, else the step is left out.
@@ -73,6 +76,7 @@ class Thoroughness:
     minimum_seconds: float
     derivative_states: Sequence[int]
     quantity_states: int
+    solver_states: int
     sizes: Sequence[int]
     arms: Sequence[int]
     steps: Sequence[float]
@@ -86,18 +90,20 @@ class Thoroughness:
 THOROUGHNESS = {
     "quick": Thoroughness(
         states=1000, minimum_seconds=0.05, derivative_states=(1, 10, 100, 1000), quantity_states=128,
+        solver_states=64,
         sizes=(1, 2, 4, 8, 16), arms=(1, 2, 4, 8, 14),
         steps=(1e-1, 1e-2, 1e-3, 1e-4, 1e-5), horizon=2.0, seconds=0.5, long_steps=1_000_000, long_seconds=2.0, time_limit=300.0,
     ),
     "nightly": Thoroughness(
-        states=10_000, minimum_seconds=0.5, derivative_states=(1, 10, 100, 1000, 10_000), quantity_states=1000, sizes=(1, 2, 4, 8, 16, 32),
+        states=10_000, minimum_seconds=0.5, derivative_states=(1, 10, 100, 1000, 10_000), quantity_states=1000, solver_states=256,
+        sizes=(1, 2, 4, 8, 16, 32),
         arms=(1, 2, 4, 8, 14), horizon=10.0, seconds=30.0,
         steps=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5), long_steps=1_000_000, long_seconds=120.0, time_limit=3600.0,
     ),
 }  # fmt: skip
 
 
-MOTION, QUANTITIES = "motion", "quantities"
+MOTION, QUANTITIES, SOLVERS = "motion", "quantities", "solvers"
 # Of a robot's program. The motion of one of seven joints, of 3,600, takes minutes to be known in quadruple precision.
 MOST_INSTRUCTIONS_OF_MOTION = 5000
 
@@ -111,7 +117,7 @@ class BenchmarkSettings:
         names: systems; all for none.
         methods: names of methods, integrators and, of quantities, subjects, all for none; of a part, those of its own kind.
         quantities: names of quantities, accelerations for none.
-        motion, derivatives: whether to measure these too.
+        motion, derivatives, solvers: whether to measure these too.
         profile: name of one of ``THOROUGHNESS``.
         seed: of the sampled states.
     """
@@ -122,6 +128,7 @@ class BenchmarkSettings:
     quantities: Sequence[str] = ()
     motion: bool = False
     derivatives: bool = False
+    solvers: bool = False
     profile: str = "quick"
     seed: int = 0
 
@@ -156,7 +163,7 @@ class BenchmarkPart:
     Attributes:
         name: in words.
         measure: what a worker does with settings and a scene, which is None for a part that belongs to one system or family.
-        kind: what its methods compute: accelerations, other quantities, derivatives or motion.
+        kind: what its methods compute: accelerations, other quantities, derivatives, motion, or accelerations by solvers of constraints.
         timed: whether it must run by itself because its times are compared.
         system: the one system or family it belongs to; "" for a part that is measured on every system.
         by_methods: whether it is measured for the methods that were chosen; one that is not, only where none were.
@@ -249,6 +256,13 @@ def _derivatives(settings: BenchmarkSettings, scene: Scene, note: Note) -> Bench
     return Benchmark(derivatives=costs, problems=_failures(costs))
 
 
+def _solvers(settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
+    assert isinstance(scene.mechanism, RobotMechanism)
+    path, states = scene.mechanism.robot.path, settings.thoroughness.solver_states
+    costs = [cost for name in settings.methods for cost in solver_costs(path, name, states, settings.seed, note)]
+    return Benchmark(solvers=costs)
+
+
 def _quantity(quantity: str, settings: BenchmarkSettings, scene: Scene, note: Note) -> Benchmark:
     asked = asked_of(settings.library, scene.mechanism.name, select_subjects(settings.library, settings.methods))
     effort = settings.effort_at(SIZES, settings.thoroughness.quantity_states)
@@ -265,6 +279,7 @@ def parts_of(settings: BenchmarkSettings) -> list[BenchmarkPart]:
 PARTS = (
     BenchmarkPart(name="accelerations", measure=_accelerations, kind=ACCELERATIONS, timed=True),
     BenchmarkPart(name="derivatives", measure=_derivatives, kind=DERIVATIVES, timed=True),
+    BenchmarkPart(name="solvers", measure=_solvers, kind=SOLVERS, timed=True),
     BenchmarkPart(name="growth", measure=_growth, kind=ACCELERATIONS, timed=True, system=FAMILY),
     BenchmarkPart(name="growth of robots", measure=_robot_growth, kind=ACCELERATIONS, timed=True, system=FAMILY, by_methods=False),
     BenchmarkPart(name="motion", measure=_motion, kind=MOTION, timed=True),

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from harness.bench.methods import DERIVATIVES, find_methods
-from harness.bench.parts import MOTION, PARTS, QUANTITIES, BenchmarkPart, BenchmarkSettings, load, parts_of, vary_action
+from harness.bench.parts import MOTION, PARTS, QUANTITIES, SOLVERS, BenchmarkPart, BenchmarkSettings, load, parts_of, vary_action
 from harness.crosscheck.scene import Scene
-from harness.engines import engine_files, known_subjects, subjects
+from harness.engines import engine_files, file_engines, known_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MECHANISMS, ROBOTS, member_of, nearest
 from harness.motion.integrators import integrators, kind_of
@@ -20,7 +20,13 @@ from harness.truth.quantities import select_quantities
 from harness.workers import Outcome
 
 # By what methods compute, what asks for it.
-_OPTIONS = {ACCELERATIONS: "--quantity accelerations", QUANTITIES: "--quantity", DERIVATIVES: "--derivatives", MOTION: "--motion"}
+_OPTIONS = {
+    ACCELERATIONS: "--quantity accelerations",
+    QUANTITIES: "--quantity",
+    DERIVATIVES: "--derivatives",
+    MOTION: "--motion",
+    SOLVERS: "--solvers",
+}
 
 
 def _names(kinds: Iterable[str], *finds: Callable[[str], Iterable[Any]]) -> list[str]:
@@ -34,7 +40,13 @@ def methods_of(settings: BenchmarkSettings) -> dict[str, list[str]]:
     of_trees, answering = _names([DERIVATIVES], find_methods), [str(subject) for subject in known_subjects(settings.library)]
     if MECHANISMS not in kinds:
         of_trees, answering = [], []
-    return {ACCELERATIONS: _names(kinds, find_methods), QUANTITIES: answering, DERIVATIVES: of_trees, MOTION: _names(kinds, integrators)}
+    return {
+        ACCELERATIONS: _names(kinds, find_methods),
+        QUANTITIES: answering,
+        DERIVATIVES: of_trees,
+        MOTION: _names(kinds, integrators),
+        SOLVERS: [name for name, engine in file_engines(settings.library).items() if engine.solvers],
+    }
 
 
 def _by_default(settings: BenchmarkSettings, known: dict[str, list[str]]) -> set[str]:
@@ -52,7 +64,8 @@ def _by_default(settings: BenchmarkSettings, known: dict[str, list[str]]) -> set
 def not_for(settings: BenchmarkSettings, scene: Scene) -> list[str]:
     """A sentence for each chosen method that a scene's kind has not."""
     kind = kind_of(scene)
-    able = _names([kind, DERIVATIVES] if kind == MECHANISMS else [kind], find_methods, integrators) + methods_of(settings)[QUANTITIES]
+    able = _names([kind, DERIVATIVES] if kind == MECHANISMS else [kind], find_methods, integrators)
+    able += [name for kind in (QUANTITIES, SOLVERS) for name in methods_of(settings)[kind]]
     name = scene.mechanism.name
     return [f"{name}: {one!r} is not for {kind}; see harness list methods" for one in settings.methods if one not in able]
 
@@ -74,12 +87,15 @@ class BenchmarkStudy(Study):
         self.names = settings.library.select(settings.names)
         if ROBOTS in settings.library.kinds and settings.further_quantities:
             raise InvalidRequest(f"{settings.further_quantities[0]} is measured on mechanisms, and {self.names[0]} is none")
+        if settings.solvers and ROBOTS not in settings.library.kinds:
+            raise InvalidRequest(f"solvers are measured on a robot's file with all that it holds, and {self.names[0]} is a mechanism")
         self._parts, known = parts_of(settings), methods_of(settings)
         asked = {
             ACCELERATIONS: ACCELERATIONS in select_quantities(settings.quantities),
             QUANTITIES: bool(settings.further_quantities),
             DERIVATIVES: settings.derivatives,
             MOTION: settings.motion,
+            SOLVERS: settings.solvers,
         }
         kinds = {name: kind for kind, names in known.items() for name in names}
         for name in settings.methods:

@@ -18,10 +18,10 @@ from harness.results.detail import Detail
 from harness.results.table import grouped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from harness.report.benchmarks import BenchmarkSummary
-    from harness.results.benchmark import AccelerationCost
+    from harness.results.benchmark import AccelerationCost, SolverCost
 
 
 SECTION = STUDIES
@@ -47,6 +47,12 @@ class BenchOptions:
     derivatives: Annotated[
         bool, click.option("--derivatives", is_flag=True, help="Measure derivatives by q and v too, finite differences over their steps.")
     ]
+    solvers: Annotated[
+        bool,
+        click.option(
+            "--solvers", is_flag=True, help="Measure too how near each solver of constraints comes to the optimum on a robot's FILE."
+        ),
+    ]
     profile: Annotated[
         str, click.option("--profile", type=click.Choice(["quick", "nightly"]), default="quick", show_default=True, help="How thorough.")
     ]
@@ -71,6 +77,7 @@ def command(bracket: Bracket, asked: BenchOptions) -> None:
       harness bench arm_3r --quantity mass_matrix --quantity reactions
       harness bench double_pendulum --methods "pinocchio aba"
       harness bench robot.urdf
+      harness bench robot.xml --solvers
     """
     from harness.bench.parts import BenchmarkSettings
     from harness.bench.study import BenchmarkStudy
@@ -125,6 +132,7 @@ def _print_benchmark(summary: BenchmarkSummary, detail: Detail = Detail.BRIEF) -
         say("", f"finding: {finding.method} on {finding.system}: {finding.statement}")
         say(*(f"    {line}" for line in finding.reproducer.splitlines()))
     print_titled("derivatives by q and v", tables.derivatives(summary.benchmark.derivatives).without("remark"))
+    _print_solvers(summary.benchmark.solvers, detail)
     print_titled("growth: exponent of the cost over the number of bodies", tables.growth(summary.benchmark.growth))
     print_titled("true motion", tables.truths(summary.benchmark.truths).without("cost", "start"))
     gaps = [*(one.gap for one in summary.benchmark.motion), *(one.gap for one in summary.benchmark.drifts)]
@@ -140,6 +148,21 @@ def _print_benchmark(summary: BenchmarkSummary, detail: Detail = Detail.BRIEF) -
     print_titled("figures of the text", tables.figures(summary.benchmark.figures))
     for text, places in summary.explanations(["as expected", "differs"]).items():
         say("", text, f"  {'; '.join(places)}")
+
+
+def _print_solvers(costs: Sequence[SolverCost], detail: Detail) -> None:
+    """What the file says and what each method needs in the end; more iterations with more detail."""
+    from harness.report import benchmarks as tables
+
+    asked = [cost for cost in costs if cost.states]
+    last = {(cost.system, cost.engine, cost.method): cost for cost in asked}
+    shown = asked if detail >= Detail.ALL else list(last.values())
+    one = ["file"] if len({cost.system for cost in shown}) == 1 else []
+    print_titled("solvers of constraints", tables.solvers(shown).without("remark", *one))
+    if len(shown) < len(asked):
+        say(f"--all shows {len(asked) - len(shown)} rows with fewer iterations")
+    for cost in (cost for cost in costs if cost.note):
+        say("", f"solvers of {cost.engine} on {cost.system}: {cost.note}")
 
 
 def _print_remarks(costs: Iterable[tuple[str, AccelerationCost]]) -> None:

@@ -16,7 +16,7 @@ from harness.comparison.switches import GROUPS, Switch, constraints_among
 from harness.comparison.touching import Touching, put, settling, steps_of
 from harness.crosscheck.constraint_laws import effect_of
 from harness.engines import Engine
-from harness.engines.request import EngineAnswers, EngineQuestion, Held
+from harness.engines.request import EngineAnswers, EngineQuestion, Held, SolverSettings
 from harness.explain.as_read import Folded, fold
 from harness.explain.changes.departures import Departure, departures_of
 from harness.explain.meant import Meant, question_of, reference_of, request_of, spread
@@ -43,15 +43,17 @@ class AskedEngine:
     caller: Engine
     path: Path | None = None
 
-    def with_those(self, switches: Sequence[Switch], at: Meant | None = None, few: bool = False, to_the_end: bool = False) -> EngineAnswers:
+    def with_those(
+        self, switches: Sequence[Switch], at: Meant | None = None, few: bool = False, solver: SolverSettings | None = None
+    ) -> EngineAnswers:
         """Its accelerations, at the states of the file, ``few`` of them, or those of what is read, ``at``."""
-        return ask_engine(self.caller.name, self._question(switches, at, few, to_the_end))
+        return ask_engine(self.caller.name, self._question(switches, at, few, solver))
 
     def settled(self, switches: Sequence[Switch], at: Meant) -> Meant:
         """What is read, at states of which some are where the engine's own steps lead; as it is where the harness lets it take none."""
         numbers = settling(len(at.states))
         part = replace(at, states=at.states[numbers])
-        question = self._question(switches, part, few=False, to_the_end=False)
+        question = self._question(switches, part, few=False, solver=None)
         found = ask_engine(self.caller.name, replace(question, steps=steps_of(len(numbers))))
         joints = {joint.name: joint for joint in question.request.joints}
         if not found.states or not set(at.robot.joints) <= set(joints):
@@ -60,9 +62,9 @@ class AskedEngine:
         places = [column for joint in own for column in joint.positions], [column for joint in own for column in joint.velocities]
         return replace(at, states=put(at.states, numbers, *(part[:, columns] for part, columns in zip(found.states, places, strict=True))))
 
-    def _question(self, switches: Sequence[Switch], at: Meant | None, few: bool, to_the_end: bool) -> EngineQuestion:
+    def _question(self, switches: Sequence[Switch], at: Meant | None, few: bool, solver: SolverSettings | None) -> EngineQuestion:
         original = self.original.few if few else self.original
-        held = Held(tuple(one.kind for one in original.robot.equalities), (), to_the_end)
+        held = Held(tuple(one.kind for one in original.robot.equalities), (), solver)
         for group in GROUPS:
             held = group.held(held, [one for one in switches if one.group is group])
         question = question_of(original, Stance.PLAIN, held)

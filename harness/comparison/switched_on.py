@@ -146,8 +146,8 @@ def with_verdict(
     if case.departures:
         compared = compare(case.computed, answers.of(joints), factorises=True)
         record = replace(record, explained=is_held(compared), backward_error=worst(compared), departures=[*case.departures.values()])
-    if not record.explained and caller.to_the_end:
-        ended = asked.with_those(case.judged, at, to_the_end=True)
+    if not record.explained and caller.ending is not None:
+        ended = asked.with_those(case.judged, at, solver=caller.ending)
         compared_there = compare(case.computed, ended.of(joints), factorises=True)
         if is_held(compared_there):
             return replace(record, explained=True, to_the_end=worst(compared_there), remedy=caller.to_the_end)

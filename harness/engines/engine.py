@@ -14,7 +14,7 @@ from harness.arithmetic import SAFE_LINKING, KeptArithmetic
 from harness.engines.interface import CompiledNumber, InvalidAnswer, NotOffered, Unsupported
 from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
-from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, by_joint
+from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, SolverSettings, by_joint
 from harness.engines.tree_request import model_request
 from harness.environments import split_name
 from harness.errors import InvalidEngine
@@ -85,7 +85,9 @@ class Engine:
         contacts: of a file with a root element and format, the cones of friction, and why no contact of it is judged, "" where contacts
             are; None of an engine whose contacts are judged in no file.
         beside_tau: what it makes of elements that bear on no acceleration at given tau, by ``LeftOut.what``, a sentence with its source.
-        to_the_end: what its user sets so that its solver of equalities goes on until nothing changes; "" where nothing does that.
+        solvers: methods by which its solver of constraints goes, by its own names, that ``SolverSettings`` may choose.
+        ending: by which its solver of constraints goes on until nothing changes; None where nothing does that. to_the_end: what its user
+            does for it.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
 
@@ -111,6 +113,8 @@ class Engine:
     why_off: Mapping[str, str] = {}
     contacts: Callable[[Any, str], tuple[ConeKind, str]] | None = None
     beside_tau: Mapping[str, str] = {}
+    solvers: tuple[str, ...] = ()
+    ending: SolverSettings | None = None
     to_the_end = ""
     why_no_constraints = ""
     reader = ""
@@ -200,7 +204,11 @@ class Engine:
         if arithmetic.left:
             raise InvalidAnswer(f"it leaves {arithmetic.left} for everything behind it in the process")
         return EngineAnswers(
-            by_joint(loaded.joints, found), notes=loaded.notes, contacts=tuple(loaded.contacts), shapes=tuple(loaded.shapes)
+            by_joint(loaded.joints, found),
+            notes=loaded.notes,
+            contacts=tuple(loaded.contacts),
+            shapes=tuple(loaded.shapes),
+            seconds=tuple(loaded.seconds),
         )
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:

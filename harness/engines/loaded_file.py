@@ -28,12 +28,14 @@ class LoadedFile:
         placed: the engine's model with the places of the joints found, where the harness asks it for more than accelerations.
         applies_dampers, applies_springs: whether the engine applies the dampers of joints, and springs, itself.
         contacts: those of each of the states that were asked last, where bodies act where they touch.
+        seconds: that the engine's own call took for each of these [s]; none where nobody times it.
         shapes: names of those that may touch, as of ``Shape``, where they do by the documented rules of the newest version.
     """
 
     notes: tuple[str, ...] = ()
     contacts: Sequence[tuple[FoundContact, ...]] = ()
     shapes: Sequence[str] = ()
+    seconds: Sequence[float] = ()
     placed: Any = None
     applies_dampers = False
     applies_springs = False

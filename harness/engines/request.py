@@ -121,12 +121,25 @@ class Aid:
 
 
 @dataclass(frozen=True)
+class SolverSettings:
+    """How an engine's solver of constraints goes, and how far.
+
+    Attributes:
+        method: by the engine's own name. iterations: at most. tolerance: it ends where an iteration gains less, as the engine documents.
+    """
+
+    method: str
+    iterations: int
+    tolerance: float
+
+
+@dataclass(frozen=True)
 class Held:
     """Equalities of a file that an engine is to hold, and actuators, dry friction and limits that are to act.
 
     Attributes:
         kinds: the tags of all of them, in the order of the file. switched_on: numbers of those that act; no other does.
-        to_the_end: whether the engine's solver goes on until nothing changes, and not as far as the file says.
+        solver: how the engine's solver goes; None where it goes as the file says.
         actuators: numbers of those that act, among all of the file; no other does.
         rubbing, limited: "joint NAME" or "tendon NAME" whose dry friction acts, and of those whose limits do; no other's does. A tendon
             without a name is "(tendon 2)" by its place in the file.
@@ -135,7 +148,7 @@ class Held:
 
     kinds: tuple[str, ...]
     switched_on: tuple[int, ...]
-    to_the_end: bool = False
+    solver: SolverSettings | None = None
     actuators: tuple[int, ...] = ()
     rubbing: tuple[str, ...] = ()
     limited: tuple[str, ...] = ()
@@ -256,7 +269,8 @@ class EngineAnswers:
         refusal: the engine's own words where it does not read the file; "" where it does.
         notes: what had to be taken out of the file before the engine read it, a sentence each.
         contacts: those of each state, where bodies act where they touch. states: q and v of a question with ``steps``.
-        shapes: as of ``LoadedFile``.
+        shapes: as of ``LoadedFile``. seconds: that its own call took for each state [s]; none
+            where nobody has timed it.
     """
 
     accelerations: Mapping[str, Array] = field(default_factory=dict)
@@ -265,6 +279,7 @@ class EngineAnswers:
     contacts: tuple[tuple[FoundContact, ...], ...] = ()
     states: tuple[Array, ...] = ()
     shapes: tuple[str, ...] = ()
+    seconds: tuple[float, ...] = ()
 
     def of(self, joints: Sequence[str]) -> Array:
         """(n, nv) of these joints; raises KeyError for one that the engine does not have."""

@@ -11,11 +11,11 @@ from pathlib import PurePath
 from typing import Any, TypeVar
 
 from harness.report.sparkline import NO_TREND, Sparkline
-from harness.results.benchmark import AccelerationCost, Benchmark, DerivativeCost, EngineFinding, Growth, QuantityCost
+from harness.results.benchmark import AccelerationCost, Benchmark, DerivativeCost, EngineFinding, Growth, QuantityCost, SolverCost
 from harness.results.motion_benchmark import Drift, Figure, MotionCost, MotionTruth, Order, Stationarity
 from harness.results.pareto import error_of, way_of, with_cheapest
 from harness.results.run import Run
-from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, plural, seconds_text
+from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, plural, relative_text, seconds_text
 from harness.results.trend import Trend, comparable, readings_of_costs, trends
 
 _Measured = TypeVar("_Measured", AccelerationCost, DerivativeCost, MotionCost, Drift, Stationarity)
@@ -63,7 +63,7 @@ class BenchmarkSummary:
         found = self.benchmark
         costs = [cost.seconds_per_state for part in (found.accelerations, found.quantities) for cost in part]
         along = (found.orders, found.growth, found.truths, found.motion, found.drifts, found.stationarity)
-        further = (found.derivatives, found.figures, *along)
+        further = (found.derivatives, found.figures, [one for one in found.solvers if one.states], *along)
         return any(cost is not None for cost in costs) or any(further)
 
     @property
@@ -71,7 +71,7 @@ class BenchmarkSummary:
         """The answer to which way is fast and exact; of several systems, which way is so on most of them."""
         if not self._has_measurements:
             return "Nothing was measured: no way that was asked for answers here; name other methods, quantities or mechanisms."
-        parts = list(filter(None, map(self._cheapest, KINDS))) or [f"{counted(len(self.systems), 'system')} measured"]
+        parts = [*filter(None, map(self._cheapest, KINDS)), *self._solvers()] or [f"{counted(len(self.systems), 'system')} measured"]
         wrong = len(self.unexpected) + len(self.problems)
         parts += [f"{wrong} {plural(wrong, 'finding is', 'findings are')} not as expected"] if wrong else []
         return f"{'; '.join(parts)}."
@@ -89,6 +89,22 @@ class BenchmarkSummary:
         times = sorted(one.cost for one in own if one.cost is not None)
         span = " to ".join(dict.fromkeys(seconds_text(time) for time in (times[0], times[-1])))
         return f"{head}he cheapest {kind} with an error up to {error:.0e} are those of {way} ({span} {KINDS[kind]})"
+
+    def _solvers(self) -> list[str]:
+        """How far each file's own solver goes, and which ones reach the last digit within how many iterations."""
+        found = []
+        for (system, engine), costs in grouped(((one.system, one.engine), one) for one in self.benchmark.solvers if one.states).items():
+            own, tried = costs[0], grouped((one.method, one) for one in costs if one.method)
+            ends = [
+                f"{method} {'within' if last.is_right else 'not within'} {counted(last.iterations or 0, 'iteration')}"
+                for method, (*_, last) in tried.items()
+            ]
+            left = "nowhere off" if own.is_right else f"up to {relative_text(own.relative_error)} of the acceleration off"
+            found.append(
+                f"{PurePath(system).name}: as the file sets it {engine}'s solver is {left} the optimum that it documents, "
+                f"whose last digit is reached by {', '.join(ends)}"
+            )
+        return found
 
     @cached_property
     def trends(self) -> list[Trend]:
@@ -131,6 +147,12 @@ derivatives = TableOf(
     DerivativeCost,
     "system of method loop best_step error first_seconds last_seconds most_states note",
     "Derivatives by q and v: cost, and error at the best step",
+)
+solvers = TableOf(
+    SolverCost,
+    "system engine solver seconds_per_state states touching right median_relative_error relative_error "
+    "median_backward_error backward_error note",
+    "Solvers of constraints: distance from the optimum that the engine documents, over iterations",
 )
 findings = TableOf(EngineFinding, "system method statement", "What engines get wrong")
 growth = TableOf(Growth, "family method bodies exponent theory", "Growth of the cost with the number of bodies")

@@ -72,6 +72,46 @@ class QuantityCost(AccelerationCost):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SolverCost:
+    """One way of solving for constraints by an engine, on one robot's file with all on that is judged.
+
+    Attributes:
+        system: the file. engine: its name.
+        method: of the solver, by the engine's name; "" for the one that the file chooses, whose iterations and tolerance are the file's.
+        iterations: at most, None for those of the file; where the tolerance is 0 it goes on so long, or until nothing changes.
+        states, touching: number of states, and of those at which bodies touch.
+        seconds_per_state: median over the states of what the engine's own call took [s]; None where nothing was timed or asked.
+        backward_error, median_backward_error, relative_error, median_relative_error: distances from the optimum that the engine documents.
+        right: number of states whose answer agrees with it.
+        note: why there are none.
+    """
+
+    system: Annotated[str, Column("file")]
+    engine: Annotated[str, Column("engine")]
+    method: str = ""
+    iterations: int | None = None
+    states: Annotated[int, Column("states", "count")] = 0
+    touching: Annotated[int, Column("where bodies touch", "count")] = 0
+    seconds_per_state: Annotated[float | None, Column("time per state", "seconds")] = None
+    backward_error: Annotated[float | None, Column("worst backward error", "error")] = None
+    median_backward_error: Annotated[float | None, Column("median backward error", "error")] = None
+    relative_error: Annotated[float | None, Column("worst relative error", "relative")] = None
+    median_relative_error: Annotated[float | None, Column("median relative error", "relative")] = None
+    right: Annotated[int, Column("states to the last digit", "count")] = 0
+    note: Annotated[str, Column("remark")] = ""
+
+    @property
+    def solver(self) -> Annotated[str, Column("solver")]:
+        """The method and its iterations in words."""
+        return f"{self.method}, at most {counted(self.iterations, 'iteration')}" if self.iterations is not None else "as the file says"
+
+    @property
+    def is_right(self) -> bool:
+        """True where every answer agrees."""
+        return 0 < self.right == self.states
+
+
+@dataclass(frozen=True, kw_only=True)
 class DerivativeCost:
     """One way of computing derivatives by q and v on one system.
 
@@ -200,6 +240,7 @@ class Benchmark(StudyResult):
     accelerations: list[AccelerationCost] = field(default_factory=list)
     quantities: list[QuantityCost] = field(default_factory=list)
     derivatives: list[DerivativeCost] = field(default_factory=list)
+    solvers: list[SolverCost] = field(default_factory=list)
     findings: list[EngineFinding] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     truths: list[MotionTruth] = field(default_factory=list)

@@ -20,7 +20,7 @@ from flint import arb, arb_mat
 
 from harness.arrays import Array
 from harness.comparison.robot_library import ask_engine, engine_of
-from harness.engines.request import Held
+from harness.engines.request import Held, SolverSettings
 from harness.explain.as_read import read_by
 from harness.explain.changes.departures import Departure, departed, departures_of
 from harness.explain.changes.readings import element_at
@@ -370,7 +370,7 @@ def test_an_engine_is_asked_with_friction_and_limits_of_joints_by_name(format: s
         mechanism = documented(own)
         states = states_of(robot, mechanism)
         truth = ReferenceKernel(mechanism).evaluate(states)
-        held = Held((), (), to_the_end=True, rubbing=owners(rubbing), limited=owners(limited))
+        held = Held((), (), SolverSettings("Newton", 100, 0.0), rubbing=owners(rubbing), limited=owners(limited))
         answers = ask_engine("mujoco", question_of(Meant(own, states, truth), Stance.PLAIN, held))
         assert worst(compare(truth, answers.of(robot.joints), factorises=True)) <= AGREEMENT
 

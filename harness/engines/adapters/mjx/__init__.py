@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Engine
 from harness.engines.adapters.mujoco import law
-from harness.engines.request import Request
+from harness.engines.request import Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile
 
@@ -37,6 +37,8 @@ class MjxEngine(Engine):
     reader = "mujoco"
     takes_inertias_about_tree = True
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
+    # Other methods converge linearly.
+    ending = SolverSettings("Newton", 100, 0.0)
     to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
     call: Mapping[str, str] = {
         "mjcf": (

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from harness.engines import ConstraintLaw, Engine, StepRule
 from harness.engines.adapters.mujoco import law
 from harness.engines.interface import CompiledNumber
-from harness.engines.request import Request
+from harness.engines.request import Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.findings import EFFORT, TRANSMISSIONS
 from harness.files.model_file import ModelFile, document_of
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 class MujocoEngine(Engine):
     title = "MuJoCo"
+    solvers = ("Newton", "CG", "PGS")
+    # Other methods converge linearly.
+    ending = SolverSettings("Newton", 100, 0.0)
     to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
     beside_tau: Mapping[str, str] = {
         EFFORT: (

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -40,8 +41,8 @@ from harness.files.rules import StepRule
 _TYPES = {"mimic": "joint"}
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
-# Of its solver of constraints, which needs two or three of Newton's method.
-_MOST_ITERATIONS = 100
+# Of its solver of constraints.
+_METHODS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "CG": mujoco.mjtSolver.mjSOL_CG, "PGS": mujoco.mjtSolver.mjSOL_PGS}
 # Radius of a geom that stands for one of a mesh [m].
 _POINT = 1e-3
 # Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
@@ -56,10 +57,9 @@ def read(request: Request) -> MujocoFile:
             switch_on(model, request.held.kinds, request.held.switched_on)
             drive(model, request.held.actuators)
             let_act(model, request.joints, request.held)
-            if request.held.to_the_end:
-                # The others converge linearly.
-                model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
-                model.opt.iterations, model.opt.tolerance = _MOST_ITERATIONS, 0.0
+            if (solver := request.held.solver) is not None:
+                model.opt.solver = _METHODS[solver.method]
+                model.opt.iterations, model.opt.tolerance = solver.iterations, solver.tolerance
     return MujocoFile(model, request, notes)
 
 
@@ -305,12 +305,15 @@ class MujocoFile(LoadedFile):
         contacts = self.contacts = list[tuple[FoundContact, ...]]()
         self.shapes = shapes_that_touch(model) if touches else []
         qpos, qvel, applied, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart
+        seconds = self.seconds = list[float]()
 
         def evaluate(q: Array, v: Array, force: Array, control: Array, activation: Array) -> Array:
             # A solver that starts from the last answer would make this one depend on it.
             qpos[:], qvel[:], applied[:], warm_start[:] = q, v, force, 0.0
             data.ctrl[:], data.act[:] = control, activation
+            started = time.perf_counter()
             mujoco.mj_forward(model, data)
+            seconds.append(time.perf_counter() - started)
             if touches:
                 contacts.append(tuple(found_contacts(model, data)))
             if not is_coupled:

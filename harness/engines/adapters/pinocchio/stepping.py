@@ -17,9 +17,9 @@ import pinocchio
 
 from harness.arrays import Array
 from harness.engines.adapters.pinocchio.robot import PinocchioFile, model_of
-from harness.engines.adapters.pinocchio.step_law import EXACT, ITERATIONS, STEP
+from harness.engines.adapters.pinocchio.step_law import STEP
 from harness.engines.adapters.pinocchio.versions import require
-from harness.engines.request import Request
+from harness.engines.request import Request, SolverSettings
 
 _PARTS = ("ConstraintSolver", "SolverResult", "SolverSettings")
 _TOLERANCES = tuple(f"{kind}_{what}_tol" for kind in ("absolute", "relative") for what in ("feasibility", "complementarity"))
@@ -42,8 +42,7 @@ class SteppedFile(PinocchioFile):
         held = self.request.held
         if held is None or not (held.rubbing or held.limited):
             return super().accelerating()
-        solver = EXACT if held.to_the_end else self._solver
-        return _Step(self.model, self._numbers(held.rubbing), self._numbers(held.limited), solver, held.to_the_end).accelerations
+        return _Step(self.model, self._numbers(held.rubbing), self._numbers(held.limited), self._solver, held.solver).accelerations
 
     def _numbers(self, owners: Collection[str]) -> list[int]:
         """Numbers of the joints called "joint NAME" in the model, in its order."""
@@ -53,8 +52,8 @@ class SteppedFile(PinocchioFile):
 class _Step:
     """The constraint models of a model, and their solver."""
 
-    def __init__(self, model: Any, rubbing: Sequence[int], limited: Sequence[int], solver: str, to_the_end: bool) -> None:
-        self._model, self._limited, self._to_the_end = model, bool(limited), to_the_end
+    def __init__(self, model: Any, rubbing: Sequence[int], limited: Sequence[int], solver: str, set_by: SolverSettings | None) -> None:
+        self._model, self._limited, self._most = model, bool(limited), 0 if set_by is None else set_by.iterations
         self._models, self._data = pinocchio.StdVec_ConstraintModel(), pinocchio.StdVec_ConstraintData()
         if limited:
             bounds = model.lowerPositionLimit, model.upperPositionLimit
@@ -67,12 +66,13 @@ class _Step:
         for one in self._models:
             self._data.append(one.createData())
         self._memory = model.createData()
-        self._make, self._result, settings = (getattr(pinocchio, f"{solver}{what}") for what in _PARTS)
+        method = solver if set_by is None else set_by.method
+        self._make, self._result, settings = (getattr(pinocchio, f"{method}{what}") for what in _PARTS)
         self._settings = settings()
-        if to_the_end:
-            self._settings.max_iterations = ITERATIONS
+        if set_by is not None:
+            self._settings.max_iterations = set_by.iterations
             for tolerance in _TOLERANCES:
-                setattr(self._settings, tolerance, 0.0)
+                setattr(self._settings, tolerance, set_by.tolerance)
 
     def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """(nv,) of ``aba`` under the impulses that the solver finds, spread over the step."""
@@ -94,7 +94,7 @@ class _Step:
         return np.array(pinocchio.aba(model, memory, q, v, tau + jacobian.T @ impulses / STEP))
 
     def _impulses(self, delassus: Any, drift: Array) -> Array:
-        """(rows,); to the end, solved for again from where the solver has ended until that changes nothing."""
+        """(rows,); with settings, solved for again from where the solver has ended until that changes nothing."""
         guess: Array | None = None
         sweeps = 0
         while True:
@@ -104,6 +104,6 @@ class _Step:
             self._make().solve(delassus, drift, self._models, self._data, self._settings, result)
             found, sweeps = np.array(result.retrieveConstraintImpulses()), sweeps + 1 + result.iterations
             # What goes on for so long moves to and fro by the last bit.
-            if not self._to_the_end or sweeps > ITERATIONS or (guess is not None and np.array_equal(found, guess)):
+            if sweeps > self._most or (guess is not None and np.array_equal(found, guess)):
                 return found
             guess = found
