@@ -9,15 +9,17 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.request import EngineAnswers
-from harness.explain.as_read import Folded, readings_that_do_not_hold
+from harness.explain.as_read import Folded, fold, readings_that_do_not_hold
 from harness.explain.fit import best_change
 from harness.explain.meant import Meant, reference_of
 from harness.explain.search import Tried
+from harness.explain.suspects import Suspect, SuspectSearch, masses_of
 from harness.explain.textbook_side import TextbookSide, search_parameters
-from harness.files.given import Given, with_numbers
+from harness.files.given import Given, every_number_in, with_numbers
 from harness.results.table import error_text
 from harness.trees.bodies.inertias import impossible_inertias
 from harness.trees.bodies.spatial import parameter_name
+from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, compare
 from harness.truth.reference import ReferenceKernel
@@ -123,16 +125,35 @@ def left_beside_readings(found: Meant, folded: Folded, read: Meant, answers: Eng
     accelerations = answers.of(read.robot.joints)
     if judged.are_all(Verdict.AGREES, Verdict.UNSTABLE) and not is_explained_by_number(side_of(read, accelerations)):
         return []
-    return readings_that_do_not_hold(found, folded, answers) or unexplained(read, accelerations)
+    return readings_that_do_not_hold(found, folded, answers) or unexplained(read, accelerations, before=(found.robot, folded))
 
 
-def unexplained(meant: Meant, accelerations: Array, kernel: ReferenceKernel | None = None) -> list[str]:
+def unexplained(
+    meant: Meant, accelerations: Array, kernel: ReferenceKernel | None = None, before: tuple[Robot, Folded] | None = None
+) -> list[str]:
     """Sentences on accelerations (n, nv) that differ from what a tree means: numbers that explain them, or where they differ.
 
-    ``kernel`` gives the truth of ``meant``, by default that of its tree alone.
+    ``kernel`` gives the truth of ``meant``, by default that of its tree alone; ``before`` is the robot of the file, where readings have
+    made the tree of it.
     """
     numbers = numbers_that_explain(side_of(meant, accelerations, kernel), meant.robot)
+    if not numbers and before is not None:
+        numbers = _masses_read_otherwise(*before, meant, accelerations)
     return numbers or [f"no single number of the file explains it; it differs in {_where(meant, accelerations)}"]
+
+
+def _masses_read_otherwise(robot: Robot, folded: Folded, read: Meant, accelerations: Array) -> list[str]:
+    """A sentence on each mass that makes answers agree, where readings have computed more of it, as moments of inertia."""
+    own = {number.key for number in every_number_in(robot.tree)}
+    if own.issuperset(number.key for number in every_number_in(read.robot.tree)):
+        return []
+
+    def truth_with(suspect: Suspect, value: float) -> tuple[Array, Array]:
+        other = fold(suspect.robot(value), [reading for reading, _ in folded.applied]).robot
+        return ReferenceKernel(mechanism_of(other)).accelerations(read.states)
+
+    found = SuspectSearch(masses_of(robot), truth_with, read.truth).explaining(accelerations)
+    return [one.sentence for one in found][:MOST_NAMED]
 
 
 def _where(meant: Meant, accelerations: Array) -> str:

@@ -67,6 +67,12 @@ def suspects_of(robot: Robot) -> list[Suspect]:
     return [Suspect(number, _changing(robot, number), beside, alone) for number, beside, alone in found.values()]
 
 
+def masses_of(robot: Robot) -> list[Suspect]:
+    """The masses of the bodies, of which a reading may compute more."""
+    masses = [body.inertia.mass for body in robot.tree.bodies if body.inertia is not None]
+    return [Suspect(one, _changing(robot, one), (float(one),), False) for one in masses if isinstance(one, Given)]
+
+
 def _suspected(robot: Robot) -> Iterator[tuple[object, bool]]:
     """Parts of a robot whose numbers are suspects, and whether rows alone have them."""
     bound: list[Joint | BoundTendon] = [*robot.tree.joints, *(tendon for tendon in robot.tree.tendons if not tendon.why_not)]

@@ -9,7 +9,9 @@ import pytest
 from comparison.robots import FILES, edited, meant_by, record_of
 
 from harness.comparison.judgement import judge
+from harness.comparison.robot_library import engine_of
 from harness.engines.request import EngineAnswers
+from harness.explain.as_read import read_by
 from harness.explain.meant import read_as
 from harness.library import Stance
 from harness.report.comparison import subject_lines
@@ -73,6 +75,16 @@ def test_a_number_that_no_body_can_have_is_not_named(number: str, value: str, tm
     answers = EngineAnswers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
     record = judge(found, answers, "mujoco", Stance.AIDED)
     assert not record.explained and record.rest[0].startswith("no single number of the file explains it; it differs in")
+
+
+def test_a_mass_of_which_a_reading_computes_moments_is_named(tmp_path: Path) -> None:
+    """PyBullet makes the inertia of a link of its mass and its shapes: another mass is another inertia too."""
+    found = meant_by(FILES / "arm.urdf")
+    other = read_robot(edited(FILES / "arm.urdf", tmp_path, ('<mass value="1"/>', '<mass value="1.000001"/>')))
+    wrong = read_as(found, read_by(other, "pybullet", engine_of("pybullet"), Stance.PLAIN).robot).truth.high
+    answers = EngineAnswers(dict(zip(found.robot.joints, wrong.T[:, :, None], strict=True)))
+    record = judge(found, answers, "pybullet", Stance.PLAIN)
+    assert not record.explained and "mass value = 1: the engine behaves as with 1.000001" in record.rest[0]
 
 
 def test_a_number_that_explains_a_part_is_not_named(tmp_path: Path) -> None:
