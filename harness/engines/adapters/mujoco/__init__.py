@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 class MujocoEngine(Engine):
     title = "MuJoCo"
     solvers = ("Newton", "CG", "PGS")
-    # Other methods converge linearly.
+    # Other methods converge linearly, and PGS with elliptic cones not at all: docs/issues/mujoco-pgs-elliptic-cones.md.
     ending = SolverSettings("Newton", 100, 0.0)
     to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
     beside_tau: Mapping[str, str] = {
