@@ -361,7 +361,7 @@ TIED = [(name, model_format) for name, model_format in select_models(BUILT_IN, (
     ("name", "model_format", "element"),
     [
         *BY_DAY,
-        *(pytest.param(*model, "", marks=pytest.mark.nightly) for model in TIED),
+        *(pytest.param(*model, "", marks=pytest.mark.nightly(nights=4)) for model in TIED),
     ],
 )
 def test_a_fault_of_1e_10_in_a_loop_is_caught_and_named(

@@ -53,7 +53,8 @@ def answers_with_gaps(model: Model, states: States, mechanism: Mechanism) -> Arr
     gaps = gaps_of(model, states)
     if not gaps:
         return accelerations(model, states)
-    return np.hstack([accelerations(model, states), *(rows * _closes(mechanism, states)[:, None] for rows in gaps.values())])
+    counted = _closes(mechanism, states)[:, None]
+    return np.hstack([accelerations(model, states), *(rows * counted for rows in gaps.values())])
 
 
 def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
