@@ -15,7 +15,7 @@ from comparison.robots import edited, line_of, meant_by
 from support import call_engines_here
 
 from harness.comparison import touching
-from harness.comparison.switched_on import judge_switched_on
+from harness.comparison.switched_on import judge_switched_on, pose, with_verdict
 from harness.engines.adapters.mujoco import robot as adapter
 from harness.files.contacts import FoundContact, structure_of
 from harness.files.equalities import Constraint
@@ -178,7 +178,9 @@ def test_a_contact_that_is_dropped_is_red(tmp_path: Path, monkeypatch: pytest.Mo
     call_engines_here(monkeypatch)
     found = adapter.found_contacts
     monkeypatch.setattr(adapter, "found_contacts", lambda model, data: found(model, data)[1:])
-    record = held_by(written(tmp_path))
+    record, posed = pose(meant_by(written(tmp_path)), "mujoco")
+    assert posed is not None
+    record = with_verdict(record, posed.case, posed.asked, posed.answers, names=False)
     assert (record.verdict, record.explained) == (Verdict.DISAGREES, False)
 
 
