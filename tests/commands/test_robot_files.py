@@ -16,7 +16,7 @@ from support import Done, call_engines_here, expected_entry, harness, make_libra
 
 import harness as public
 from harness.arrays import Array
-from harness.engines.adapters.mujoco import robot as adapter
+from harness.engines.adapters.mujoco import acting as adapter
 from harness.engines.request import JointForces
 from harness.errors import InvalidRequest
 from harness.library import Library, robots_folder

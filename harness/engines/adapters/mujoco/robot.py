@@ -22,6 +22,7 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
+from harness.engines.adapters.mujoco.acting import let_act
 from harness.engines.adapters.mujoco.compiled import compiled
 from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
 from harness.engines.adapters.mujoco.model import MujocoModel, step
@@ -31,18 +32,14 @@ from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.reading import elements_of, root_link, text_of
-from harness.engines.request import Aid, AskedJoint, BodyInertia, Held, Refused, Request
+from harness.engines.request import Aid, AskedJoint, BodyInertia, Refused, Request
 from harness.files.contacts import FoundContact
 from harness.files.facts import ForceElement
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import StepRule
 
-# Tags of a file by the names of MuJoCo's types of equality, where they are others.
-_TYPES = {"mimic": "joint"}
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
-# Of its solver of constraints.
-_METHODS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "CG": mujoco.mjtSolver.mjSOL_CG, "PGS": mujoco.mjtSolver.mjSOL_PGS}
 # Radius of a geom that stands for one of a mesh [m].
 _POINT = 1e-3
 # Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
@@ -54,12 +51,7 @@ def read(request: Request) -> MujocoFile:
     with _refusals():
         model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
         if request.held is not None:
-            switch_on(model, request.held.kinds, request.held.switched_on)
-            drive(model, request.held.actuators)
-            let_act(model, request.joints, request.held)
-            if (solver := request.held.solver) is not None:
-                model.opt.solver = _METHODS[solver.method]
-                model.opt.iterations, model.opt.tolerance = solver.iterations, solver.tolerance
+            let_act(model, _places(model, request.joints), request.held)
     return MujocoFile(model, request, notes)
 
 
@@ -209,39 +201,6 @@ def _places(model: Any, joints: Sequence[AskedJoint]) -> dict[str, Any]:
     return found
 
 
-def switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
-    """Let the equalities of these numbers act and no other; ``kinds`` are the tags of all that the file holds.
-
-    Raises:
-        ValueError: the compiled model has others.
-    """
-    model.eq_active0[:] = 0
-    if not numbers:
-        return
-    found = [mujoco.mjtEq(int(one)).name.removeprefix("mjEQ_").lower() for one in model.eq_type]
-    wanted = [_TYPES.get(kind, kind) for kind in kinds]
-    if found != wanted:
-        raise ValueError(f"MuJoCo makes the equalities {', '.join(found) or 'none'} of the file's {', '.join(wanted)}")
-    model.eq_active0[list(numbers)] = 1
-
-
-def drive(model: Any, numbers: Sequence[int]) -> None:
-    """Let the actuators of these numbers act and no other, as two groups of which one is disabled."""
-    model.actuator_group[:] = 1
-    model.actuator_group[list(numbers)] = 0
-    model.opt.disableactuator = 1 << 1
-
-
-def let_act(model: Any, joints: Sequence[AskedJoint], held: Held) -> None:
-    """Let joints and tendons of these names rub and be limited, and no other."""
-    own = {joint.id: f"joint {name}" for name, joint in _places(model, joints).items()}
-    tendons = [f"tendon {model.tendon(number).name or f'(tendon {number + 1})'}" for number in range(model.ntendon)]
-    model.dof_frictionloss[[own.get(joint) not in held.rubbing for joint in model.dof_jntid]] = 0.0
-    model.jnt_limited[[own.get(joint) not in held.limited for joint in range(model.njnt)]] = 0
-    model.tendon_frictionloss[[one not in held.rubbing for one in tendons]] = 0.0
-    model.tendon_limited[[one not in held.limited for one in tendons]] = 0
-
-
 class MujocoFile(LoadedFile):
     """An ``MjModel`` with the joints of a request."""
 
@@ -307,13 +266,19 @@ class MujocoFile(LoadedFile):
         qpos, qvel, applied, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart
         seconds = self.seconds = list[float]()
 
+        def timed(model: Any, data: Any) -> None:
+            started = time.perf_counter()
+            mujoco.mj_forward(model, data)
+            seconds.append(time.perf_counter() - started)
+
+        # A benchmark times all states of a smooth model from without.
+        forward = mujoco.mj_forward if self.request.held is None else timed
+
         def evaluate(q: Array, v: Array, force: Array, control: Array, activation: Array) -> Array:
             # A solver that starts from the last answer would make this one depend on it.
             qpos[:], qvel[:], applied[:], warm_start[:] = q, v, force, 0.0
             data.ctrl[:], data.act[:] = control, activation
-            started = time.perf_counter()
-            mujoco.mj_forward(model, data)
-            seconds.append(time.perf_counter() - started)
+            forward(model, data)
             if touches:
                 contacts.append(tuple(found_contacts(model, data)))
             if not is_coupled:
