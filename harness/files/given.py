@@ -55,7 +55,8 @@ class Given(Fraction):
     index: int
 
     def __new__(cls, value: float | Fraction, place: Place, attribute: str, index: int = 0) -> Self:
-        self = super().__new__(cls, value)
+        # A fraction of two integers asks no abstract class what it was given.
+        self = super().__new__(cls, *value.as_integer_ratio())
         self.place, self.attribute, self.index = place, attribute, index
         return self
 

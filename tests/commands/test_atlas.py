@@ -162,6 +162,7 @@ def test_parts_of_an_atlas_come_back_as_they_were(tmp_path: Path) -> None:
             history.append(7, atlas)
 
 
+@pytest.mark.ci
 def test_one_family_for_real(invoke: Callable[..., Result], tmp_path: Path) -> None:
     result = invoke("stiff_mode", "--subject", "lagrange", "--workers", "1")
     assert result.exit_code == 0, result.output

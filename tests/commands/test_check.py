@@ -259,9 +259,10 @@ def test_list_and_show(tmp_path: Path) -> None:
     assert re.search(r"^  slide +mjcf +slide +1 0 0 ", shown.stdout, re.MULTILINE)
 
 
-def test_listing_imports_nothing_heavy() -> None:
-    harness("list")
-    code = "import sys; from harness.cli import main; main(['list'], standalone_mode=False); print(sorted(sys.modules))"
+def test_listing_imports_nothing_heavy(library: Path) -> None:
+    listing = ["list", "--library", str(library)]
+    assert harness(*listing).returncode == 0
+    code = f"import sys; from harness.cli import main; main({listing}, standalone_mode=False); print(sorted(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     modules = done.stdout.splitlines()[-1]
     for heavy in ("sympy", "heyoka", "mujoco", "pinocchio", "flint", "bokeh", "distributed", "hypothesis", "scipy"):

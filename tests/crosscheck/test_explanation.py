@@ -143,6 +143,7 @@ def test_an_engine_that_declares_no_factorisation_has_none_to_blame(tmp_path: Pa
     assert set(compare(reference_kernel_of(wrong).evaluate(states), answers).verdicts) <= {"agrees", "disagrees"}
 
 
+@pytest.mark.ci
 def test_a_wrong_number_among_lost_digits_is_diagnosed() -> None:
     """By its direction: what is left without it are lost digits, which are more than agrees."""
     sound = Assignment.of(BUILT_IN, "chain_12", Subject("mujoco", "mjcf"))

@@ -114,6 +114,7 @@ def test_what_is_an_engine_s_fault_links_to_an_issue_or_its_text() -> None:
     assert of_texts | gone_around == {path.name for path in TEXTS}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
 def test_the_program_of_an_issue_prints_what_its_text_says(path: Path, tmp_path: Path) -> None:
     text = path.read_text()

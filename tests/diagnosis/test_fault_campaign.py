@@ -222,6 +222,7 @@ def test_a_reader_that_loses_digits_as_expected_is_asked_only_where_it_does_not(
     assert asked_at_all == {"mujoco/mjcf": False, "pinocchio/mjcf": True}
 
 
+@pytest.mark.ci
 def test_a_number_that_a_reader_rounds_away_is_felt_by_the_law_of_its_loop() -> None:
     """The last rod of Bricard's mechanism turns about the ground's hinge alone, so that no rigid loop feels its products of inertia.
 

@@ -185,6 +185,17 @@ def test_a_body_counted_in_a_parent_without_mass_is_taken_out_again() -> None:
     assert [back for _, back in found] == [True, True]
 
 
+@pytest.mark.parametrize("share", [0.25, 1.9])
+def test_a_flat_body_whose_parts_get_their_parallel_axes_is_one_that_mujoco_accepts(share: float) -> None:
+    """One moment of it is the sum of the others, and rounding makes it more."""
+    model = healthy("stanford_arm", "mjcf")
+    (completed,) = (
+        change for change in MISTAKES["bodies_fused"].mend(model) if change.statement == "parts of link4 without their parallel axes"
+    )
+    for part in range(1, 21):
+        mujoco.MjModel.from_xml_string(completed.text(share * part / 20))
+
+
 def _is_number(planted: Change) -> bool:
     """True where one number was set to zero."""
     return planted.statement == "left out" and len(planted.places) == 1 and "0" in planted.places[0].found.split()

@@ -131,6 +131,7 @@ def test_an_existing_cluster_is_used_and_survives(tmp_path: Path, cluster: Any) 
         assert [outcome.value for outcome in workers.run([Task(0, work.echo, (1,))])] == [1]
 
 
+@pytest.mark.ci
 def test_a_cluster_runs_an_affinity_in_one_process_that_ends_with_the_session(cluster: Any) -> None:
     with Workers(scheduler=Scheduler(cluster.scheduler_address)) as workers:
         tasks = [Task(number, work.own_process, (), affinity=number % 3) for number in range(12)]
@@ -139,6 +140,7 @@ def test_a_cluster_runs_an_affinity_in_one_process_that_ends_with_the_session(cl
     assert not any(map(psutil.pid_exists, set().union(*processes.values())))
 
 
+@pytest.mark.ci
 def test_tasks_of_a_cluster_without_workers_are_reported_as_crashed(monkeypatch: pytest.MonkeyPatch) -> None:
     from distributed import LocalCluster
 
@@ -150,6 +152,7 @@ def test_tasks_of_a_cluster_without_workers_are_reported_as_crashed(monkeypatch:
     assert all("no worker" in str(outcome.crash) for outcome in outcomes)
 
 
+@pytest.mark.ci
 def test_a_cluster_over_tls_wants_a_certificate(tmp_path: Path) -> None:
     from distributed import LocalCluster
     from distributed.security import Security

@@ -253,10 +253,10 @@ class Source:
             return self.default(element, attribute, default)
         return self.read(element, attribute, text, Numbers(count if default is None else len(default), None, check))
 
-    def default(self, element: etree._Element, attribute: str, values: Sequence[float]) -> tuple[Given, ...]:
-        """The numbers that hold for ``element`` where the file gives none."""
+    def default(self, element: etree._Element, attribute: str, values: Sequence[float], start: int = 0) -> tuple[Given, ...]:
+        """The numbers that hold for ``element`` where the file gives none, from number ``start`` on."""
         place = self._places[element]
-        return tuple(Given(value, place, attribute, index) for index, value in enumerate(values))
+        return tuple(Given(value, place, attribute, index) for index, value in enumerate(values[start:], start))
 
     def read(self, element: etree._Element, attribute: str, text: str, rule: Numbers) -> tuple[Given, ...]:
         """The numbers that ``text`` holds, as those of an attribute of ``element``."""

@@ -85,7 +85,8 @@ def _check_bodies(document: Document, reading: Meaning) -> None:
                 problem = f"moves but has no <inertial>; add one with {_LACKS_INERTIAL[reading.format]}"
                 document.refuse(element, f"{describe(element)} {problem}")
             continue
-        mass, moments = body.inertia.places["mass"], body.inertia.places["moments"]
+        places = body.inertia.places
+        mass, moments = places["mass"], places["moments"]
         inertial = elements[moments.element]
         if reading.format == "mjcf" and not {"diaginertia", "fullinertia"} & set(inertial.attrib):
             problem = "has neither diaginertia nor fullinertia; expected one of them"

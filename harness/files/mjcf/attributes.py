@@ -181,6 +181,7 @@ class Attributes:
 
     def __init__(self, source: Source) -> None:
         self._source, self._root = source, source.root
+        self._acts: dict[str, bool] = {}
         self.in_degrees = self.compiler("angle", "degree", ("degree", "radian")) == "degree"
         self._auto_limits = self.compiler("autolimits", "true", ("true", "false")) == "true"
         self._sequence = self.compiler("eulerseq", "xyz")
@@ -215,7 +216,7 @@ class Attributes:
         for written in writings(element, attribute):
             found += self._source.read(written.owner, attribute, written.text, Numbers(0, len(default)))[len(found) :]
         if len(found) < len(default):
-            found += self._source.default(element, attribute, default)[len(found) :]
+            found += self._source.default(element, attribute, default, len(found))
         complaint = check(tuple(map(float, found))) if check else None
         if complaint:
             self._source.refuse(element, f"{describe(element)}: {attribute} {complaint}")
@@ -252,7 +253,9 @@ class Attributes:
 
     def acts(self, stage: str) -> bool:
         """True where "spring" or "damper" forces are switched on."""
-        return is_on(self._root, stage) and is_on(self._root, "passive")
+        if stage not in self._acts:
+            self._acts[stage] = is_on(self._root, stage) and is_on(self._root, "passive")
+        return self._acts[stage]
 
     def is_limited(self, element: etree._Element) -> bool:
         """True where the range of a joint or tendon holds, as ``autolimits`` says where it does not say so itself."""

@@ -197,24 +197,20 @@ class _MjcfReader:
             self.spring_dampers[name] = time, ratio
         if kind is JointKind.FREE:
             return joint
-        turned = replace(
+        axis = vector(attributes.numbers(element, "axis", (0, 0, 1), not_zero)) if kind.has_axis else ORIGIN
+        references = {"ref": "reference", "springref": "spring_reference"} if kind.has_axis else {}
+        return replace(
             joint,
-            axis=vector(attributes.numbers(element, "axis", (0, 0, 1), not_zero)) if kind.has_axis else ORIGIN,
+            axis=axis,
             anchor=vector(attributes.numbers(element, "pos", (0, 0, 0))),
             # A joint has no placement of its own.
             pose=attributes.pose(element)[:-1],
-        )
-        bound = replace(
-            turned,
             in_degrees=kind is not JointKind.SLIDE and attributes.in_degrees,
             limits=self._limits(element),
-            margin=self.attributes.number(element, "margin", 0.0),
-            limit_softness=self.attributes.softness(element, "limit"),
+            margin=attributes.number(element, "margin", 0.0),
+            limit_softness=attributes.softness(element, "limit"),
+            **{field: attributes.number(element, name, 0.0) for name, field in references.items()},
         )
-        if not kind.has_axis:
-            return bound
-        reference, spring_reference = (attributes.number(element, name, 0.0) for name in ("ref", "springref"))
-        return replace(bound, reference=reference, spring_reference=spring_reference)
 
     def _limits(self, element: etree._Element) -> tuple[Fraction, Fraction] | None:
         """The range of a joint that is limited."""
