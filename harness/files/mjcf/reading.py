@@ -198,7 +198,9 @@ class _MjcfReader:
         if kind is JointKind.FREE:
             return joint
         axis = vector(attributes.numbers(element, "axis", (0, 0, 1), not_zero)) if kind.has_axis else ORIGIN
-        references = {"ref": "reference", "springref": "spring_reference"} if kind.has_axis else {}
+        reference, spring_reference = (
+            attributes.number(element, name, 0.0) if kind.has_axis else Fraction(0) for name in ("ref", "springref")
+        )
         return replace(
             joint,
             axis=axis,
@@ -209,7 +211,8 @@ class _MjcfReader:
             limits=self._limits(element),
             margin=attributes.number(element, "margin", 0.0),
             limit_softness=attributes.softness(element, "limit"),
-            **{field: attributes.number(element, name, 0.0) for name, field in references.items()},
+            reference=reference,
+            spring_reference=spring_reference,
         )
 
     def _limits(self, element: etree._Element) -> tuple[Fraction, Fraction] | None:
