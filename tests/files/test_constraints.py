@@ -221,6 +221,24 @@ def test_an_option_for_constraints_is_refused_without_them(text: str, refused: s
         four_bar("mjcf", (f"<equality>\n    {CONNECT}\n  </equality>", text))
 
 
+@pytest.mark.parametrize(
+    ("element", "missing"),
+    [
+        (CONNECT, "site1"),
+        (CONNECT, "site2"),
+        ('<weld name="closure" site1="coupler_end" site2="follower_end"/>', "site1"),
+        ('<weld name="closure" site1="coupler_end" site2="follower_end"/>', "site2"),
+        ('<joint name="closure" joint1="crank"/>', "joint1"),
+        ('<tendon name="closure" tendon1="cord"/>', "tendon1"),
+    ],
+)
+def test_a_constraint_that_names_nothing_is_told_what_to_add(element: str, missing: str) -> None:
+    """Before anything is made of it: readers ask for other attributes where this one is not there."""
+    tag = element.split()[0].removeprefix("<")
+    with pytest.raises(InvalidModel, match=rf": <{tag} name=\"closure\"> has no attribute '{missing}'; add it$"):
+        four_bar("mjcf", TENDONS, (CONNECT, re.sub(rf' {missing}="[^"]*"', "", element)))
+
+
 BALL = line("urdf", "<drake:ball_constraint name")
 MALFORMED_URDF = {
     "no name": (' name="closure"', "", BALL, "has no name; add one"),

@@ -118,6 +118,7 @@ ENGINE = Engine()
 """
 
 
+@pytest.mark.ci
 def test_records_survive_a_kill(tmp_path: Path) -> None:
     """Kill the whole process group while an engine hangs on one system: the records of the other stay."""
     library = make_library(tmp_path / "library", ["bar_pendulum", "spring_damper"], {"sleeping": SLEEPING_ENGINE})

@@ -64,6 +64,7 @@ def peak(states: int) -> int:
         tracemalloc.stop()
 
 
+@pytest.mark.ci
 def test_memory_hardly_grows_with_the_states() -> None:
     cross_check(6000)
     assert (peak(24_000) - peak(12_000)) / 12_000 < ALLOWED / 4

@@ -67,6 +67,7 @@ def cost(text: str) -> float:
         gc.enable()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("written", [many_classes, long_class, long_lines, empty_bodies])
 def test_four_times_the_size_costs_at_most_eight_times(written: Callable[[int], str]) -> None:
     """In proportion it costs four times as much, and by the square sixteen times; a busy machine lies between."""

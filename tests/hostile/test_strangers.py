@@ -114,6 +114,7 @@ def test_strangers_change_no_other_record(checked: tuple[dict[str, Any], dict[st
     assert "Traceback" not in said
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", [*STRANGERS, "links_fast_math"])
 def test_a_stranger_costs_its_own_record_at_most(checked: tuple[dict[str, Any], dict[str, Any], str], name: str) -> None:
     _, verdict, words = STRANGERS.get(name, ("", "error", "subnormal numbers flushed to zero"))
@@ -168,6 +169,7 @@ def others(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return checked_by(make_library(folder / "library", ["bar_pendulum"]), folder, subjects)[0]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", OWN)
 def test_a_hostile_program_behind_an_engine_file_of_the_harness_costs_its_own_records(
     checked: tuple[dict[str, Any], dict[str, Any], str],

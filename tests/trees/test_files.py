@@ -314,3 +314,13 @@ def test_a_trunk_that_hangs_on_the_world_is_told(root: str, ends: tuple[str, ...
     path.write_text(f'<robot name="r"><link name="base"/>{legs}</robot>'.replace('"base"', f'"{root}"'))
     assert read_robot(path).trunk_on_the_world == trunk
     assert read_robot(path, floating_base=True).trunk_on_the_world == ""
+
+
+@pytest.mark.parametrize("axis", ["", "<axis/>"])
+def test_a_joint_of_a_urdf_without_an_axis_is_along_x(axis: str, tmp_path: Path) -> None:
+    """Source: http://wiki.ros.org/urdf/XML/joint, axis."""
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    joint = f'<joint name="j" type="continuous"><parent link="base"/><child link="arm"/>{axis}</joint>'
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm"><link name="base"/><link name="arm">{inertial}</link>{joint}</robot>')
+    [read] = read_robot(tmp_path / "arm.urdf").tree.joints
+    assert read.axis == (1, 0, 0)
