@@ -224,9 +224,13 @@ def _turn(item: pytest.Item) -> int:
 
 
 def _subjects(item: pytest.Item) -> Iterator[object]:
-    """The names of systems and variants and the files of robots that a test is about."""
+    """The names of systems and variants and the files of robots that a test is about.
+
+    One of the room ``systems`` is about those that it names itself: what a textbook says of one system is published for that alone.
+    """
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
-    return (value for value in (getattr(item, "system", None), *parameters) if isinstance(value, str | Path))
+    named = item.function.__code__.co_consts if isinstance(item, pytest.Function) and item.path.parent.name == "systems" else ()
+    return (value for value in (getattr(item, "system", None), *parameters, *named) if isinstance(value, str | Path))
 
 
 def _waiting(items: list[pytest.Item], night: int) -> set[pytest.Item]:

@@ -131,12 +131,23 @@ def test_cheap():
 """
 
 
+PUBLISHED = """
+def test_of_a_representative():
+    assert "acrobot"
+
+def test_of_another():
+    assert "scara"
+"""
+
+
 @pytest.fixture
 def collected(tmp_path: Path) -> Callable[..., set[str]]:
     """The tests that pytest would run of a file beside this suite's ``conftest.py``."""
     tests = Path(__file__).parent
     (tmp_path / "conftest.py").write_text((tests / "conftest.py").read_text())
     (tmp_path / "test_it.py").write_text(TESTS)
+    (tmp_path / "systems").mkdir()
+    (tmp_path / "systems" / "test_published.py").write_text(PUBLISHED)
     settings = [
         "-c",
         str(tests.parent / "pyproject.toml"),
@@ -163,8 +174,20 @@ def collected(tmp_path: Path) -> Callable[..., set[str]]:
 @pytest.mark.ci
 def test_the_desk_takes_what_is_representative_ci_everything_and_nights_take_turns(collected: Callable[..., set[str]]) -> None:
     names, paths = BUILT_IN.system_names(), ROBOTS
-    cheap = {"test_cheap", *(f"test_over[{name}]" for name in REPRESENTATIVE), *(f"test_robots[{path}]" for path in REPRESENTATIVE_ROBOTS)}
-    every = {"test_cheap", "test_whole_command", *(f"test_over[{name}]" for name in names), *(f"test_robots[{path}]" for path in paths)}
+    cheap = {
+        "test_cheap",
+        "test_of_a_representative",
+        *(f"test_over[{name}]" for name in REPRESENTATIVE),
+        *(f"test_robots[{path}]" for path in REPRESENTATIVE_ROBOTS),
+    }
+    every = {
+        "test_cheap",
+        "test_whole_command",
+        "test_of_a_representative",
+        "test_of_another",
+        *(f"test_over[{name}]" for name in names),
+        *(f"test_robots[{path}]" for path in paths),
+    }
     assert collected() == cheap
     assert collected("-m", "not nightly") == every
     nights = [collected("-m", "nightly", "--night", str(night)) for night in (0, 1, 2, 3)]
