@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, Model, Unsupported, accelerations
+from harness.engines import Engine, Model, Unsupported, accelerations, gaps_of
 from harness.engines.engine import load_keeping_arithmetic
 from harness.engines.interface import audit
 from harness.errors import InvalidModel
@@ -22,7 +22,6 @@ from harness.files.model_file import ModelFile
 from harness.files.text.scan import Attribute, Element, Number, Watch, find_elements, largest_change, scaled, with_values, without
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.quantities.accelerations import gaps_of
 
 # Changing a number by this much moves some acceleration by 3e-7 at least in every shipped model, or by exactly nothing.
 CHANGE = 1e-3

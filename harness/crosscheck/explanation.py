@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of
-from harness.engines import accelerations, load_engine
+from harness.engines import accelerations, gaps_of, load_engine
 from harness.engines.request import EngineAnswers, by_joint
 from harness.engines.tree_request import asked_joints
 from harness.explain.changes.numbers import numeric_changes
@@ -26,7 +26,7 @@ from harness.files.text.scan import Watch, tag, written
 from harness.programs.states import States
 from harness.study import Note
 from harness.trees.mechanism import RobotMechanism
-from harness.truth.quantities.accelerations import beside_gaps, gaps_of
+from harness.truth.quantities.accelerations import beside_gaps
 from harness.truth.reference import Reference
 
 # At rest and moving, of which each state adds six equations a joint; and how many numbers that explain are named.

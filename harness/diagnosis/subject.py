@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.explanation import explain_difference
-from harness.engines import Subject, accelerations, load_engine
+from harness.engines import Subject, accelerations, gaps_of, load_engine
 from harness.errors import InvalidModel, shown_path
 from harness.explain.columns import diagnostic_states, watch
 from harness.explain.model_side import diagnose
@@ -27,7 +27,7 @@ from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.study import Note
 from harness.truth.compare import errors_in_roundoffs
-from harness.truth.quantities.accelerations import beside_gaps, gaps_of
+from harness.truth.quantities.accelerations import beside_gaps
 from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
 

@@ -16,7 +16,16 @@ from collections.abc import Collection, Sequence
 from typing import Protocol
 
 from harness.arrays import Array
-from harness.engines.calls import Call, Calls, accelerations, asked_accelerations, factorises_mass_matrix, timed_answers_of
+from harness.engines.calls import (
+    Call,
+    Calls,
+    accelerations,
+    asked_accelerations,
+    factorises_mass_matrix,
+    gaps_of,
+    loaded_and_asked,
+    timed_answers_of,
+)
 from harness.engines.engine import EQUATIONS, FORMATS, Engine, Subject, require_model
 from harness.engines.files import (
     LOADING_SECONDS,
@@ -82,11 +91,13 @@ __all__ = [
     "factorises_mass_matrix",
     "file_engine",
     "file_engines",
+    "gaps_of",
     "installed_version",
     "is_native",
     "known_subjects",
     "load_engine",
     "load_model",
+    "loaded_and_asked",
     "require_model",
     "runs_elsewhere",
     "select_subjects",

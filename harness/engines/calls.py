@@ -6,7 +6,7 @@ What a quantity needs of an engine is ``Calls``. A model in another process answ
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,10 +14,12 @@ import numpy as np
 
 from harness.arithmetic import KeptArithmetic
 from harness.arrays import Array
+from harness.engines.engine import Engine, load_keeping_arithmetic
 from harness.engines.interface import InvalidAnswer, NotOffered
 
 if TYPE_CHECKING:
     from harness.engines import Model
+    from harness.files.model_file import ModelFile
     from harness.programs.states import States
 
 
@@ -77,6 +79,26 @@ def asked_accelerations(model: Model, states: States) -> Calls:
 def accelerations(model: Model, states: States) -> Array:
     """The answer of ``model.forward_dynamics``, (n, nv), which may hold numbers that are not finite; raises as ``timed_answers_of``."""
     return timed_answers_of(model, [asked_accelerations(model, states)])[0][0]
+
+
+def gaps_of(model: Model, states: States) -> Mapping[str, Array]:
+    """What the constraints of a model leave at ``states``, (n, rows) each, by their names in order; none where it has or says none."""
+    # A diagnosis asks hundreds of models, most of which tie nothing.
+    of_model = getattr(model, "gaps", None) if getattr(model, "is_tied", True) else None
+    found = {} if of_model is None else of_model(states.q)
+    return {name: found[name] for name in sorted(found)}
+
+
+def loaded_and_asked(
+    engine: Engine, model: ModelFile, joints: Sequence[str], gravity: float, states: States
+) -> tuple[Array, Mapping[str, Array]]:
+    """``accelerations`` of a file and its ``gaps_of``, for ``engine.run``: a changed file of hundreds is loaded to be asked once.
+
+    Raises:
+        ValueError: the engine refuses the model. harness.engines.Unsupported: it cannot express it.
+    """
+    loaded = load_keeping_arithmetic(engine, model, joints, gravity)
+    return accelerations(loaded, states), gaps_of(loaded, states)
 
 
 def factorises_mass_matrix(model: Model) -> bool:

@@ -22,14 +22,14 @@ from functools import cached_property
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, Model, Unsupported
+from harness.engines import Engine, Model, Unsupported, loaded_and_asked
 from harness.explain.changes import NUMBER, Change
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import TextPlace, Watch
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Certified, Flags
-from harness.truth.quantities.accelerations import answers_with_gaps
+from harness.truth.quantities.accelerations import with_gaps
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
@@ -63,13 +63,17 @@ def watch(
     """
 
     def answer(changed: ModelFile) -> Array:
+        about = changed, mechanism.joints, mechanism.gravity
         try:
-            loaded = engine.load(changed, mechanism.joints, mechanism.gravity)
+            if answers is None:
+                accelerations, gaps = engine.run(loaded_and_asked, *about, states)
+                found = with_gaps(accelerations, gaps, states, mechanism)
+            else:
+                found = answers(engine.load(*about), states)
         except Unsupported as reason:
             if changed is model:
                 raise
             raise ValueError(str(reason)) from reason
-        found = answers_with_gaps(loaded, states, mechanism) if answers is None else answers(loaded, states)
         return found if declared is None else beside_law(found, declared(changed))
 
     return Watch(model, answer, mechanism.nv)

@@ -39,6 +39,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lxml import etree
 
@@ -54,11 +55,11 @@ from harness.files.facts import (
     point_springs,
 )
 from harness.files.joint_kinds import JointKind
-from harness.files.lint.checks import check_elements
-from harness.files.lint.mechanisms import check_joints, check_reading
-from harness.files.reading import Meaning, read
 from harness.files.tree import Joint, Spring
-from harness.files.urdf.beside import MIMIC
+from harness.files.urdf.kinds import MIMIC
+
+if TYPE_CHECKING:
+    from harness.files.reading import Meaning
 
 __all__ = ["ForceElement", "JointDamper", "JointSpring", "ModelFile", "PointSpring", "parse_model", "read_model"]
 
@@ -143,6 +144,9 @@ def _document(path: Path, text: str, format: str) -> Document:
 
 @lru_cache(maxsize=8)
 def _meaning(path: Path, text: str, format: str) -> Meaning:
+    # Imported late, as what checks a file: the process of an engine is handed one that is checked.
+    from harness.files.reading import read
+
     return read(_document(path, text, format))
 
 
@@ -153,6 +157,9 @@ def _root_tag(format: str) -> str:
 
 
 def _validated(path: Path, text: str, format: str) -> ModelFile:
+    from harness.files.lint.checks import check_elements
+    from harness.files.lint.mechanisms import check_joints, check_reading
+
     document = _document(path, text, format)
     check_elements(document, format)
     check_joints(document, format)

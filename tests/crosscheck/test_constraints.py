@@ -13,10 +13,10 @@ from harness.crosscheck.assignment import Assignment, load_audited, reference_ke
 from harness.crosscheck.stages import Answers, compare_all
 from harness.crosscheck.superfluous import superfluous
 from harness.diagnosis.subject import Scope, diagnose_subject
-from harness.engines import Subject
+from harness.engines import Subject, gaps_of
 from harness.errors import InvalidModel
 from harness.programs.states import States
-from harness.truth.quantities.accelerations import beside_gaps, gaps_of, remark_on
+from harness.truth.quantities.accelerations import beside_gaps, remark_on
 from harness.truth.sampling import generic_sample
 
 PINOCCHIO, MUJOCO = Subject("pinocchio", "urdf"), Subject("mujoco", "mjcf")

@@ -9,7 +9,7 @@ import pytest
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.superfluous import find_superfluous
-from harness.engines import Subject, load_engine
+from harness.engines import Subject, gaps_of, load_engine
 from harness.explain.columns import diagnostic_states, watch
 from harness.explain.model_side import diagnose
 from harness.files.model_file import ModelFile, parse_model
@@ -17,7 +17,7 @@ from harness.library import Library
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.displaced import opened
 from harness.truth.manifold import closes
-from harness.truth.quantities.accelerations import beside_gaps, gaps_of
+from harness.truth.quantities.accelerations import beside_gaps
 from harness.truth.sampling import sample
 from harness.verdict import Verdict
 

@@ -30,6 +30,7 @@ from harness.engines import (
     Unsupported,
     accelerations,
     engine_files,
+    gaps_of,
     load_engine,
     select_subjects,
     subjects_beside,
@@ -46,7 +47,7 @@ from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import compare
-from harness.truth.quantities.accelerations import AccelerationTruth, answers_with_gaps, beside_gaps, gaps_of
+from harness.truth.quantities.accelerations import AccelerationTruth, beside_gaps, with_gaps
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.truth.sampling import sample
 from harness.verdict import Verdict, gravest
@@ -203,7 +204,8 @@ class FaultBench:
         for one in self.readers:
             try:
                 loaded = self._load(through(one.engine) if through else one.engine, model)
-                answers = answers_with_gaps(loaded, self._states(one.subject, self.model), self.mechanism)
+                states = self._states(one.subject, self.model)
+                answers = with_gaps(accelerations(loaded, states), gaps_of(loaded, states), states, self.mechanism)
                 answers = beside_law(answers, self._moved_by_law(one.subject, model))
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value

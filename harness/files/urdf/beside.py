@@ -22,9 +22,8 @@ from harness.files.equalities import Equality, Linkage, Meeting
 from harness.files.given import Given, Placement, Pose, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Joint, Spring
-from harness.files.urdf.kinds import BALL_CONSTRAINT, POINT_SPRING, SINGLE_AXIS, needs_axis
+from harness.files.urdf.kinds import BALL_CONSTRAINT, MIMIC, POINT_SPRING, SINGLE_AXIS, needs_axis
 
-MIMIC = "mimic"
 ROTOR_INERTIA, _GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
 # What is left out of a robot's file.
 FORCES_WITHOUT_AXIS = "springs and rotors of joints of none or several degrees of freedom"

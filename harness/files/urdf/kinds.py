@@ -30,6 +30,8 @@ DRAKE_KINDS = {"ball": JointKind.BALL}
 JOINT_TAGS = ("joint", DRAKE_JOINT)
 # Drake's elements for a spring and damper between two points, and for two points that are held together; their parts have a suffix.
 POINT_SPRING, BALL_CONSTRAINT = "drake:linear_spring_damper", "drake:ball_constraint"
+# Of a joint that moves as another does, which is a constraint.
+MIMIC = "mimic"
 
 
 def needs_axis(joint: etree._Element, what: str) -> str:

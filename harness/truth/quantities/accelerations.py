@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Calls, Model, accelerations, asked_accelerations, factorises_mass_matrix
+from harness.engines import Calls, Model, asked_accelerations, factorises_mass_matrix, gaps_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
@@ -37,24 +37,15 @@ _LARGEST = 2.0**900
 Gaps = Mapping[str, Array]
 
 
-def gaps_of(model: Model, states: States) -> Gaps:
-    """What the constraints of a model leave at ``states``, in the order of their names."""
-    # A diagnosis asks hundreds of models, most of which tie nothing.
-    of_model = getattr(model, "gaps", None) if getattr(model, "is_tied", True) else None
-    found = {} if of_model is None else of_model(states.q)
-    return {name: found[name] for name in sorted(found)}
-
-
-def answers_with_gaps(model: Model, states: States, mechanism: Mechanism) -> Array:
+def with_gaps(answers: Array, gaps: Gaps, states: States, mechanism: Mechanism) -> Array:
     """Accelerations of a model at ``states``, (n, nv), and behind them the rows of all constraints where a state closes them.
 
     Elsewhere they are zero: there accelerations feel what rows leave, whichever axes an engine has these in.
     """
-    gaps = gaps_of(model, states)
     if not gaps:
-        return accelerations(model, states)
+        return answers
     counted = _closes(mechanism, states)[:, None]
-    return np.hstack([accelerations(model, states), *(rows * counted for rows in gaps.values())])
+    return np.hstack([answers, *(rows * counted for rows in gaps.values())])
 
 
 def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
