@@ -55,6 +55,7 @@ def complaints(schema: str, files: list[Path]) -> str:
     return "" if done.returncode == 0 else done.stdout + done.stderr
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("pattern", "schema"), SCHEMAS.items(), ids=list(SCHEMAS))
 def test_a_text_for_a_service_is_as_its_schema_says(pattern: str, schema: str) -> None:
     files = sorted(REPOSITORY.glob(pattern))

@@ -75,6 +75,7 @@ def test_the_picture_of_readme_is_current() -> None:
     assert numbers == pytest.approx(computed, abs=0.11)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks without a name, one after the other; a program for an engine's tracker has a test of its own."""

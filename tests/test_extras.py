@@ -52,7 +52,9 @@ def in_a_base_install(folder: Path, *command: str) -> subprocess.CompletedProces
     )
 
 
-@pytest.mark.parametrize("command", ["compare", "check", "diagnose", "bench", "survey"])
+@pytest.mark.parametrize(
+    "command", ["compare", *(pytest.param(one, marks=pytest.mark.ci) for one in ("check", "diagnose", "bench", "survey"))]
+)
 def test_a_robot_s_file_needs_no_extra(tmp_path: Path, command: str) -> None:
     given = str(ROBOTS / "gripper.urdf")
     done = in_a_base_install(tmp_path, "harness", command, given, *(["--urdf", given] if command == "diagnose" else []))
@@ -60,12 +62,14 @@ def test_a_robot_s_file_needs_no_extra(tmp_path: Path, command: str) -> None:
     assert "not installed" not in done.stdout + done.stderr
 
 
+@pytest.mark.ci
 def test_a_mechanism_is_checked_without_the_harness_s_own_code(tmp_path: Path) -> None:
     done = in_a_base_install(tmp_path, "harness", "check", "double_pendulum", "--states", "20")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.startswith("double_pendulum: all 4 subjects agree")
 
 
+@pytest.mark.ci
 def test_the_pytest_plugin_needs_no_extra(tmp_path: Path) -> None:
     (tmp_path / "robots").mkdir()
     (tmp_path / "robots" / "arm.urdf").write_text((ROBOTS / "arm.urdf").read_text())
@@ -146,6 +150,7 @@ def imported(file: Path) -> set[str]:
     return found - set(sys.stdlib_module_names) - {"harness"}
 
 
+@pytest.mark.ci
 def test_everything_that_is_imported_is_declared() -> None:
     """Outside the files of engines, each of which declares its own program."""
     everywhere = {name: file for file in PACKAGE.rglob("*.py") if not {"adapters", "systems"} & set(file.parts) for name in imported(file)}

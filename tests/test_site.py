@@ -39,6 +39,7 @@ PAGES = by_page()
 # Findings
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("page", PAGES)
 def test_a_reading_has_an_example_that_it_moves(page: str) -> None:
     effect = effect_of(PAGES[page])
@@ -46,6 +47,7 @@ def test_a_reading_has_an_example_that_it_moves(page: str) -> None:
     assert effect.alone is None or effect.alone > FELT
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("page", [page for page, readings in PAGES.items() if readings[0].engine in ("mujoco", "pinocchio")])
 def test_an_example_is_what_the_installed_engine_does(page: str) -> None:
     path, reading = example_of(PAGES[page])
@@ -79,6 +81,7 @@ def test_the_reference_has_every_command_with_its_options() -> None:
     assert "`--without JOINT`" in text and "harness compare robot.urdf --steps 100" in text
 
 
+@pytest.mark.ci
 def test_messages_are_those_of_the_source() -> None:
     text = str(messages.pages().files["reference/messages.md"])
     assert "which the system needs" in text

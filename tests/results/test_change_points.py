@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
@@ -79,7 +80,7 @@ def changes_of(chart: Chart, values: Sequence[NightValue]) -> list[ChangePoint]:
     return chart.changes({"": list(enumerate(values))})[""]
 
 
-@pytest.mark.parametrize("states", [1500, 5000])
+@pytest.mark.parametrize("states", [1500, pytest.param(5000, marks=pytest.mark.ci)])
 def test_quiet_nights_of_other_seeds_show_no_change(recorded: list[np.ndarray], states: int) -> None:
     nights = [readings(night) for night in resampled(recorded, states, NIGHTS, CELLS // 3)]
     assert len(nights[-1]) == CELLS
@@ -98,8 +99,17 @@ def test_nights_that_were_really_sampled_show_no_change() -> None:
     assert changes(nights) == []
 
 
-@pytest.mark.parametrize("before", [1, 2, 3, 5, 19])
-@pytest.mark.parametrize("factor", [2.0, 2.5, 0.5])
+# At the desk each factor comes once, after the first night, a few nights and more.
+AT_THE_DESK = {(1, 2.0), (3, 2.5), (5, 0.5)}
+
+
+@pytest.mark.parametrize(
+    ("before", "factor"),
+    [
+        pytest.param(*case, marks=() if case in AT_THE_DESK else pytest.mark.ci)
+        for case in itertools.product([1, 2, 3, 5, 19], [2.0, 2.5, 0.5])
+    ],
+)
 def test_a_median_that_doubles_is_found_that_night_and_only_that_night(recorded: list[np.ndarray], before: int, factor: float) -> None:
     drawn = list(resampled(recorded, 2000, before + 3, 60, seed=before))
     nights = [readings(night, {"system_7": factor} if place >= before else {}) for place, night in enumerate(drawn)]
@@ -130,7 +140,7 @@ def test_a_slow_drift_is_found_by_the_sums() -> None:
     assert 10 < first.place < 25
 
 
-@pytest.mark.parametrize("nights", [3, 15, 40])
+@pytest.mark.parametrize("nights", [3, 15, pytest.param(40, marks=pytest.mark.ci)])
 def test_false_alarms_are_as_many_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 4000, 40.0
     chart = Chart(cells, allowed)

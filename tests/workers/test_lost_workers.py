@@ -76,6 +76,7 @@ def test_workers_killed_and_joined_lose_nothing(cluster: Any, start: Starter) ->
         assert order == sorted(order)
 
 
+@pytest.mark.ci
 def test_a_task_is_asked_again_on_another_worker(cluster: Any, start: Starter, tmp_path: Path) -> None:
     first, second = start(1), start(2)
     tasks = [Task(0, work.lose_worker, (str(tmp_path), 1), "a"), *(Task(number, work.echo, (number,), "a") for number in range(1, 6))]

@@ -63,6 +63,7 @@ def test_a_crash_is_exit_status_3(crashing: tuple[int, dict[str, dict[str, objec
     assert "Traceback" not in errors
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("subject", ["lagrange", "mujoco/mjcf", "pinocchio/urdf"])
 def test_healthy_engines_lose_nothing(crashing: tuple[int, dict[str, dict[str, object]], str], subject: str) -> None:
     record = crashing[1][subject]
@@ -70,6 +71,7 @@ def test_healthy_engines_lose_nothing(crashing: tuple[int, dict[str, dict[str, o
     assert record["states"] == 40
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("subject", "message"),
     [
@@ -88,6 +90,7 @@ def test_a_failing_engine_says_why(crashing: tuple[int, dict[str, dict[str, obje
     assert message in str(record["message"])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("subject", ["aborting/mjcf", "aborting_later/mjcf", "sleeping/mjcf", "silent/mjcf"])
 def test_a_failing_engine_has_its_state_and_a_replay(crashing: tuple[int, dict[str, dict[str, object]], str], subject: str) -> None:
     record = crashing[1][subject]
