@@ -209,6 +209,7 @@ def test_paths_of_high_order_are_stationary(measured: dict[tuple[str, float], St
         assert row.first_variation < 1e-9
 
 
+@pytest.mark.ci
 def test_the_first_variation_of_first_order_paths_falls_with_the_step(measured: dict[tuple[str, float], Stationarity]) -> None:
     assert len(of_order(measured, 1)) >= 2
     for path in of_order(measured, 1):
@@ -217,6 +218,7 @@ def test_the_first_variation_of_first_order_paths_falls_with_the_step(measured: 
         assert coarse.first_variation / fine.first_variation == pytest.approx(10.0, rel=0.05)
 
 
+@pytest.mark.ci
 def test_other_models_and_another_time_are_seen_and_the_reference_passes(measured: dict[tuple[str, float], Stationarity]) -> None:
     wrong = [row for (path, _), row in measured.items() if path.startswith("mujoco") or path.endswith("slower")]
     assert len(wrong) >= 3
@@ -228,6 +230,7 @@ def test_other_models_and_another_time_are_seen_and_the_reference_passes(measure
     assert reference.slope == pytest.approx(2.0, abs=0.01)
 
 
+@pytest.mark.ci
 def test_only_the_variational_integrator_makes_the_discrete_action_stationary(measured: dict[tuple[str, float], Stationarity]) -> None:
     residuals = sorted((row.residual, path) for (path, _), row in measured.items())
     assert residuals[0][1] == "equations variational midpoint"

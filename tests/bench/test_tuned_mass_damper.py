@@ -92,6 +92,7 @@ def test_every_way_agrees_on_what_the_print_says(ways: tuple[str, ...]) -> None:
         assert bool(figure.remark) != figure.reproduced
 
 
+@pytest.mark.ci
 def test_the_figure_that_cannot_be_reproduced_is_told_with_both_numbers() -> None:
     [figure] = [figure for figure in of_equations() if not figure.reproduced]
     assert f"{figure.computed:.4f} {figure.truth:.4f}" == "0.0048 0.0048"
@@ -99,6 +100,7 @@ def test_the_figure_that_cannot_be_reproduced_is_told_with_both_numbers() -> Non
         assert part in figure.remark
 
 
+@pytest.mark.ci
 @WAYS
 def test_amplitudes_converge_to_the_reference(ways: tuple[str, ...]) -> None:
     for figure in computed_figures(ways):

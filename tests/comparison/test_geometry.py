@@ -155,16 +155,17 @@ def test_contacts_that_are_changed_are_red(fault: str, tmp_path: Path) -> None:
     assert record.verdict == Verdict.DISAGREES and any(fault in sentence for sentence in record.rest)
 
 
-def test_a_record_says_what_is_judged(tmp_path: Path) -> None:
-    record = judge_switched_on(meant_by(written(tmp_path, SHAPES)), "mujoco")
-    assert record.shapes is not None and (record.explained, record.shapes.rest) == (True, [])
-    assert record.shapes.contacts > 0 and "roundoffs of where the file has them" in record.shapes.text
-
-
 @pytest.fixture
 def at_few_states(monkeypatch: pytest.MonkeyPatch) -> None:
     """Truth at the fewest states that are judged; shapes are held against contacts at all."""
     monkeypatch.setattr(touching, "MOST_WORK", 0)
+
+
+@pytest.mark.usefixtures("at_few_states")
+def test_a_record_says_what_is_judged(tmp_path: Path) -> None:
+    record = judge_switched_on(meant_by(written(tmp_path, SHAPES)), "mujoco")
+    assert record.shapes is not None and (record.explained, record.shapes.rest) == (True, [])
+    assert record.shapes.contacts > 0 and "roundoffs of where the file has them" in record.shapes.text
 
 
 @pytest.mark.usefixtures("at_few_states")
