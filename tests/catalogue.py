@@ -42,6 +42,11 @@ def is_tied(name: str, library: Library = BUILT_IN) -> bool:
     return "constraints=" in text_of(name, library)
 
 
+def is_bounded(name: str) -> bool:
+    """Whether a system has dry friction or limits, as ``is_tied``."""
+    return any(word in text_of(BUILT_IN.system_of(name)) for word in ("dry_friction=", "limits="))
+
+
 # Systems whose joints carry their coordinates themselves.
 PLAIN = [name for name in BUILT_IN.system_names() if not turns_freely(name)]
 VARIANTS = BUILT_IN.variant_names()

@@ -11,13 +11,14 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
-from harness.engines.interface import audit, require_constraints
+from harness.engines.interface import acting_as, audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.equalities import Constraint
+from harness.files.findings import FRICTION, LIMITS
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Mechanism, smooth
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.storage import Kept
@@ -38,7 +39,8 @@ class Assignment:
     """One subject on one mechanism.
 
     Attributes:
-        model: the file that the engine reads; None for an engine that is handed the mechanism itself.
+        model: the file that the engine reads, with the dry friction and limits of the mechanism; None for an engine that is handed the
+            mechanism itself.
         system: the system or variant whose own file is the truth of quantities that take the numbers of one; "" for the mechanism's.
         quantity: the name of what is asked for.
         declared: the file whose numbers are the truth, by default ``declared_model``.
@@ -54,6 +56,10 @@ class Assignment:
     declared: ModelFile | None = None
     departures: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        if self.model is not None:
+            object.__setattr__(self, "model", acting_as(self.model, self.mechanism))
+
     @classmethod
     def of(cls, library: Library, name: str, subject: Subject, path: Path | None = None) -> Assignment:
         """The subject on system ``name`` with the model at ``path``, by default the library's own.
@@ -66,10 +72,10 @@ class Assignment:
         return cls(library, subject, load_mechanism(library, name), model, name)
 
     def about(self, quantity: str) -> Assignment:
-        """The same about another quantity: where actuators act, accelerations alone are asked for with them."""
+        """The same about another quantity: where actuators, dry friction or limits act, accelerations alone are asked for with them."""
         mechanism = self.mechanism
-        if isinstance(mechanism, RobotMechanism) and not find_quantities()[quantity].is_default:
-            mechanism = mechanism.smooth
+        if not find_quantities()[quantity].is_default:
+            mechanism = mechanism.smooth if isinstance(mechanism, RobotMechanism) else smooth(mechanism)
         return replace(self, quantity=quantity, mechanism=mechanism)
 
     @property
@@ -87,6 +93,17 @@ class Assignment:
     def into(self, states: States) -> States:
         """States of the mechanism, over the joints of that which the engine computes with."""
         return states if self.as_read is self else self.file_as_read.into(states)
+
+    @property
+    def in_equations(self) -> Mechanism:
+        """The mechanism that an engine of equations is handed, with rigid dry friction and limits."""
+        mechanism = self.as_read.mechanism
+        if mechanism.bounded is None:
+            return mechanism
+        # Imported late: a smooth mechanism needs nothing of it.
+        from harness.truth.optimum import held_rigid
+
+        return held_rigid(mechanism)
 
     @property
     def file_as_read(self) -> FileAsRead:
@@ -156,11 +173,14 @@ def truth_of(assignment: Assignment) -> Truth:
     def find() -> Truth:
         read, of_file = assignment.as_read, _own_truth(assignment)
         departures = departures_of(assignment) if read is assignment and not assignment.departures else {}
-        if read is assignment and not departures:
+        left_out = why_left_out(assignment)
+        if read is assignment and not departures and not left_out:
             return of_file
         from harness.crosscheck.constraint_laws import DepartedTruth
         from harness.explain.as_read import ReadTruth
 
+        if left_out:
+            return DepartedTruth(_own_truth(replace(assignment, mechanism=smooth(assignment.mechanism))), of_file)
         if departures:
             return DepartedTruth(_own_truth(replace(assignment, departures=tuple(one.name for one in departures))), of_file)
         file = assignment.file_as_read
@@ -176,6 +196,16 @@ def _own_truth(assignment: Assignment) -> Truth:
     if not quantity.is_of_file:
         return quantity.truth(basis)
     return _SHARED.get((quantity.name, assignment.mechanism.key, *key), lambda: quantity.truth(basis))
+
+
+def why_left_out(assignment: Assignment) -> Mapping[str, str]:
+    """Reasons why the subject's engine applies no dry friction or limits of the mechanism, by the kind of these; none where it does."""
+    bounded = assignment.mechanism.bounded
+    if bounded is None or assignment.model is None or not assignment.asked.is_default:
+        return {}
+    kinds = dict.fromkeys(FRICTION if name in dict(assignment.mechanism.dry_friction) else LIMITS for name in bounded.names)
+    why_off = load_engine(assignment.library, assignment.subject.engine).why_off
+    return {kind: why_off[kind] for kind in kinds if kind in why_off}
 
 
 def departures_of(assignment: Assignment) -> Mapping[Departure, Sequence[Constraint]]:
@@ -202,7 +232,7 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
         read = read or declared
     laws: Mapping[str, ConstraintLaw] = {}
     soft = None
-    if read is not None and mechanism.constraints is not None:
+    if read is not None and (mechanism.constraints is not None or mechanism.bounded is not None):
         # Imported late: a mechanism without constraints needs nothing of it.
         from harness.crosscheck.constraint_laws import laws_of, softening
 
@@ -267,7 +297,7 @@ def load_audited(assignment: Assignment) -> Model:
 
     def load() -> Model:
         try:
-            loaded = load_model(library, subject, mechanism, model)
+            loaded = load_model(library, subject, mechanism if model is not None else assignment.in_equations, model)
             audit(loaded.loaded(), model, mechanism)
         except InvalidModel as error:
             if model is not None and assignment.file_as_read.folded.applied:

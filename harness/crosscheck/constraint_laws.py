@@ -98,7 +98,7 @@ def softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[M
 
         weights = _weights(read, laws.values())
         try:
-            return declared(mechanism, laws, weights)
+            return declared(mechanism, laws, weights, mechanism.bounded)
         except ValueError as error:
             line = next((one.line for one in read.constraints if repr(one.name) in str(error)), read.root_line)
             raise InvalidModel(read.path, line, str(error)) from error

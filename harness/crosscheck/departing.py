@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from harness.crosscheck.assignment import Assignment, acceleration_truth_of, departures_of, truth_of
+import numpy as np
+
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of, departures_of, truth_of, why_left_out
 from harness.crosscheck.constraint_laws import DepartedTruth, effect_of
-from harness.explain.meant import STATES
+from harness.explain.meant import STATES, largest_change
+from harness.files.equalities import Constraint, DryFriction
+from harness.files.findings import FRICTION, LIMITS
+from harness.programs.states import States
 from harness.results.readings import Effect
 from harness.results.records import ACCELERATIONS
 from harness.truth.quantities.accelerations import AccelerationTruth
+from harness.truth.reference import moves
 from harness.truth.sampling import sample
 
 
@@ -18,10 +24,35 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
     about = replace(assignment, quantity=ACCELERATIONS)
     documented = truth_of(about)
     assert isinstance(documented, DepartedTruth) and isinstance(documented.of_file, AccelerationTruth)
-    states = documented.asked_at(sample(assignment.mechanism, STATES, seed))
+    sampled = sample(assignment.mechanism, STATES, seed)
+    if why_left_out(about):
+        # At rest where their ranges begin, too: some of those are stops.
+        low = [low if bounds is None else bounds[0] for bounds, low in zip(assignment.mechanism.position_ranges, sampled.q[0], strict=True)]
+        sampled = States.concatenate([sampled, replace(sampled, q=np.tile(low, (STATES, 1)), v=np.zeros_like(sampled.v))])
+    states = documented.asked_at(sampled)
     reference = documented.of_file.evaluate(states)
-    found = []
+    found = list[Effect]()
+    for what, sentence in why_left_out(about).items():
+        assert assignment.model is not None
+        own = [one for one in assignment.model.bounded if one.name in assignment.model.acting and _what(one) == what]
+        smooth = acceleration_truth_of(about).evaluate(states)
+        found.append(
+            Effect(
+                name=what,
+                sentence=sentence,
+                concerns="joints",
+                lines=tuple(dict.fromkeys(one.line for one in own)),
+                count=len(own),
+                # Of the smooth accelerations: where a mechanism sticks it has none.
+                alone=largest_change(smooth, reference.high, reference.certified & smooth.certified & moves(smooth)),
+                source="its documentation of forward dynamics, whose one input of forces is tau",
+            )
+        )
     for one, concerned in departures_of(about).items():
         departed = acceleration_truth_of(replace(about, departures=(one.name,)))
         found.append(effect_of(one, concerned, reference, departed.evaluate(states)))
     return found, []
+
+
+def _what(bounded: Constraint) -> str:
+    return FRICTION if isinstance(bounded.says, DryFriction) else LIMITS

@@ -37,6 +37,8 @@ _KEPT = {
 }
 # Elements and attributes that hold directions, of which the length means nothing.
 _DIRECTIONS = {"axis", "xyaxes", "zaxis"}
+# Attributes by which a solver goes on, which few states feel: those near the one where it begins.
+_OF_SOLVERS = {("option", "tolerance"), ("option", "iterations")}
 # Elements that only move what is inside them.
 _WRAPPERS = {"mjcf": {"frame", "body"}, "urdf": set()}
 
@@ -180,7 +182,7 @@ class _Examination:
         floats = element.tag == "body" and any(
             other.tag == "freejoint" or (other.tag == "joint" and other.get("type") == "free") for other in inside
         )
-        return () if floats else element.attributes
+        return () if floats else [one for one in element.attributes if (element.tag, one.name) not in _OF_SOLVERS]
 
     def _unmoved(self, text: str, audited: bool = False) -> bool:
         """True if the reader accepts ``text`` and answers as before."""

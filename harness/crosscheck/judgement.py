@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import structs
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment
+from harness.crosscheck.assignment import Assignment, why_left_out
 from harness.crosscheck.expected import AGREES, Expectation, Expectations, on_file
 from harness.crosscheck.hypothesis_search import Found
 from harness.crosscheck.settings import DEFAULT_STATES, Settings
@@ -217,6 +217,14 @@ def _expected(settings: Settings, expectations: Expectations, name: str, pair: P
     if quantity_words(pair.quantity) and (expectation.verdict, verdict) == (Verdict.MISREADS, Verdict.AGREES):
         # It need not feel what the reader makes of the file.
         return AGREES
+    if (
+        expectation is AGREES
+        and verdict == Verdict.EXPLAINED
+        and pair.assignment is not None
+        and (left_out := why_left_out(pair.assignment))
+    ):
+        # What an engine documents that it applies none of needs no entry.
+        return structs.replace(AGREES, verdict=verdict, reason="; ".join(left_out.values()))
     few = settings.state is not None or settings.states < DEFAULT_STATES
     # What a reader makes of a file is felt at almost every state.
     wanted = (Verdict.UNSUPPORTED, *((Verdict.MISREADS,) if settings.state is None else ()))

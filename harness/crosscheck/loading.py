@@ -6,7 +6,7 @@ import contextlib
 import itertools
 from collections.abc import Iterator, Sequence
 
-from harness.crosscheck.assignment import Assignment
+from harness.crosscheck.assignment import Assignment, why_left_out
 from harness.crosscheck.expected import Expectations
 from harness.crosscheck.judgement import Pair, Pairs, SystemProgress
 from harness.crosscheck.settings import Settings, stored_states
@@ -128,8 +128,12 @@ def readers_among(library: Library, pairs: Pairs) -> list[Pair]:
 
 
 def natives_among(library: Library, pairs: Pairs) -> list[Pair]:
-    """The readers whose accelerations tell what their file needs; other versions may feel less, and tell nothing of the file."""
-    return [pair for pair in readers_among(library, pairs) if is_native(library, pair.subject)]
+    """The readers whose accelerations tell what their file needs; other versions may feel less, and tell nothing of the file.
+
+    So do those that apply none of its dry friction or limits.
+    """
+    native = (pair for pair in readers_among(library, pairs) if is_native(library, pair.subject))
+    return [pair for pair in native if pair.assignment is not None and not why_left_out(pair.assignment)]
 
 
 def led_together(library: Library, pairs: Pairs) -> list[list[Pair]]:

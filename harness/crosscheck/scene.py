@@ -10,7 +10,7 @@ from harness.crosscheck.assignment import Assignment
 from harness.engines import Subject, Unsupported, load_model
 from harness.files.model_file import ModelFile
 from harness.library import Library, Stance
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Mechanism, smooth
 from harness.trees.mechanism import RobotMechanism
 
 
@@ -19,7 +19,7 @@ class Scene:
     """A mechanism of a library.
 
     Attributes:
-        library: where it is from, and where engines are found, which are called in this process. mechanism: its equations.
+        library: where it is from, and where engines are found, which are called in this process. mechanism: its smooth equations.
         models: model format, "mjcf" or "urdf", to the validated model file; a format without a file is missing.
     """
 
@@ -40,7 +40,7 @@ class Scene:
 
         paths = {form: path for form, path in library.validated_models(name).items() if library.has_model(name, form)}
         models = {model_format: read_model(path, model_format) for model_format, path in paths.items()}
-        return cls(replace(library, calls_engines_here=True), load_mechanism(library, name), models)
+        return cls(replace(library, calls_engines_here=True), smooth(load_mechanism(library, name)), models)
 
     def load(self, engine: str, model_format: str) -> Any:
         """The engine's own model of the scene, as ``harness.engines.load_model`` gives it; of a robot, that of its one file.

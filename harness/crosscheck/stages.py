@@ -18,7 +18,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, answers_what_is_read, departures_of, load_audited, reference_kernel_of
+from harness.crosscheck.assignment import (
+    Assignment,
+    answers_what_is_read,
+    departures_of,
+    load_audited,
+    reference_kernel_of,
+    why_left_out,
+)
 from harness.engines import InvalidAnswer, Misread, Model, NotOffered, Unsupported, accelerations, load_engine, timed_answers_of
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
@@ -29,6 +36,7 @@ from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, compare
 from harness.truth.componentwise import componentwise_error
 from harness.truth.quantities import Truth
+from harness.truth.reference import Reference, moves
 from harness.verdict import Verdict
 
 # Begins the message of a subject whose engine does not claim to compute a quantity.
@@ -157,8 +165,11 @@ def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
         remark = ". ".join(filter(None, [remark, of_solver]))
         if truth.rigid is None:
             return Answers(comparison, seconds, remark=remark)
-        unmoved = np.flatnonzero((states.q == closed.q).all(axis=1) & (states.v == closed.v).all(axis=1))
-        rigid = compare(truths.of(truth.rigid)[unmoved], answers[0][unmoved])
+        of_rigid = truths.of(truth.rigid)
+        assert isinstance(of_rigid, Reference)
+        # What sticks has no acceleration, of which a distance would be a share.
+        unmoved = (states.q == closed.q).all(axis=1) & (states.v == closed.v).all(axis=1) & moves(of_rigid)
+        rigid = compare(of_rigid[np.flatnonzero(unmoved)], answers[0][unmoved])
         return Answers(comparison, seconds, remark=remark, states=states, from_rigid=rigid.known("relative_error"))
     except Misread as error:
         read = answers_what_is_read(assignment, states)
@@ -252,7 +263,7 @@ def measure_componentwise(assignment: Assignment, state: States, beyond: float) 
 
 def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
     """What explains the answers on a file: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
-    if not assignment.library.reads_files and departures_of(assignment):
+    if not assignment.library.reads_files and (departures_of(assignment) or why_left_out(assignment)):
         # Imported late: a run in which all is well needs nothing of it.
         from harness.crosscheck.departing import departures_and_refusal
 

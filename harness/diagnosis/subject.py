@@ -123,7 +123,7 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     worst = [States.at(**state) for state in scope.worst_states]
     states = States.concatenate([of_answers.asked_at(diagnostic_states(mechanism, scope.seed)), *worst])
     try:
-        loaded = engine.load(mechanism if model is None else model, mechanism.joints, mechanism.gravity)
+        loaded = engine.load(assignment.in_equations if model is None else model, mechanism.joints, mechanism.gravity)
         watched = None if model is None else watch(engine, mechanism, model, states)
     except (ValueError, KeyError) as error:
         if model is None:

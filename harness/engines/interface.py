@@ -39,11 +39,12 @@ Vectors are along the world's axes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from harness.arrays import Array, Rows
 from harness.errors import InvalidModel
+from harness.files.equalities import Limit
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
 from harness.library import nearest
@@ -269,3 +270,23 @@ def require_constraints(model: ModelFile, mechanism: Mechanism) -> None:
         if name not in wanted:
             expected = f"the system has {', '.join(map(repr, wanted))} only" if wanted else "the system has none"
             raise InvalidModel(model.path, line, f"constraint {name!r} ties joints, but {expected}")
+    _require_bounds(model, mechanism)
+
+
+def _require_bounds(model: ModelFile, mechanism: Mechanism) -> None:
+    wanted = () if mechanism.bounded is None else mechanism.bounded.names
+    found = {one.name: one for one in model.bounded}
+    for name in wanted:
+        if name not in found:
+            hint = nearest(name, sorted(found)) if found else "the model has neither friction nor limits"
+            raise InvalidModel(model.path, model.root_line, f"has no {name}, which the system needs; {hint}")
+    for name, one in found.items():
+        # Every joint of a URDF states limits, which no engine is asked to apply unless the system has them.
+        if name not in (*wanted, *mechanism.left_out) and not (model.format == "urdf" and isinstance(one.says, Limit)):
+            raise InvalidModel(model.path, one.line, f"{name} is none that the system has; remove it, or declare it there")
+
+
+def acting_as(model: ModelFile, mechanism: Mechanism) -> ModelFile:
+    """The model, of whose dry friction and limits those act that the mechanism has."""
+    names = () if mechanism.bounded is None else mechanism.bounded.names
+    return model if model.acting == names else replace(model, acting=names)

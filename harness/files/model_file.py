@@ -36,7 +36,7 @@ they are listed like those of a URDF (``harness.files.facts``). It states constr
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,7 +45,7 @@ from lxml import etree
 
 from harness.files.document.source import Unread
 from harness.files.document.xml import Document, parse_document, read_text
-from harness.files.equalities import Equality
+from harness.files.equalities import Constraint, Equality, frictions_of, limits_of
 from harness.files.facts import (
     ForceElement,
     JointDamper,
@@ -85,6 +85,8 @@ class ModelFile:
         armatures: joints to which a URDF declares reflected inertias, in document order, to be added likewise; none for MJCF.
         ball_joint: name of the ball joint that hangs a URDF's root link on the world; None without one.
         constraints: what closes loops and couples joints, in document order; a joint that mimics another is among them.
+        bounded: the dry friction and the limits of its joints. acting: names of those that an engine is to apply; none of a file as it is
+            read, since a mechanism says which are meant.
         gravity: MJCF: [m/s^2], (x, y, z), zero where it is switched off. URDF holds none: None.
         unexpressed: MJCF: forces and inertias it states that are not among ``force_elements``.
     """
@@ -102,6 +104,12 @@ class ModelFile:
     gravity: tuple[float, float, float] | None = None
     unexpressed: tuple[Unread, ...] = ()
     constraints: tuple[Equality, ...] = ()
+    bounded: tuple[Constraint, ...] = ()
+    acting: tuple[str, ...] = ()
+
+    def with_text(self, text: str) -> ModelFile:
+        """What the file would be with another text; raises as ``read_model``."""
+        return replace(_validated(self.path, text, self.format), acting=self.acting)
 
     @property
     def mimics(self) -> tuple[Equality, ...]:
@@ -188,6 +196,7 @@ def _validated(path: Path, text: str, format: str) -> ModelFile:
         gravity=(x, y, z) if of_mjcf else None,
         unexpressed=(*reading.unread, *(one for one in forces if isinstance(one, Unread))),
         constraints=reading.equalities,
+        bounded=(*frictions_of(tree), *limits_of(tree)),
     )
 
 
@@ -207,7 +216,7 @@ def with_attributes(model: ModelFile, attributes: Attributes) -> ModelFile:
         for element in found if values else ():
             for name, value in values.items():
                 element.set(name, value)
-    return parse_model(model.path, etree.tostring(root, encoding="unicode"), model.format)
+    return model.with_text(etree.tostring(root, encoding="unicode"))
 
 
 def _made(root: etree._Element, path: str) -> etree._Element:
@@ -223,8 +232,8 @@ def _made(root: etree._Element, path: str) -> etree._Element:
 def features_of(model: ModelFile) -> list[str]:
     """Features that it asks of an engine beyond hinges and slides, in a word or two each; a report gathers verdicts by them.
 
-    Some of "armature", "ball joints", "coupled joints", "coupled tendons", "dampers", "free joints", "loops", "mimic joints" and
-    "springs", sorted."""
+    Some of "armature", "ball joints", "coupled joints", "coupled tendons", "dampers", "dry friction", "free joints", "limits", "loops",
+    "mimic joints" and "springs", sorted; limits of an MJCF alone, since every URDF has some."""
     return sorted(set(_features(model)))
 
 
@@ -235,6 +244,10 @@ def _features(model: ModelFile) -> Iterator[str]:
         yield "springs"
     if any(one.damping for one in acting):
         yield "dampers"
+    if any(joint.friction_loss for joint in tree.joints):
+        yield "dry friction"
+    if model.format == "mjcf" and any(joint.limits for joint in tree.joints):
+        yield "limits"
     followers = {joint.name for joint in tree.joints if joint.follows}
     if followers:
         yield "mimic joints"

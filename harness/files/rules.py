@@ -134,6 +134,16 @@ class ConstraintLaw:
         """True for a law whose rows have no softness but ``least_regularisation``."""
         return self.impedance.least == self.impedance.most == 1.0
 
+    @property
+    def is_of_an_instant(self) -> bool:
+        """True for rigid dry friction and limits that ask nothing of velocities: these decide which forces there may be."""
+        return self.is_rigid and self.damping == 0.0 and self.force_range != ConstraintLaw.force_range
+
+
+def rigid_law(force_range: tuple[float, float]) -> ConstraintLaw:
+    """The law of rigid dry friction, or of a rigid stop, whose force lies in this range."""
+    return ConstraintLaw(Impedance(1.0, 1.0, 0.0, 0.5, 1.0), 0.0, 0.0, None, True, 0.0, force_range)
+
 
 class ImplicitPart(StrEnum):
     """A part of the forces that a rule may take implicitly.

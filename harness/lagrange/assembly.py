@@ -230,6 +230,45 @@ def constraints_of(system: System, tree: StraightLineProgram) -> Constraints:
     )
 
 
+def bounds_of(system: System, tree: StraightLineProgram) -> Constraints:
+    """The rows of dry friction and limits of a system whose smooth equations of motion are ``tree``, by the names that a file has for them.
+
+    Dry friction leaves nothing, and a limit the distance to it.
+    """
+    builder, order = Builder(tree.inputs), list(system.coordinates)
+    nv, nothing = len(order), builder.number(0)
+    rows: list[tuple[str, Term, int, int]] = []
+    for q, joint in system.coordinates.items():
+        place = order.index(q)
+        position = builder.inputs[place]
+        if q in system.dry_friction:
+            rows.append((f"dry friction of joint {joint}", nothing, place, 1))
+        if q in system.limits:
+            low, high = (builder.inputs[tree.inputs.index(symbol.name)] for symbol in system.limits[q])
+            rows += [
+                (f"lower limit of joint {joint}", position - low, place, 1),
+                (f"upper limit of joint {joint}", high - position, place, -1),
+            ]
+    velocities = builder.inputs[nv : 2 * nv]
+    outputs = {
+        RESIDUAL: [residual for _, residual, _, _ in rows],
+        JACOBIAN: [builder.number(sign * (place == column)) for _, _, place, sign in rows for column in range(nv)],
+        RATE: [velocities[place] if sign > 0 else -velocities[place] for _, _, place, sign in rows],
+        BIAS: [nothing] * len(rows),
+    }
+    count, names = len(rows), tuple(name for name, *_ in rows)
+    return Constraints(
+        rows=names,
+        redundant=(True,) * count,
+        holonomic=count,
+        positions=(),
+        rates=(),
+        assembly=(0.0,) * nv,
+        program=without_unused(builder.program(outputs)),
+        tree=tree,
+    )
+
+
 def _rows(system: System, names: Sequence[str], holding: Sequence[sp.Expr], rolling: Sequence[sp.Expr]) -> StraightLineProgram:
     nv = len(system.coordinates)
     # The inputs of the mechanism, of which the first are the coordinates and then their rates.

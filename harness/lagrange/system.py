@@ -32,6 +32,8 @@ _MAPPINGS = {
     "measured_from": "{coordinate: earlier coordinate}",
     "constraints": "{name: Constraint}",
     "assembly": "{coordinate: position}",
+    "dry_friction": "{coordinate: parameter}",
+    "limits": "{coordinate: (parameter, parameter)}",
 }
 
 
@@ -66,6 +68,10 @@ class System:
         assembly: coordinate to its position in one configuration in which all constraints hold, to about three digits; what it leaves
             out is 0. States are on the branch that is reached from there when the coordinates that no constraint determines
             move straight to their values.
+        dry_friction: coordinate to the parameter that is the largest force, or torque, of Coulomb friction in its joint [N or N m].
+        limits: coordinate to the parameters that are the lowest and highest position of its joint [m or rad], where rigid stops are.
+
+    Dry friction and limits are of joints' positions, and enter neither energies nor ``generalised_forces``.
 
     A number in an energy is the number that stands there: a system file's are exact, and a ``sympy.Float``, which SymPy rounds
     whenever it forms a product, is refused.
@@ -90,6 +96,8 @@ class System:
     measured_from: Mapping[sp.Expr, sp.Expr] = field(default_factory=lambda: _EMPTY)
     constraints: Mapping[str, Constraint] = field(default_factory=lambda: _EMPTY)
     assembly: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
+    dry_friction: Mapping[sp.Expr, sp.Symbol] = field(default_factory=lambda: _EMPTY)
+    limits: Mapping[sp.Expr, tuple[sp.Symbol, sp.Symbol]] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
         for name, expected in _MAPPINGS.items():
@@ -100,7 +108,7 @@ class System:
         forces = {q: sp.sympify(force) for q, force in self.generalised_forces.items()}
         object.__setattr__(self, "generalised_forces", forces)
         subjects = self._of_coordinates(), self._of_parameters(), self._of_expressions(), self._of_ranges(), self._of_constraints()
-        for contradiction in itertools.chain(*subjects):
+        for contradiction in itertools.chain(*subjects, self._of_bounds()):
             raise ValueError(contradiction)
 
     @cached_property
@@ -207,7 +215,8 @@ class System:
             yield "potential contains a rate; put the term into kinetic or generalised_forces"
         if self.total_mass.atoms(AppliedUndef):
             yield "total_mass depends on a coordinate; expected an expression of the parameters"
-        unused = sorted(set(self.parameters) - sp.Tuple(*expressions.values()).free_symbols, key=str)
+        bounds = {*self.dry_friction.values(), *itertools.chain(*self.limits.values())}
+        unused = sorted(set(self.parameters) - sp.Tuple(*expressions.values()).free_symbols - bounds, key=str)
         yield from (f"parameter {one} enters neither energy nor force nor mass nor constraint; remove it or use it" for one in unused)
 
     def _of_ranges(self) -> Iterator[str]:
@@ -258,6 +267,21 @@ class System:
                 yield f"assembly has {q} at {value!r}; expected coordinates and finite numbers"
         if self.assembly and not self.constraints:
             yield "assembly is given, and there is no constraint; leave it out"
+
+    def _of_bounds(self) -> Iterator[str]:
+        bounded = {**self.dry_friction, **self.limits}
+        if bounded and (self.constraints or self.attitudes):
+            yield "dry friction or limits beside constraints, or ball and free joints; expected hinges and slides of a tree"
+        yield from (f"dry friction or a limit of {q}, which is no coordinate" for q in bounded if q not in self.coordinates)
+        for symbol in (*self.dry_friction.values(), *itertools.chain(*self.limits.values())):
+            if symbol not in self.parameters:
+                yield f"{symbol} bounds a force or a position, and has no value; add it to parameters"
+        for q, symbol in self.dry_friction.items():
+            if not self.parameters[symbol][0] > 0:
+                yield f"dry friction of {q} is {self.parameters[symbol][0]:g}; expected one above zero"
+        for q, (low, high) in self.limits.items():
+            if not self.parameters[low][0] < self.parameters[high][0]:
+                yield f"the limits of {q} are {self.parameters[low][0]:g} and {self.parameters[high][0]:g}; expected the lowest first"
 
 
 def _is_finite(value: Any) -> bool:

@@ -22,6 +22,7 @@ from harness.arrays import Array
 from harness.programs.evaluation import BALLS, mass_matrix, solved
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import SMALLEST_SCALE
 from harness.programs.program import OUTPUTS, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
 from harness.programs.states import States
 from harness.storage import Kept
@@ -175,7 +176,8 @@ def columns_in_balls(
         with flint.ctx.workprec(precision):
             mass, columns = _columns(program, inputs, scales)
             total = _sum_of_norms(mass, columns)
-            if total > 0 and float(total.rad()) <= SOUGHT_ACCURACY * float(total):
+            # Where no input is felt at all, as at rest under dry friction, no precision shows a digit of zero.
+            if total < SMALLEST_SCALE or (total > 0 and float(total.rad()) <= SOUGHT_ACCURACY * float(total)):
                 found = np.array([[0.0 if entry is None else float(entry) for entry in column] for column in columns]).T
                 return np.ascontiguousarray(found), float(total)
     return np.full((nv, count), np.nan), math.nan

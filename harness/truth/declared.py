@@ -22,7 +22,7 @@ from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
 from harness.programs.mechanisms.cones import Cone
 from harness.programs.mechanisms.descent import sides_at_least
-from harness.programs.mechanisms.mechanism import RESIDUAL, Constraints, Mechanism
+from harness.programs.mechanisms.mechanism import RATE, RESIDUAL, Constraints, Mechanism
 from harness.programs.mechanisms.softened import (
     CONSTANT,
     DISTANCE,
@@ -42,7 +42,7 @@ from harness.programs.mechanisms.softened import (
     number_of,
     softened_program,
 )
-from harness.programs.mechanisms.zones import Clamp, Sides, Zones
+from harness.programs.mechanisms.zones import Clamp, Ranges, Sides, Zones
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
@@ -100,12 +100,13 @@ class DeclaredMechanism(Mechanism):
                 self._settle_pushing(states, np.array(residuals), found)
                 return found
         if self.zones is not None:
-            self.zones.settle(states.known, found, start=self._start(self.zones, states, found))
+            ranges = self._ranges(self.zones, states, found, np.zeros((len(states), 0)))
+            self.zones.settle(states.known, found, ranges, self._start(self.zones, states, found, ranges))
         return found
 
-    def _start(self, zones: Zones, states: States, found: Array, high: Array | None = None) -> Sides | None:
+    def _start(self, zones: Zones, states: States, found: Array, ranges: Ranges) -> Sides | None:
         """The sides at the least of the documented function, in float64."""
-        return None if self.problem is None else sides_at_least(zones, self.problem, self.inputs(states, found), found, high)
+        return None if self.problem is None else sides_at_least(zones, self.problem, self.inputs(states, found), found, ranges)
 
     def across(self, states: States, parameters: Array, unit_roundoff: float) -> Array:
         """See ``Mechanism``."""
@@ -113,7 +114,7 @@ class DeclaredMechanism(Mechanism):
         if self.zones is None:
             return found
         (residuals,) = values(self._residual_program, self._inputs_of_residuals(states, parameters)).values()
-        return self.zones.across(states.known, found, unit_roundoff, self._most(self.zones, residuals.T))
+        return self.zones.across(states.known, found, unit_roundoff, self._ranges(self.zones, states, found, residuals.T))
 
     def reaches_limits(self, states: States) -> Flags:
         """(n,) whether some row that pushes alone is there."""
@@ -123,23 +124,40 @@ class DeclaredMechanism(Mechanism):
     def _settle_pushing(self, states: States, residuals: Array, found: Array) -> None:
         """Settle the zones; NaN where half an ulp of what is left by a row that would push decides whether it is there at all."""
         assert self.zones is not None
-        high = self._most(self.zones, residuals)
-        raw = self.zones.settle(states.known, found, high, self._start(self.zones, states, found, high))
+        ranges = self._ranges(self.zones, states, found, residuals)
+        raw = self.zones.settle(states.known, found, ranges, self._start(self.zones, states, found, ranges))
         inputs = self._inputs_of_residuals(states, found)
         (spread,) = values_and_spread(self._residual_program, inputs, np.abs(inputs))[1].values()
-        is_at = np.abs(residuals) <= UNIT_ROUNDOFF * spread.T
+        # At a limit of exactly 0 roundings change nothing.
+        is_at = (np.abs(residuals) <= UNIT_ROUNDOFF * spread.T) & (spread.T > 0)
         for place, row in self._within_limits:
             [states_at] = np.nonzero(is_at[:, row])
             if len(states_at):
                 _, reach = self.zones.reach(states.known[states_at], found[states_at], UNIT_ROUNDOFF)
                 found[states_at[raw[states_at, place] > reach[:, place]], self.zones.clamps[place].share] = np.nan
 
-    def _most(self, zones: Zones, residuals: Array) -> Array:
-        """(n, clamps) largest forces, 0 of a row that pushes alone and is not there."""
-        high = np.tile([clamp.high for clamp in zones.clamps], (len(residuals), 1))
+    def _ranges(self, zones: Zones, states: States, found: Array, residuals: Array) -> Ranges:
+        """The least and the largest forces, 0 of a row that pushes alone and is not there.
+
+        At an instant, dry friction that slides is its bound against the velocity, and a limit that is reached pushes where none leads away.
+        """
+        low, high = zones.bounds(found)
+        rigid = {place for place, _, _ in self._at_an_instant}
         for place, row in self._within_limits:
-            high[residuals[:, row] >= 0, place] = 0.0
-        return high
+            if place not in rigid:
+                high[residuals[:, row] >= 0, place] = 0.0
+        if rigid:
+            assert self.softened is not None
+            of_rates = _alone(self.softened, RATE)
+            (rates,) = values(of_rates, self.inputs(states, found)[: len(of_rates.inputs)]).values()
+            for place, row, pushes in self._at_an_instant:
+                rate = rates[row]
+                if pushes:
+                    high[(residuals[:, row] > 0) | (rate > 0), place] = 0.0
+                else:
+                    low[rate > 0, place], high[rate > 0, place] = low[rate > 0, place], low[rate > 0, place]
+                    low[rate < 0, place] = high[rate < 0, place]
+        return low, high
 
     @functools.cached_property
     def _within_limits(self) -> list[tuple[int, int]]:
@@ -147,6 +165,15 @@ class DeclaredMechanism(Mechanism):
         laws = dict(self.laws)
         assert self.softened is not None
         return [(place, row) for place, row in self.pushing if laws[self.softened.rows[row]].stiffness_ahead is None]
+
+    @functools.cached_property
+    def _at_an_instant(self) -> list[tuple[int, int, bool]]:
+        """The places of rigid rows of dry friction and limits whose forces the velocity decides, their numbers, and whether they push."""
+        assert self.softened is not None
+        laws, pushing = dict(self.laws), {row for _, row in self.pushing}
+        own = [row for row, name in enumerate(self.softened.rows) if laws and laws[name].is_of_an_instant]
+        # All rows of a rigid problem have a range, in their order.
+        return [(row, row, row in pushing) for row in own]
 
     def _inputs_of_residuals(self, states: States, parameters: Array) -> Array:
         return self.inputs(states, parameters)[: len(self._residual_program.inputs)]
@@ -181,8 +208,7 @@ class DeclaredMechanism(Mechanism):
     @functools.cached_property
     def _residual_program(self) -> StraightLineProgram:
         assert self.softened is not None
-        program = self.softened.program
-        return without_unused(replace(program, outputs={RESIDUAL: program.outputs[RESIDUAL]}))
+        return _alone(self.softened, RESIDUAL)
 
     def _residuals(self, states: States, parameters: Array) -> list[list[float]]:
         """What the rows leave at each state, the nearest float64 numbers."""
@@ -193,6 +219,10 @@ class DeclaredMechanism(Mechanism):
 
 _ROWS: Kept[BallKernel] = Kept(64)
 _DECLARED: Kept[DeclaredMechanism] = Kept(64)
+
+
+def _alone(rows: Constraints, name: str) -> StraightLineProgram:
+    return without_unused(replace(rows.program, outputs={name: rows.program.outputs[name]}))
 
 
 def _linear(impedance: Impedance, distance: Any) -> tuple[Any, Any]:
@@ -243,7 +273,10 @@ def declared(
     """
     rows = rows or mechanism.constraints
     assert rows is not None
-    softness = {name: _softness(name, laws[name], rows.rows.count(name), weights) for name in rows.names}
+    rubbing = dict(mechanism.dry_friction)
+    softness = {
+        name: replace(_softness(name, laws[name], rows.rows.count(name), weights), bound=rubbing.get(name, "")) for name in rows.names
+    }
     return softened(mechanism, softness, laws, rows)
 
 
@@ -296,7 +329,12 @@ def softened(
         parameters = (*mechanism.parameters, *((name, value, "") for name, value in written.numbers))
         columns = {name: column for column, (name, _, _) in enumerate(parameters)}
         clamps = [
-            Clamp(columns[number_of(name, SHARE, row)], columns[number_of(name, CONSTANT, row)], *softness[name].force_range)
+            Clamp(
+                columns[number_of(name, SHARE, row)],
+                columns[number_of(name, CONSTANT, row)],
+                *softness[name].force_range,
+                size=columns.get(softness[name].bound, -1),
+            )
             for name, row in written.ranged
         ]
         numbers = {name: [row for row, owner in enumerate(tied.rows) if owner == name] for name in written.round}

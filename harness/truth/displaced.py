@@ -54,8 +54,8 @@ def near(mechanism: DeclaredMechanism, states: States) -> States:
     return _moved(mechanism, replace(states, q=q), arrived, 1.0)
 
 
-def pressed(mechanism: DeclaredMechanism, states: States) -> States:
-    """The states, each beyond one to three limits that its own bits choose, by a little of what their impedances vary in.
+def pressed(mechanism: DeclaredMechanism, states: States, share: float = 1.0) -> States:
+    """The states, a share of them beyond one to three limits that its own bits choose, by a little of what their impedances vary in.
 
     Half of those at rest move, since at rest no damping of a limit is felt.
     """
@@ -66,6 +66,8 @@ def pressed(mechanism: DeclaredMechanism, states: States) -> States:
     laws, v, reach = dict(mechanism.laws), states.v.copy(), np.abs(np.array(mechanism.rate_ranges)).max(axis=1)
     for state in range(len(states)):
         random, owners = _random_of(states, state), set[str]()
+        if share < 1.0 and not random.random() < share:
+            continue
         for _, row in random.permutation(mechanism.pushing)[: random.integers(1, _MOST_LIMITS + 1)]:
             owner = rows.rows[row].rpartition(" limit of ")[2]
             # No state is beyond both ends of one range: pressed there it would come to rest between them.

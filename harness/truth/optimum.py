@@ -2,16 +2,19 @@
 
 Equalities act on both sides, dry friction up to its bound, and limits on one side where they are reached: rows of one program all the same.
 
+A textbook's dry friction and limits are rows of it too, by Coulomb's law and as rigid stops.
+
 Source: MuJoCo documentation, Computation, sections Constraint model and Solver parameters.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from harness.files.equalities import AnyRows, Constraint, DryFriction, Equality, Limit, Tendon, TendonLinkage
-from harness.files.rules import ConstraintLaw
+from harness.files.rules import ConstraintLaw, rigid_law
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.trees.inverse_weights import inverse_weights_of
 from harness.trees.mechanism import RobotMechanism, named, tied_tree
@@ -50,3 +53,17 @@ def _tendons(rows: AnyRows | None) -> Sequence[Tendon]:
     if isinstance(rows, DryFriction | Limit):
         return () if isinstance(rows.of, str) else (rows.of,)
     return rows.tendons if isinstance(rows, TendonLinkage) else ()
+
+
+def held_rigid(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with its rows of dry friction and limits by Coulomb's law and as rigid stops; itself without any.
+
+    Source: Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, chapter 5.
+    """
+    if mechanism.bounded is None:
+        return mechanism
+    values, bounds = {name: value for name, value, _ in mechanism.parameters}, dict(mechanism.dry_friction)
+    ranges = {
+        name: (-values[bounds[name]], values[bounds[name]]) if name in bounds else (0.0, math.inf) for name in mechanism.bounded.names
+    }
+    return declared(mechanism, {name: rigid_law(one) for name, one in ranges.items()}, {}, mechanism.bounded)

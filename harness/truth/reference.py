@@ -306,6 +306,11 @@ class ChartKernel:
         return measure(scale, factor, (accelerations, radii, states.v, separate), rotating, float(ROUNDINGS))
 
 
+def moves(reference: Reference) -> Flags:
+    """(n,) whether there is an acceleration that is no rounding, as there is none of what sticks."""
+    return np.asarray(reference.lengths(reference.high) > UNIT_ROUNDOFF * reference.sensitivity)
+
+
 def _put(reference: Reference, places: Indices, part: Reference) -> None:
     """Replace the states at ``places``."""
     for name, values in vars(part).items():

@@ -35,7 +35,7 @@ from harness.programs.kernels import BallKernel, Float64Kernel
 from harness.programs.loops.encoding import encode
 from harness.programs.loops.interpreter import derivatives
 from harness.programs.mechanisms.kernel import Charts
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Mechanism, smooth
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, upper_triangle
 from harness.programs.states import States
@@ -405,7 +405,8 @@ def case(tree_mechanism: Mechanism, subject: Subject, cases: dict[tuple[str, boo
 def probe(case: Case, subject: Subject) -> Probe:
     library, mechanism = CALLED_HERE, case.mechanism
     file = read_model(library.model_path(mechanism.name, subject.format), subject.format)
-    return PROBES[subject](load_audited(Assignment(library, subject, mechanism, file)))
+    # An engine's own quantities have neither dry friction nor limits.
+    return PROBES[subject](load_audited(Assignment(library, subject, smooth(mechanism), file)))
 
 
 def test_inverse_dynamics_undo_forward_dynamics(case: Case, probe: Probe) -> None:

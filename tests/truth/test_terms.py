@@ -16,8 +16,9 @@ from catalogue import BUILT_IN, is_misread
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
 from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
+from harness.engines.interface import acting_as
 from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, compare_terms, coordinate_names
-from harness.files.model_file import parse_model, read_model
+from harness.files.model_file import read_model
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.expressions import assemble
 from harness.lagrange.system import System
@@ -57,7 +58,7 @@ def seed_of(name: str) -> int:
 
 def kernel_of(mechanism: Mechanism, subject: Subject) -> ReferenceKernel:
     """The kernel of the subject's own truth, which for soft constraints follows from its file."""
-    is_read = mechanism.constraints is not None and subject.format != EQUATIONS
+    is_read = (mechanism.constraints or mechanism.bounded) is not None and subject.format != EQUATIONS
     model = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format) if is_read else None
     return reference_kernel_of(Assignment(BUILT_IN, subject, mechanism, model))
 
@@ -66,9 +67,9 @@ def load(subject: Subject, mechanism: Mechanism, change: Callable[[str], str] = 
     """The subject's model of ``mechanism``, with its text changed."""
     engine = load_engine(BUILT_IN, subject.engine)
     if subject.format == EQUATIONS:
-        return engine.load(mechanism, mechanism.joints, mechanism.gravity)
-    file = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format)
-    return engine.load(parse_model(file.path, change(file.text), subject.format), mechanism.joints, mechanism.gravity)
+        return engine.load(Assignment(BUILT_IN, subject, mechanism, None).in_equations, mechanism.joints, mechanism.gravity)
+    file = acting_as(read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format), mechanism)
+    return engine.load(file.with_text(change(file.text)), mechanism.joints, mechanism.gravity)
 
 
 def judged(

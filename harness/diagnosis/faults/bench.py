@@ -41,7 +41,7 @@ from harness.explain.as_read import misread_by
 from harness.explain.changes import Change
 from harness.explain.columns import DIFFERENCE, beside_law, derivative, diagnostic_states, watch
 from harness.explain.pattern import NOTHING, UNDECIDED, infer
-from harness.files.model_file import ModelFile, parse_model, read_model
+from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -195,7 +195,7 @@ class FaultBench:
     def ask(self, text: str, through: Callable[[Any], Any] | None = None) -> Answer:
         """The outcome of the model with another text, and of readers that go ``through`` a function, at the states of a check."""
         try:
-            model = parse_model(self.model.path, text, self.model.format)
+            model = self.model.with_text(text)
         except InvalidModel as error:
             return Answer("validator", str(error), error.line)
         verdicts: dict[str, str] = {}

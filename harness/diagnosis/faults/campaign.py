@@ -28,7 +28,7 @@ from harness.explain.columns import watch
 from harness.explain.model_side import diagnose
 from harness.explain.result import TriedChange
 from harness.explain.search import EVALUATIONS, Limits
-from harness.files.model_file import ModelFile, parse_model
+from harness.files.model_file import ModelFile
 from harness.files.text.scan import TextPlace
 from harness.library import Library
 
@@ -158,7 +158,7 @@ class ModelCampaign:
         one = min(red, key=lambda one: one.engine.formats[0] != self.model.format)
         started = time.perf_counter()
         try:
-            wrong = parse_model(self.model.path, text, self.model.format)
+            wrong = self.model.with_text(text)
             states, reference = self.bench.diagnostic(one)
             engine = planted.through(one.engine) if planted.through else one.engine
             watched = watch(engine, self.bench.mechanism, wrong, states)
@@ -208,7 +208,7 @@ def _least(theory: float | None) -> float:
 
 def is_valid(model: ModelFile, text: str) -> bool:
     try:
-        parse_model(model.path, text, model.format)
+        model.with_text(text)
     except InvalidModel:
         return False
     return True

@@ -37,7 +37,6 @@ _NAME, _SCALAR, _VECTOR = Text(), Numbers(), Numbers(3)
 _NOT_NEGATIVE, _LIMIT = Numbers(check=not_negative), Numbers(check=not_negative, required=True)
 _AXIS = Numbers(3, check=unit)
 _MASS = Numbers(check=not_negative, required=True)
-_NO_FRICTION = Numbers(check=no_dry_friction)
 _POSE: Attributes = {
     "pos": _VECTOR,
     "quat": Numbers(4, check=not_zero),
@@ -56,7 +55,13 @@ _JOINT: Attributes = {
     "springref": _SCALAR,
     "ref": _SCALAR,
     "armature": _NOT_NEGATIVE,
-    "frictionloss": _NO_FRICTION,
+    "frictionloss": _NOT_NEGATIVE,
+    "solreffriction": Numbers(1, 2, check=one_sign),
+    "solimpfriction": Numbers(1, 5),
+    "limited": Choice(("true", "false", "auto")),
+    "range": Numbers(2),
+    "solreflimit": Numbers(1, 2, check=one_sign),
+    "solimplimit": Numbers(1, 5),
 }
 _TENDON: Attributes = {
     "class": _NAME,
@@ -64,7 +69,7 @@ _TENDON: Attributes = {
     "damping": Numbers(1, 3),
     "springlength": Numbers(1, 2),
     "armature": _NOT_NEGATIVE,
-    "frictionloss": _NO_FRICTION,
+    "frictionloss": Numbers(check=no_dry_friction),
 }
 _SOFTNESS: Attributes = {
     "class": _NAME,
@@ -164,7 +169,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
             "origin": {"xyz": _VECTOR, "rpy": _VECTOR},
             "axis": {"xyz": Numbers(3, required=True)},
             "limit": {"lower": _SCALAR, "upper": _SCALAR, "effort": _LIMIT, "velocity": _LIMIT},
-            "dynamics": {"damping": _NOT_NEGATIVE, "friction": _NO_FRICTION},
+            "dynamics": {"damping": _NOT_NEGATIVE, "friction": _NOT_NEGATIVE},
             "mimic": {"joint": Text(required=True), "multiplier": _SCALAR, "offset": _SCALAR},
         },
         "gazebo": {"springStiffness": {"": Numbers(required=True)}, "springReference": {"": Numbers(required=True)}},

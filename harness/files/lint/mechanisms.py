@@ -111,7 +111,7 @@ def _check_equalities(document: Document, reading: Meaning) -> None:
     elements = document.by_name(found)
     for element in found:
         _refuse_switched_off(document, element)
-    if not elements:
+    if not elements and not any(joint.friction_loss or joint.limits for joint in reading.tree.joints):
         _refuse_options(document)
     sites = {site.get("name"): site for site in document.root.iterfind("worldbody//site")}
     tendons = {tendon.get("name"): tendon for tendon in document.root.iterfind("tendon/*")}

@@ -20,7 +20,7 @@ from harness.arrays import Array
 from harness.errors import InvalidModel
 from harness.files.document.source import Numbers
 from harness.files.lint.formats import rules_at
-from harness.files.model_file import ModelFile, parse_model
+from harness.files.model_file import ModelFile
 
 _TAG = re.compile(
     r"<!--.*?-->|<\?.*?\?>|<!\[CDATA\[.*?\]\]>"
@@ -230,7 +230,7 @@ class Watch:
     def accelerations(self, text: str) -> Array | None:
         """The accelerations with another text; None where a reader refuses that."""
         try:
-            return self.answer(parse_model(self.model.path, text, self.model.format))
+            return self.answer(self.model.with_text(text))
         except (InvalidModel, ValueError):
             return None
 

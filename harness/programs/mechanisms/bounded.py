@@ -18,7 +18,16 @@ from fractions import Fraction
 
 from harness.programs.mechanisms.constraint_forces import solved, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
-from harness.programs.mechanisms.softened import CONSTANT, SHARE, STIFFNESS, UNBOUNDED, SoftenedProgram, Softness, number_of
+from harness.programs.mechanisms.softened import (
+    CONSTANT,
+    SHARE,
+    STIFFNESS,
+    UNBOUNDED,
+    SoftenedProgram,
+    Softness,
+    number_of,
+    share_and_constant,
+)
 from harness.programs.program import without_unused
 from harness.programs.terms import matrix, vector
 
@@ -37,7 +46,8 @@ def bounded_program(constraints: Constraints, laws: Mapping[str, Softness]) -> S
     tied = tied_equations(constraints, [name for name, _ in numbers], independent_only=False)
     builder, jacobian = tied.builder, tied.jacobian
     known = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
-    shares, constants = (vector(known[number_of(name, what, row)] for row, name in rows) for what in (SHARE, CONSTANT))
+    numbered = [share_and_constant(tied, known, laws[name], number_of(name, "", row)) for row, name in rows]
+    shares, constants = vector(share for share, _ in numbered), vector(constant for _, constant in numbered)
     stiffness, damping, compliance = (vector(known[number_of(name, what)] for _, name in rows) for what in (STIFFNESS, DAMPING, COMPLIANCE))
     wanted = vector(-(damping[row] * tied.rate[row] + stiffness[row] * tied.residual[row]) for row, _ in rows)
     *columns, free = solved(tied.mass, [*jacobian, tied.force])

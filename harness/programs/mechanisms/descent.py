@@ -18,7 +18,7 @@ from harness.arrays import Array
 from harness.programs.evaluation import values
 from harness.programs.mechanisms.cones import Cone, Zone, sliding_weights_at
 from harness.programs.mechanisms.mechanism import JACOBIAN
-from harness.programs.mechanisms.zones import Sides, Zones
+from harness.programs.mechanisms.zones import Ranges, Sides, Zones
 from harness.programs.program import StraightLineProgram
 from harness.programs.terms import symmetric
 
@@ -113,15 +113,15 @@ def _solved(matrix: Array, vector: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], dtype=np.float64)
 
 
-def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, found: Array, high: Array | None) -> Sides:
+def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, found: Array, ranges: Ranges | None) -> Sides:
     """The sides of all forces and contacts at the least of F, for inputs (number of inputs, n) and parameters (n, ...) of n states.
 
-    ``problem`` and ``high``: as of ``SoftenedProgram`` and of ``Zones.settle``.
+    ``problem`` and ``ranges``: as of ``SoftenedProgram`` and of ``Zones.settle``.
     """
     with np.errstate(all="ignore"):
         outputs = values(problem, inputs[: len(problem.inputs)])
     clamps, nv, rows = len(zones.clamps), len(outputs["force"]), len(outputs["weights"])
-    least, most = zones.bounds(found, high)
+    least, most = zones.bounds(found) if ranges is None else ranges
     low, beyond = np.full((len(found), rows), -np.inf), np.full((len(found), rows), np.inf)
     low[:, :clamps], beyond[:, :clamps] = least, most
     y = np.zeros((len(found), rows))

@@ -139,11 +139,14 @@ class MechanismKernel:
     def inputs(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         """Columns for the kernel, whole turns taken from large angles."""
         nq, nv = q.shape[1], v.shape[1]
-        values = () if self._parameters is not None else self._mechanism.parameter_values
-        columns = np.empty((nq + 2 * nv + 1 + len(values), len(q)))
+        own: Any = () if self._parameters is not None else np.reshape(self._mechanism.parameter_values, (-1, 1))
+        if self._mechanism.softened is not None:
+            # Which forces there are beside the smooth ones each state decides.
+            own = self._mechanism.parameters_at(States.at(q, v, tau, time)).T
+        columns = np.empty((nq + 2 * nv + 1 + len(own), len(q)))
         columns[:nq], columns[nq : nq + nv], columns[nq + nv : nq + 2 * nv] = q.T, v.T, tau.T
         columns[nq + 2 * nv] = 0.0 if time is None else time
-        columns[nq + 2 * nv + 1 :] = np.reshape(values, (-1, 1))
+        columns[nq + 2 * nv + 1 :] = own
         # In a sum with another angle a large one would round its digits away.
         if (np.abs(columns[:nq]) > LARGE_ANGLE).any():
             for place in self._turning:
@@ -153,7 +156,7 @@ class MechanismKernel:
 
     @cached_property
     def _parameters(self) -> tuple[float, ...] | None:
-        is_long = len(self._charts.programs[0].instructions) >= LEAST_WITH_PARAMETERS
+        is_long = self._mechanism.softened is None and len(self._charts.programs[0].instructions) >= LEAST_WITH_PARAMETERS
         return self._mechanism.parameter_values if is_long else None
 
     @cached_property

@@ -124,6 +124,9 @@ class Mechanism:
             rotation takes four numbers (w, x, y, z) of q and three of v.
         actuation: an ``Actuation``, what each state gives to actuators, whose forces are among the passive ones too; None without any.
         constraints: what ties the coordinates, whose forces are among the passive ones of the program; None for a tree.
+        bounded: the rows of dry friction and limits, which are no part of the program, whose names are those of constraints of a file;
+            None without any. dry_friction: the rows of friction, each with the parameter that bounds its force. left_out: the names of
+            those that ``smooth`` left out.
         softened: the rows of constraints that give, those of ``constraints`` first and then those that need not hold; None without.
         program: the equations of motion; see ``harness.programs.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
@@ -161,6 +164,9 @@ class Mechanism:
     energies_text: str = ""
     constraints: Constraints | None = None
     softened: Constraints | None = None
+    bounded: Constraints | None = None
+    dry_friction: tuple[tuple[str, str], ...] = ()
+    left_out: tuple[str, ...] = ()
     actuation: Any = None
 
     @property
@@ -214,7 +220,8 @@ class Mechanism:
         programs = tuple(program.key for program in (self.program, *self.other_charts, *self.charts_in_body))
         constraints = None if self.constraints is None else self.constraints.key
         actuation = None if self.actuation is None else self.actuation.key
-        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints, actuation
+        bounded = None if self.bounded is None else (self.bounded.key, self.dry_friction)
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints, bounded, actuation
 
     def float64(self) -> MechanismKernel:
         """The evaluator of accelerations, terms and derivatives in float64; what it compiles stays in the process."""
@@ -269,6 +276,8 @@ class Mechanism:
                 raise ValueError(fault)
         if self.constraints is not None:
             self.constraints.checked(nv)
+        if self.bounded is not None:
+            self.bounded.checked(nv)
         for program in (self.program, *self.other_charts, *self.charts_in_body):
             program.checked()
             sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
@@ -282,3 +291,9 @@ class Mechanism:
             if {name: len(indices) for name, indices in energies.outputs.items()} != expected or energies.inputs != program.inputs:
                 raise ValueError("an energy program does not fit its chart")
         return self
+
+
+def smooth(mechanism: Mechanism) -> Mechanism:
+    """The mechanism without dry friction and limits, of which quantities other than accelerations are asked."""
+    bounded = mechanism.bounded
+    return mechanism if bounded is None else replace(mechanism, bounded=None, dry_friction=(), left_out=bounded.names)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.programs.mechanisms.cones import sliding_weights
-from harness.programs.mechanisms.constraint_forces import solved, tied_equations
+from harness.programs.mechanisms.constraint_forces import Tied, solved, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.terms import Matrix, Term, Vector, matrix, vector
@@ -28,6 +28,8 @@ class Softness:
         friction, ratio: mu_j of a contact, and the ratio of impedances; () of all other constraints. Its R are those of its first row.
         is_round: whether its forces lie in an elliptic cone.
         sliding_damping: b of its rows across the normal [1/s]; None for that of the normal.
+        bound: the parameter that is the largest force of each row in either direction, of which the row's constant is a multiple; "" where
+            the constant is the force.
         compliance: R of each row [1/kg, or 1/(kg m^2)], in place of what impedance and inverse masses give; None for these.
     """
 
@@ -42,6 +44,7 @@ class Softness:
     is_round: bool = False
     sliding_damping: float | None = None
     compliance: float | None = None
+    bound: str = ""
 
     @property
     def has_range(self) -> bool:
@@ -122,7 +125,7 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
             slowed = known.get(number_of(name, SLIDING_DAMPING), damping) if place else damping
             wanted[row] = -((slowed * tied.rate[row] + back) + bias)
             if law.has_range:
-                shares[row], constants[row] = (known[number_of(name, what, row)] for what in (SHARE, CONSTANT))
+                shares[row], constants[row] = share_and_constant(tied, known, law, number_of(name, "", row))
                 ranged.append((name, row))
         if law.friction:
             friction = vector(known[number_of(f"{name} {number}", FRICTION)] for number in range(len(law.friction)))
@@ -162,6 +165,12 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
         list(blocks),
         without_unused(builder.program(asked)),
     )
+
+
+def share_and_constant(tied: Tied, known: Mapping[str, Term], law: Softness, row: str) -> tuple[Term, Term]:
+    """The share of a row with a range that counts, and the force that is there besides; ``row`` as of ``number_of`` with nothing."""
+    share, constant = (known[row + what] for what in (SHARE, CONSTANT))
+    return share, constant * tied.builder.inputs[tied.builder.names.index(law.bound)] if law.bound else constant
 
 
 def _of_cone(law: Softness, first: Term, friction: Vector, ratio: Term, count: int) -> Vector:

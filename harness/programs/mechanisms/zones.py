@@ -32,6 +32,8 @@ from harness.programs.program import StraightLineProgram
 from harness.storage import Kept
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
+# Least and largest forces, (n, clamps) each.
+Ranges = tuple[Array, Array]
 
 _BITS = 192
 # Exchanges of all that do not fit, then of the first alone, in float64; and of all with bounds.
@@ -52,6 +54,7 @@ class Clamp:
 
     ``bounds``: the parameters that say how often the lower and the upper bound count, and those that the bounds are, -1 for a bound of 0;
     () where the constant is the bound.
+    ``size``: the parameter that is the largest force in either direction, of which the constant is a multiple; -1 without.
     """
 
     share: int
@@ -59,6 +62,7 @@ class Clamp:
     low: float
     high: float
     bounds: tuple[int, ...] = ()
+    size: int = -1
 
     @property
     def own(self) -> tuple[int, ...]:
@@ -67,16 +71,21 @@ class Clamp:
 
     def least(self, found: Array) -> Array:
         """(n,) lower bounds in parameters of n states."""
+        if self.size >= 0:
+            return -found[:, self.size]
         return found[:, self.bounds[2]] if self.bounds and self.bounds[2] >= 0 else np.full(len(found), self.low)
 
     def most(self, found: Array) -> Array:
         """(n,) upper bounds."""
+        if self.size >= 0:
+            return found[:, self.size]
         return found[:, self.bounds[3]] if self.bounds and self.bounds[3] >= 0 else np.full(len(found), self.high)
 
     def put(self, found: Array, sides: Array, low: Array, high: Array) -> None:
         """Set a state's own parameters where it is below the range, inside or beyond, as ``sides`` (n,) say by -1, 0 and 1."""
         found[:, self.share] = sides == 0
-        found[:, self.constant] = 0.0 if self.bounds else np.where(sides == 0, 0.0, np.where(sides < 0, low, high))
+        unit = found[:, self.size] if self.size >= 0 else 1.0
+        found[:, self.constant] = 0.0 if self.bounds else np.where(sides == 0, 0.0, np.where(sides < 0, low, high) / unit)
         for column, is_beyond in zip(self.bounds[:2], (sides < 0, sides > 0), strict=False):
             if column >= 0:
                 found[:, column] = is_beyond
@@ -85,7 +94,7 @@ class Clamp:
         """(n,) the sides that ``put`` has set."""
         below, above = self.bounds[:2] or (-1, -1)
         if max(below, above) < 0:
-            is_above = found[:, self.constant] == high
+            is_above = found[:, self.constant] * (found[:, self.size] if self.size >= 0 else 1.0) == high
         else:
             is_above = found[:, above] == 1.0 if above >= 0 else found[:, below] != 1.0
         return np.where(found[:, self.share] == 1.0, 0.0, np.where(is_above, 1.0, -1.0))
@@ -138,15 +147,16 @@ class Zones:
         ends = list(itertools.accumulate((cone.size for cone in self.cones), initial=0))
         return [slice(*bounds) for bounds in itertools.pairwise(ends)]
 
-    def settle(self, known: Array, found: Array, high: Array | None = None, start: Sides | None = None) -> Array:
+    def settle(self, known: Array, found: Array, ranges: Ranges | None = None, start: Sides | None = None) -> Array:
         """Set share and constant of each force in the parameters ``found`` of each state, whose other inputs are ``known``.
 
-        ``high``, (n, clamps), are the largest forces where states have other ones; ``start`` is where the search begins, by default with
-        all forces inside their ranges. Shares are NaN where no side of some force is proved.
+        ``ranges`` are the least and the largest forces, (n, clamps) each, where states have other ones; ``start`` is where the search
+        begins, by default with all forces inside their ranges. Shares are NaN where no side of some force is proved.
         Returns what each force would be without its range, (n, clamps).
         """
-        low, high = self.bounds(found, high)
-        sides = self._guessed(known, found, low, high, self.sides(np.zeros(low.shape)) if start is None else start[:])
+        low, high = self.bounds(found) if ranges is None else ranges
+        start = self.sides(np.zeros(low.shape)) if start is None else start[:]
+        sides = self._guessed(known, found, low, high, replace(start, clamps=np.where(low == high, -1.0, start.clamps)))
         raw, is_proved = self._proved(known, found, low, high, sides)
         self._put(found, low, high, sides)
         found[:, self._shares] = np.where(is_proved[:, None], found[:, self._shares], np.nan)
@@ -162,9 +172,9 @@ class Zones:
                     cones[state, number] = cone.zone(found[state], y[state, part].tolist(), math.sqrt) or Zone.PARTS
         return Sides(clamps, cones, towards.copy(), np.zeros_like(towards))
 
-    def across(self, known: Array, found: Array, unit_roundoff: float, high: Array | None = None) -> Array:
+    def across(self, known: Array, found: Array, unit_roundoff: float, ranges: Ranges | None = None) -> Array:
         """Parameters that ``settle`` has set, with those forces on the other side of a bound that rounding may lead across it."""
-        low, high = self.bounds(found, high)
+        low, high = self.bounds(found) if ranges is None else ranges
         raw, reach = self.reach(known, found, unit_roundoff)
         own, y, count = raw[:, : len(self.clamps)], raw[:, len(self.clamps) :], len(self.clamps)
         sides = np.zeros(low.shape)
@@ -191,12 +201,12 @@ class Zones:
         [raw], [spread] = (list(rows.values()) for rows in values_and_spread(self.program, inputs, np.abs(inputs)))
         return raw.T, _ROUNDINGS * unit_roundoff * spread.T
 
-    def bounds(self, found: Array, high: Array | None) -> tuple[Array, Array]:
-        """The least and the largest force of each range, (n, clamps) each; ``high`` as of ``settle``."""
-        low, own = (np.zeros((len(found), len(self.clamps))) for _ in range(2))
+    def bounds(self, found: Array) -> Ranges:
+        """The least and the largest force of each range, (n, clamps) each."""
+        low, high = (np.zeros((len(found), len(self.clamps))) for _ in range(2))
         for place, clamp in enumerate(self.clamps):
-            low[:, place], own[:, place] = clamp.least(found), clamp.most(found)
-        return low, own if high is None else high
+            low[:, place], high[:, place] = clamp.least(found), clamp.most(found)
+        return low, high
 
     def _inputs(self, known: Array, found: Array) -> Array:
         """(inputs, n)."""
@@ -226,6 +236,7 @@ class Zones:
             (raw,) = values(self.program, self._inputs(known[left], part)).values()
             own, cones = raw.T[:, :count], self.sides(before.clamps, raw.T[:, count:], part)
             fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
+            fitting = np.where(low[left] == high[left], -1.0, fitting)
             if self.paired:
                 bounds = np.where(before.clamps < 0, low[left], high[left])
                 is_at = np.abs(own - bounds) <= _AT_BOUND * np.abs(own).max(axis=1, keepdims=True)
@@ -257,7 +268,9 @@ class Zones:
                     self._put(part := found[at].copy(), low[at], high[at], sides[at])
                     balls = evaluate(*self._inputs(known[at], part)[:, 0].tolist())
                     own, ranges = sides.clamps[state], zip(balls, bounds, strict=False)
-                    fitting = np.array([-1.0 if ball < least else 1.0 if ball > most else 0.0 for ball, (least, most) in ranges])
+                    # A range of one force leaves nothing to be found.
+                    fits = (-1.0 if least == most or ball < least else 1.0 if ball > most else 0.0 for ball, (least, most) in ranges)
+                    fitting = np.array(list(fits))
                     if self.paired:
                         is_at = [any(ball.overlaps(flint.arb(one)) for one in pair) for ball, pair in zip(balls, bounds, strict=False)]
                         fitting = self._one_of_two(fitting, own, np.array(is_at))

@@ -142,10 +142,10 @@ class AccelerationTruth(Truth):
             return states
         # Imported late: a tree needs nothing of it.
         from harness.truth.declared import DeclaredMechanism
-        from harness.truth.displaced import opened
+        from harness.truth.displaced import opened, pressed
 
         assert isinstance(self.mechanism, DeclaredMechanism)
-        return opened(self.mechanism, states, share)
+        return (opened if self.mechanism.bounded is None else pressed)(self.mechanism, states, share)
 
     def evaluate(self, states: States) -> Reference:
         """See ``Truth``."""
@@ -187,7 +187,13 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
     mechanism, far_links = basis.mechanism, None
     if basis.is_about_tree and isinstance(mechanism, RobotMechanism):
         far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
-    rigid = AccelerationTruth(mechanism, *about, far_links=far_links)
+    held = mechanism
+    if mechanism.bounded is not None:
+        # Imported late: a smooth mechanism needs nothing of it.
+        from harness.truth.optimum import held_rigid
+
+        held = held_rigid(mechanism)
+    rigid = AccelerationTruth(held, *about, far_links=far_links)
     return rigid if basis.softened is None else AccelerationTruth(basis.softened(basis.mechanism), *about, rigid)
 
 

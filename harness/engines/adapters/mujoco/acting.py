@@ -5,7 +5,7 @@ Source: MuJoCo documentation, API reference, ``mjModel`` and ``mjOption``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -25,7 +25,7 @@ def let_act(model: Any, places: Mapping[str, Any], held: Held) -> None:
     """
     _switch_on(model, held.kinds, held.switched_on)
     drive(model, held.actuators)
-    _rub_and_limit(model, places, held)
+    rub_and_limit(model, places, held.rubbing, held.limited)
     if held.solver is not None:
         _solve_by(model, held.solver)
 
@@ -49,13 +49,26 @@ def drive(model: Any, numbers: Sequence[int]) -> None:
     model.opt.disableactuator = 1 << 1
 
 
-def _rub_and_limit(model: Any, places: Mapping[str, Any], held: Held) -> None:
+def stages_of(acting: Collection[str]) -> set[str]:
+    """The stages of MuJoCo's constraints that dry friction and limits of these names need, as of ``harness.files.equalities``."""
+    return {"frictionloss" if name.startswith("dry friction") else "limit" for name in acting}
+
+
+def rub_and_limit_alone(model: Any, joints: Collection[str], acting: Collection[str]) -> None:
+    """The same of joints, by the names of what acts, as "dry friction of joint elbow"."""
+    places = {name: model.joint(name) for name in joints}
+    owners = {stage: {name.partition(" of ")[2] for name in acting if stages_of([name]) == {stage}} for stage in ("frictionloss", "limit")}
+    rub_and_limit(model, places, owners["frictionloss"], owners["limit"])
+
+
+def rub_and_limit(model: Any, places: Mapping[str, Any], rubbing: Collection[str], limited: Collection[str]) -> None:
+    """Let rub and limit those alone that are named, as "joint elbow" or "tendon left"."""
     own = {joint.id: f"joint {name}" for name, joint in places.items()}
     tendons = [f"tendon {model.tendon(number).name or f'(tendon {number + 1})'}" for number in range(model.ntendon)]
-    model.dof_frictionloss[[own.get(joint) not in held.rubbing for joint in model.dof_jntid]] = 0.0
-    model.jnt_limited[[own.get(joint) not in held.limited for joint in range(model.njnt)]] = 0
-    model.tendon_frictionloss[[one not in held.rubbing for one in tendons]] = 0.0
-    model.tendon_limited[[one not in held.limited for one in tendons]] = 0
+    model.dof_frictionloss[[own.get(joint) not in rubbing for joint in model.dof_jntid]] = 0.0
+    model.jnt_limited[[own.get(joint) not in limited for joint in range(model.njnt)]] = 0
+    model.tendon_frictionloss[[one not in rubbing for one in tendons]] = 0.0
+    model.tendon_limited[[one not in limited for one in tendons]] = 0
 
 
 def _solve_by(model: Any, solver: SolverSettings) -> None:

@@ -16,13 +16,11 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms
 from harness.engines.adapters.mujoco import quantities, urdf, versions
+from harness.engines.adapters.mujoco.acting import rub_and_limit_alone
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.interface import NotOffered
 from harness.files.model_file import ModelFile
 from harness.files.tree import SensorKind
-
-# Of a solver that goes to the end: Newton's method needs two or three.
-_MOST_ITERATIONS = 100
 
 
 def load(file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
@@ -30,11 +28,13 @@ def load(file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
     # The default handler writes a log file into the current directory.
     mujoco.set_mju_user_warning(lambda message: None)
     if file.format == "urdf":
-        compiled, building = urdf.read(file, gravity, joints)
-        return MujocoModel(compiled, joints, building)
-    model = versions.read_mjcf(file)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    return MujocoModel(model, joints)
+        model, building = urdf.read(file, gravity, joints)
+    else:
+        model, building = versions.read_mjcf(file), None
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    if model.dof_frictionloss.any() or model.jnt_limited.any():
+        rub_and_limit_alone(model, joints, file.acting)
+    return MujocoModel(model, joints, building)
 
 
 class MujocoModel(MujocoQuantities):
@@ -84,7 +84,7 @@ class MujocoModel(MujocoQuantities):
         self._batch.bind("qpos")[:, positions] = q
         self._batch.bind("qvel")[:, velocities] = v
         self._batch.bind("qfrc_applied")[:, velocities] = tau
-        if self.model.neq:
+        if not self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONSTRAINT:
             # A solver that starts from the last answer would make this one depend on it.
             self._batch.bind("qacc_warmstart")[:] = 0.0
         accelerations = self._batch.bind("qacc")
@@ -149,8 +149,8 @@ class MujocoModel(MujocoQuantities):
         """See ``harness.engines.interface``."""
         other = copy.copy(self)
         other.model, other._batch = copy.copy(self.model), None
-        other.model.opt.tolerance, other.model.opt.iterations = tolerance, _MOST_ITERATIONS
-        return other, f'<option iterations="{_MOST_ITERATIONS}" tolerance="{tolerance:.2g}"/>'
+        other.model.opt.tolerance, other.model.opt.iterations = tolerance, urdf.MOST_ITERATIONS
+        return other, f'<option iterations="{urdf.MOST_ITERATIONS}" tolerance="{tolerance:.2g}"/>'
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons

@@ -22,6 +22,7 @@ from lxml import etree
 
 from harness.arrays import Array
 from harness.engines import Unsupported
+from harness.engines.adapters.mujoco.acting import stages_of
 from harness.engines.adapters.mujoco.versions import coefficients, compiling, stages_off
 from harness.engines.reading import carriers, is_displaced, parent_of
 from harness.files.document.xml import Document, describe, literal_tag
@@ -31,6 +32,8 @@ from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ForceElement, JointSpring, ModelFile, PointSpring, document_of
 
+# Of a solver that goes to the end: Newton's method needs two or three.
+MOST_ITERATIONS = 100
 # mjEPS: the principal inertia below which MuJoCo refuses the six numbers of an inertia matrix, though not the three principal ones.
 LEAST_OF_SIX = 1e-14
 # A principal inertia is zero where it is no more than the rounding of the largest.
@@ -102,8 +105,11 @@ def _ignored(root: etree._Element, joints: Collection[str]) -> Iterator[tuple[et
 
 def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> tuple[list[str], list[str]]:
     """Statements that change the spec ``s``, and those that then write masses and inertias back into the model ``m``."""
-    # What is left of the constraints are those of the file.
-    edits = [_set("s.option", {"gravity": [0.0, 0.0, -gravity], "disableflags": stages_off(bool(file.constraints))})]
+    # What is left of the constraints are those of the file, and the friction and limits that are to act.
+    off = stages_off(bool(file.constraints or file.acting), stages_of(file.acting))
+    # A URDF says nothing of the solver, and by its default tolerance MuJoCo leaves small forces at rest as they are.
+    to_the_end = {"iterations": MOST_ITERATIONS, "tolerance": 0.0} if file.acting else {}
+    edits = [_set("s.option", {"gravity": [0.0, 0.0, -gravity], "disableflags": off, **to_the_end})]
     root_of_ball = None
     if file.ball_joint is not None:
         (joint,) = (element for element in document.root.iterchildren("*") if literal_tag(element) == "drake:joint")
@@ -117,7 +123,7 @@ def _changes(spec: Any, file: ModelFile, document: Document, gravity: float) -> 
             edits += [_set(f"s.body({body.name!r})", compiled)] if compiled else []
             written_back |= {body.name: [f"m.body({body.name!r}).{part} = {_text(value)}" for part, value in own.items()]} if own else {}
     fixed_to = {joint.find("parent").get("link") for joint in document.root.iterfind("joint[@type='fixed']")}
-    if file.constraints or fixed_to & set(written_back):
+    if file.constraints or file.acting or fixed_to & set(written_back):
         # Links fused into such a body would be indistinguishable from it, and constraints are scaled by what each link weighs.
         edits.append(_set("s.compiler", {"fusestatic": False}))
     for joint in file.armatures:
