@@ -30,6 +30,7 @@ def campaign(path: Path, settings: CampaignSettings = SETTINGS) -> list[Fault]:
     return list(FileCampaign(path, settings).faults(lambda _: None))
 
 
+@pytest.mark.ci
 def test_faults_of_actuators_and_equalities_are_red_and_named_first_with_the_right_number() -> None:
     faults = campaign(DRIVEN)
     kinds = {"gear", "ctrlrange", "kp", "kv", "dampratio", "forcerange", "actrange", "actuatorfrcrange", "polycoef", "solref", "solimp"}
