@@ -27,7 +27,7 @@ from harness.programs.states import States
 from harness.storage import Kept
 from harness.truth.blocks import BIAS, INVERSE_DYNAMICS, MASS_MATRIX, EquationValues
 from harness.truth.compare import Comparison, Flags, compare
-from harness.truth.quantities.accelerations import reference_kernel
+from harness.truth.quantities.accelerations import reference_kernel, with_bounds
 from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.truth.reference import Reference
 
@@ -182,7 +182,7 @@ class LoadedSystem(DescribedSystem):
             >>> bool((truth.error_bound < 1e-15).all())
             True
         """
-        reference = reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau))
+        reference = reference_kernel(with_bounds(self.mechanism), False).evaluate(_states(self.mechanism, q, v, tau))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
     def derivatives(self, q: Any, v: Any, tau: Any = None) -> Derivatives:
@@ -283,7 +283,9 @@ class LoadedSystem(DescribedSystem):
                 0  disagrees        3.51e+08        1.13e-07
         """
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
-        return compare(reference_kernel(self.mechanism, False).evaluate(_states(self.mechanism, q, v, tau)), answers, factorises)
+        return compare(
+            reference_kernel(with_bounds(self.mechanism), False).evaluate(_states(self.mechanism, q, v, tau)), answers, factorises
+        )
 
 
 def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:

@@ -25,7 +25,7 @@ from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism
 from harness.truth.compare import Certified, Comparison, Flags, compare
 from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
-from harness.truth.quantities.accelerations import AccelerationTruth
+from harness.truth.quantities.accelerations import AccelerationTruth, with_bounds
 from harness.truth.reference import ReferenceKernel
 from harness.verdict import Verdict
 
@@ -97,13 +97,7 @@ class Assignment:
     @property
     def in_equations(self) -> Mechanism:
         """The mechanism that an engine of equations is handed, with rigid dry friction and limits."""
-        mechanism = self.as_read.mechanism
-        if mechanism.bounded is None:
-            return mechanism
-        # Imported late: a smooth mechanism needs nothing of it.
-        from harness.truth.optimum import held_rigid
-
-        return held_rigid(mechanism)
+        return with_bounds(self.as_read.mechanism)
 
     @property
     def file_as_read(self) -> FileAsRead:

@@ -61,6 +61,8 @@ def _rows(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
         yield "parameters", ", ".join(_value(*parameter) for parameter in mechanism.parameters)
     if mechanism.constraints is not None:
         yield "constraints", ", ".join(mechanism.constraints.names)
+    if mechanism.bounded is not None:
+        yield "not smooth", ", ".join(mechanism.bounded.names)
     size = f"{mechanism.program.operations:,} operations"
     if not mechanism.energy_programs:
         yield "equations", f"a program of {size}, by recursion over the bodies of the file"

@@ -13,9 +13,11 @@ import sympy as sp
 from catalogue import BUILT_IN, CALLED_HERE
 from sympy.physics.mechanics import dynamicsymbols
 
+import harness
 from harness import TIME, System
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited
+from harness.diagnosis.faults.bench import FaultBench
 from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject
 from harness.errors import InvalidModel
@@ -107,6 +109,21 @@ def test_a_wrong_number_of_friction_or_of_a_stop_is_red_and_named(name: str) -> 
     found = diagnose_subject(assignment, Scope(seed=1, evaluations=400), lambda stage: None).model
     assert found is not None and found.finding == Finding.EXPLAINED and found.first is not None
     assert value in found.first_line and old.split("=")[0] in found.first_line
+
+
+def test_faults_are_planted_in_a_model_with_dry_friction() -> None:
+    bench = FaultBench(CALLED_HERE, "dry_pendulum", "mjcf", 8, 0)
+    assert {str(one.subject) for one in bench.readers} == {"mujoco/mjcf", "pinocchio/mjcf"} and bench.others["lagrange"] == "agrees"
+    found = bench.ask(bench.model.text.replace('frictionloss="6.5"', 'frictionloss="6.4"'))
+    assert found.verdicts == {"mujoco/mjcf": "disagrees", "pinocchio/mjcf": "agrees"}
+
+
+def test_python_and_show_have_dry_friction_and_limits() -> None:
+    dry, limited = harness.load("dry_pendulum"), harness.load("limited_pendulum")
+    assert abs(dry.accelerations([0.1], [0.0]).value[0, 0]) < EXACT and dry.accelerations([0.1], [1.0]).value[0, 0] < -4
+    assert abs(limited.accelerations([0.0], [0.0], [-1.0]).value[0, 0]) < EXACT
+    assert dry.compare([0.1], [0.0], [0.0]).verdicts.tolist() == ["agrees"]
+    assert "dry friction of joint pin" in str(dry) and "upper limit of joint pin" in str(limited)
 
 
 def test_what_an_engine_applies_none_of_is_explained_by_what_it_documents() -> None:

@@ -35,7 +35,7 @@ from harness.engines import (
     select_subjects,
     subjects_beside,
 )
-from harness.engines.interface import audit
+from harness.engines.interface import acting_as, audit
 from harness.errors import InvalidInput, InvalidModel, not_installed
 from harness.explain.as_read import misread_by
 from harness.explain.changes import Change
@@ -94,7 +94,7 @@ class FaultBench:
     def __init__(self, library: Library, name: str, model_format: str, states: int, seed: int, subjects: Sequence[str] = ()) -> None:
         self._library, self._name = library, name
         self.mechanism: Mechanism = load_mechanism(library, name)
-        self.model = read_model(library.model_path(name, model_format), model_format)
+        self.model = acting_as(read_model(library.model_path(name, model_format), model_format), self.mechanism)
         self._sample = {False: sample(self.mechanism, states, seed), True: diagnostic_states(self.mechanism, seed)}
         self._asked: dict[tuple[Subject, bool], States] = {}
         self._expected = load_expectations(library)
@@ -139,7 +139,7 @@ class FaultBench:
         if model is None and subject.format != EQUATIONS:
             try:
                 # A family's writer may make it where there is no file.
-                model = read_model(self._library.model_path(self._name, subject.format), subject.format)
+                model = acting_as(read_model(self._library.model_path(self._name, subject.format), subject.format), self.mechanism)
             except InvalidModel:
                 return ""
         if model is not None and misread_by(model, self.mechanism.gravity, subject.engine, self._library)[1].applied:
@@ -148,7 +148,8 @@ class FaultBench:
         try:
             law, states = partial(self._moved_by_law, subject), self._states(subject, model)
             watched = watch(engine, self.mechanism, self.model, states, declared=law) if model is self.model else None
-            answers = watched.healthy if watched else accelerations(self._load(engine, model or self.mechanism), states)
+            source = model or Assignment(self._library, subject, self.mechanism, None).in_equations
+            answers = watched.healthy if watched else accelerations(self._load(engine, source), states)
         except Unsupported as reason:
             return f"{subject}: {reason}"
         except ValueError as error:

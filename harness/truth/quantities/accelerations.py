@@ -177,6 +177,16 @@ class AccelerationTruth(Truth):
         return self.mechanism if self.rigid is None else self.rigid.mechanism
 
 
+def with_bounds(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with rigid dry friction and limits, where it has some."""
+    if mechanism.bounded is None:
+        return mechanism
+    # Imported late: a smooth mechanism needs nothing of it.
+    from harness.truth.optimum import held_rigid
+
+    return held_rigid(mechanism)
+
+
 def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
     """The certified kernel of a mechanism's own equations, compiled once per process."""
     return AccelerationTruth(mechanism, linear_velocity_in_body and bool(mechanism.charts_in_body)).kernel
@@ -187,13 +197,7 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
     mechanism, far_links = basis.mechanism, None
     if basis.is_about_tree and isinstance(mechanism, RobotMechanism):
         far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
-    held = mechanism
-    if mechanism.bounded is not None:
-        # Imported late: a smooth mechanism needs nothing of it.
-        from harness.truth.optimum import held_rigid
-
-        held = held_rigid(mechanism)
-    rigid = AccelerationTruth(held, *about, far_links=far_links)
+    rigid = AccelerationTruth(with_bounds(mechanism), *about, far_links=far_links)
     return rigid if basis.softened is None else AccelerationTruth(basis.softened(basis.mechanism), *about, rigid)
 
 
