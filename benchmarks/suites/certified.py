@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import tempfile
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -29,6 +30,8 @@ ROWS_OF_LOOPS, MOST_EXPONENT = (2, 5, 10), 3.0
 # reference work costs 1.6.
 ARMS_OF_A_TRUNK, FEWEST_INSTRUCTIONS, OF_WORK = 7, 30_000, 1.2
 DIGITS = 50
+# A humanoid of 27 velocities with 42 rows of limits, of which 21 act at each state, in calls of mj_forward at its file's defaults.
+OF_FORWARD, LIMITED_STATES = 90.0, 256
 
 
 def benchmarks() -> Iterator[Benchmark]:
@@ -43,6 +46,8 @@ def benchmarks() -> Iterator[Benchmark]:
     yield Benchmark("certified/derivatives/arm_7r", derivatives, "accelerations in balls", DERIVATIVES_OF_BALLS)
     for loop, tree in LOOPS.items():
         yield Benchmark(f"certified/closed loops/{loop}", partial(of_a_tree, loop, tree), tree, OF_A_TREE)
+    if importlib.util.find_spec("dm_control"):
+        yield Benchmark("certified/limits/humanoid", of_forward, "mj_forward in a loop", OF_FORWARD, rounds=5)
     yield Benchmark("certified/growth with loops", growth, "", MOST_EXPONENT, rounds=5, unit="(exponent of bodies)")
     yield Benchmark("certified/30,000 instructions", large_program, REFERENCE_WORK, OF_WORK)
 
@@ -74,6 +79,42 @@ def of_aba(name: str) -> tuple[Measure, Measure]:
     _, kernel, states = _kernel(name, MANY)
     _, _, model, rows = with_pinocchio(name)
     return cpu(lambda: kernel.evaluate(states), MANY), cpu(in_a_loop("aba", model, rows), MANY)
+
+
+def of_forward() -> tuple[Measure, Measure]:
+    """The optimum that MuJoCo documents for the limits of dm_control's humanoid, at states beyond the limits of all its joints."""
+    import mujoco
+
+    from harness.comparison.robot_library import engine_of
+    from harness.explain.changes.readings import element_at
+    from harness.files.equalities import limits_of
+    from harness.trees.mechanism import mechanism_of
+    from harness.trees.robot import read_robot
+    from harness.truth.optimum import optimum
+    from harness.truth.reference import ReferenceKernel
+    from harness.truth.sampling import generic_sample
+
+    spec = importlib.util.find_spec("dm_control")
+    assert spec is not None and spec.submodule_search_locations is not None
+    robot, engine = read_robot(path := Path(spec.submodule_search_locations[0]) / "suite" / "humanoid.xml"), engine_of("mujoco")
+    root, limits = element_at(robot.tree.place), limits_of(robot.tree)
+    tree = mechanism_of(robot)
+    mechanism = optimum(tree, robot, limits, engine.laws(root, robot.format, limits), engine.fuses(root, robot.format))
+    states, model = generic_sample(tree, LIMITED_STATES, seed=0), mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    random = np.random.default_rng(0)
+    for joint in np.flatnonzero(model.jnt_limited):
+        low, high = model.jnt_range[joint]
+        beyond = random.uniform(0.0, (high - low) / 2, LIMITED_STATES)
+        states.q[:, model.jnt_qposadr[joint]] = np.where(random.random(LIMITED_STATES) < 0.5, low - beyond, high + beyond)
+    kernel, data = ReferenceKernel(mechanism), mujoco.MjData(model)
+
+    def forward() -> None:
+        for q, v, tau in zip(states.q, states.v, states.tau, strict=True):
+            data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, v, tau
+            mujoco.mj_forward(model, data)
+
+    return cpu(lambda: kernel.evaluate(states), LIMITED_STATES), cpu(forward, LIMITED_STATES)
 
 
 def of_mpmath(name: str) -> tuple[Measure, Measure]:

@@ -20,6 +20,7 @@ from harness.arrays import Array
 from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
+from harness.programs.loops.interpreter import bounded_outputs
 from harness.programs.mechanisms.cones import Cone
 from harness.programs.mechanisms.descent import sides_at_least
 from harness.programs.mechanisms.mechanism import RATE, RESIDUAL, Constraints, Mechanism
@@ -94,8 +95,8 @@ class DeclaredMechanism(Mechanism):
                             if law.stiffness_ahead is not None and residual[self._rows[name][0]] >= 0:
                                 found[state, columns[number_of(name, STIFFNESS)]] = law.stiffness_ahead
                         elif not law.pushes_alone or residual[self._rows[name][0]] < 0:
-                            for number, value in self._numbers(name, law, residual, found[state], columns):
-                                found[state, columns[number]] = value
+                            for column, value in self._numbers(name, law, residual, found[state]):
+                                found[state, column] = value
             if self.pushing:
                 self._settle_pushing(states, np.array(residuals), found)
                 return found
@@ -134,7 +135,8 @@ class DeclaredMechanism(Mechanism):
             [states_at] = np.nonzero(is_at[:, row])
             if len(states_at):
                 _, reach = self.zones.reach(states.known[states_at], found[states_at], UNIT_ROUNDOFF)
-                found[states_at[raw[states_at, place] > reach[:, place]], self.zones.clamps[place].share] = np.nan
+                pushes = (raw[states_at, place] > reach[:, place]) | ~np.isfinite(reach[:, place])
+                found[states_at[pushes], self.zones.clamps[place].share] = np.nan
 
     def _ranges(self, zones: Zones, states: States, found: Array, residuals: Array) -> Ranges:
         """The least and the largest forces, 0 of a row that pushes alone and is not there.
@@ -178,9 +180,27 @@ class DeclaredMechanism(Mechanism):
     def _inputs_of_residuals(self, states: States, parameters: Array) -> Array:
         return self.inputs(states, parameters)[: len(self._residual_program.inputs)]
 
-    def _numbers(
-        self, name: str, law: ConstraintLaw, residual: Sequence[float], own: Array, columns: Mapping[str, int]
-    ) -> list[tuple[str, float]]:
+    @functools.cached_property
+    def _columns_of_laws(self) -> dict[str, tuple[int, int, list[tuple[int, int, int | None]]]]:
+        """Of each law the numbers of its impedance and the rest of that, and of each row's distance, slope and inverse mass."""
+        known = {name: column for column, (name, _, _) in enumerate(self.parameters)}
+        return {
+            name: (
+                known[number_of(name, IMPEDANCE)],
+                known[number_of(name, REST)],
+                [
+                    (
+                        known[number_of(name, DISTANCE, row)],
+                        known[number_of(name, SLOPE, row)],
+                        known.get(number_of(name, INVERSE_MASS, row)),
+                    )
+                    for row in rows
+                ],
+            )
+            for name, rows in self._rows.items()
+        }
+
+    def _numbers(self, name: str, law: ConstraintLaw, residual: Sequence[float], own: Array) -> list[tuple[int, float]]:
         """The numbers of one law where the rows of all constraints leave ``residual``; ``own`` are the parameters before."""
         import flint
 
@@ -189,15 +209,15 @@ class DeclaredMechanism(Mechanism):
         measured = rows[:1] if law.is_contact else rows
         distance = sum((flint.arb(residual[row]) ** 2 for row in measured), flint.arb(0)).sqrt()
         impedance, slope = _linear(law.impedance, distance)
-        rounded = float(impedance.mid())
-        found = [(number_of(name, IMPEDANCE), rounded), (number_of(name, REST), float((impedance - rounded).mid()))]
-        for place, row in enumerate(rows):
+        rounded, (of_impedance, of_rest, of_rows) = float(impedance.mid()), self._columns_of_laws[name]
+        found = [(of_impedance, rounded), (of_rest, float((impedance - rounded).mid()))]
+        for place, (row, (of_distance, of_slope, number)) in enumerate(zip(rows, of_rows, strict=True)):
             # At distance 0 no direction is another's: the first stands for all.
             share = flint.arb(residual[row]) / distance if distance != 0 else flint.arb(place == 0)
             share = share if row in measured else flint.arb(0)
-            found += [(number_of(name, DISTANCE, row), residual[row]), (number_of(name, SLOPE, row), float((slope * share).mid()))]
-            if (number := number_of(name, INVERSE_MASS, row)) in columns:
-                found.append((number, max(float(own[columns[number]]), _least(law, rounded))))
+            found += [(of_distance, residual[row]), (of_slope, float((slope * share).mid()))]
+            if number is not None:
+                found.append((number, max(float(own[number]), _least(law, rounded))))
         return found
 
     @functools.cached_property
@@ -212,9 +232,24 @@ class DeclaredMechanism(Mechanism):
 
     def _residuals(self, states: States, parameters: Array) -> list[list[float]]:
         """What the rows leave at each state, the nearest float64 numbers."""
-        program = self._residual_program
-        evaluate = _ROWS.get(program.key, lambda: BallKernel(program, 0)).bind([])
-        return [[float(value.mid()) for value in evaluate(*row)] for row in self._inputs_of_residuals(states, parameters).T.tolist()]
+        program, inputs = self._residual_program, self._inputs_of_residuals(states, parameters)
+        by_loops = bounded_outputs(program, inputs)
+        found = np.full((inputs.shape[1], len(program.outputs[RESIDUAL])), np.nan) if by_loops is None else by_loops.high.copy()
+        left = np.arange(len(found)) if by_loops is None else np.flatnonzero(~by_loops.is_nearest.all(axis=1))
+        if len(left):
+            evaluate = _ROWS.get(program.key, lambda: BallKernel(program, 0)).bind([])
+            found[left] = [[float(value.mid()) for value in evaluate(*row)] for row in inputs[:, left].T.tolist()]
+        return [row.tolist() for row in found]
+
+
+def lost(mechanism: DeclaredMechanism) -> float:
+    """Of the squared unit roundoff times sensitivity, what each state's own numbers lose as sums of two float64 numbers.
+
+    A varying impedance is rounded, and is linear within half an ulp of the distance: its slope is rounded too, and its second derivative
+    left out, which are powers p and p (p - 1) of the larger impedance at most.
+    """
+    varying = [law.impedance for _, law in mechanism.laws if law.impedance.least != law.impedance.most]
+    return max((1 + (d.power + d.power**2 / 2) * max(d.least, d.most) / min(d.least, d.most) for d in varying), default=0.0)
 
 
 _ROWS: Kept[BallKernel] = Kept(64)
@@ -229,7 +264,9 @@ def _linear(impedance: Impedance, distance: Any) -> tuple[Any, Any]:
     """An impedance and its derivative at a distance, ``arb`` each; where it has a kink the larger derivative."""
     import flint
 
-    least, most, width, midpoint, power = map(flint.arb, (getattr(impedance, field.name) for field in fields(impedance)))
+    least, most, width, midpoint, power = map(
+        flint.arb, (impedance.least, impedance.most, impedance.width, impedance.midpoint, impedance.power)
+    )
     if impedance.is_constant:
         return (least + most) / 2, flint.arb(0)
     x = distance / width

@@ -22,7 +22,7 @@ import numpy as np
 from harness.arrays import Array, Indices, Rows
 from harness.programs.kernels import BallKernel
 from harness.programs.loops.encoding import EncodedProgram, encode_program
-from harness.programs.loops.interpreter import by_state, in_lanes, loop
+from harness.programs.loops.interpreter import Bounded, by_state, in_lanes, loop
 from harness.programs.mechanisms.mechanism import JACOBIAN, RESIDUAL, Mechanism
 from harness.programs.numbers import LANES
 from harness.programs.states import States
@@ -46,12 +46,7 @@ class Enclosed(Rows):
     @property
     def rounded(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) whether ``high`` is proved to be the float64 number nearest to each of the numbers."""
-        # Half the gap to the next number towards zero, which is never the wider one.
-        half = np.spacing(np.nextafter(np.abs(self.high), 0.0)) / 2
-        exact = np.isfinite(self.high) & (self.low == 0) & (self.bound == 0)
-        with np.errstate(all="ignore"):
-            near = (np.abs(self.low) + self.bound) * (1 + 1e-10) < half
-        return np.asarray(self.proved & (near | exact).all(axis=1))
+        return np.asarray(self.proved & Bounded(self.high, self.low, self.bound).is_nearest.all(axis=1))
 
 
 class Configurations:

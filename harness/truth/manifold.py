@@ -14,9 +14,10 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.programs.evaluation import values, values_and_spread
+from harness.programs.loops.interpreter import bounded_outputs
 from harness.programs.mechanisms.mechanism import JACOBIAN, RATE, RESIDUAL, Constraints, Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
-from harness.programs.program import OUTPUTS, right_hand_side, without_unused
+from harness.programs.program import OUTPUTS, StraightLineProgram, right_hand_side, without_unused
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.truth.compare import Flags
@@ -225,10 +226,15 @@ def rank_condition(constraints: Constraints, inputs: Array, norm_factor: Array) 
         return np.where(usable, (sizes[:, 0] / sizes[:, -1]) ** 2, np.inf)
 
 
+_FORCES: Kept[StraightLineProgram] = Kept(64)
+
+
 def free_size(constraints: Constraints, inputs: Array, applied: Array, norm_factor: Array) -> Array:
     """(n,) energy norm of the accelerations M^-1 f that the tree would have without constraints, under forces ``applied``, (n, nv)."""
-    names = OUTPUTS[1:]
-    found = values(without_unused(replace(constraints.tree, outputs={name: constraints.tree.outputs[name] for name in names})), inputs)
+    names, tree = OUTPUTS[1:], constraints.tree
+    program = _FORCES.get(tree.key, lambda: without_unused(replace(tree, outputs={name: tree.outputs[name] for name in names})))
+    by_loops = bounded_outputs(program, inputs[: len(program.inputs)])
+    found = values(program, inputs) if by_loops is None else dict(zip(program.outputs, np.split(by_loops.high.T, len(names)), strict=True))
     force = np.array(right_hand_side({name: list(found[name]) for name in names}, list(applied.T))).T
     return np.asarray(np.linalg.norm(_whitened(norm_factor, force[:, :, None])[:, :, 0], axis=1))
 

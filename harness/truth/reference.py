@@ -171,7 +171,7 @@ class ReferenceKernel:
     def _constrained(self, found: Reference, tied: Constraints, states: States, parameters: Array) -> Reference:
         """The reference under constraints: certified where a state closes them, unstable also where they cancel forces or lose rank."""
         # Imported late: a tree needs nothing of it.
-        from harness.truth.declared import DeclaredMechanism
+        from harness.truth.declared import DeclaredMechanism, lost
         from harness.truth.manifold import closes, free_size, rank_condition
 
         inputs = self.mechanism.inputs(states, parameters)
@@ -179,7 +179,8 @@ class ReferenceKernel:
         cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free
         if isinstance(self.mechanism, DeclaredMechanism):
             # It has accelerations wherever its constraints are.
-            return replace(found, instability=cancelling)
+            radius = found.radius + lost(self.mechanism) * UNIT_ROUNDOFF**2 * found.sensitivity
+            return replace(found, radius=radius, instability=cancelling)
         # Without a configuration in which the constraints hold there is no motion to be asked for.
         certified = found.certified & closes(self.mechanism, states, parameters)
         return replace(found, certified=certified, instability=cancelling * rank_condition(tied, inputs, found.norm_factor))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support_robots import by_mujoco, by_pinocchio, only_single_axes
 from trees.test_actuators import judged, worst
+from trees.test_friction_and_limits import shares_of_a_file
 
 from harness.comparison.robot_library import robot_at
 from harness.comparison.switched_on import judge_switched_on
@@ -96,3 +97,10 @@ def test_mujoco_with_all_on_that_is_judged_is_explained(path: Path | None) -> No
         return
     record = judge_switched_on(found, "mujoco")
     assert record.explained, (record.message, record.rest)
+
+
+@pytest.mark.parametrize("name", ["humanoid", "cheetah", "walker", "hopper", "finger", "manipulator", "quadruped"])
+def test_friction_and_limits_of_joints_are_those_of_active_sets(name: str) -> None:
+    """By the certified optimum, at 50 digits; the humanoid has 27 velocities."""
+    [path] = [path for path in robots() if path.name == f"{name}.xml"]
+    assert shares_of_a_file(path, 50).max() <= 1

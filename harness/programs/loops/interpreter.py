@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.arrays import Array, Rows
-from harness.programs.loops.encoding import Encoded
+from harness.arrays import Array, Indices, Rows
+from harness.programs.loops.encoding import Encoded, EncodedProgram, encode_program
 from harness.programs.numbers import LANES
-from harness.storage import machine_code_directory, read_entry, sources_digest, write_entry
+from harness.programs.program import StraightLineProgram
+from harness.storage import Kept, machine_code_directory, read_entry, sources_digest, write_entry
 from harness.version import version_of
 
 if TYPE_CHECKING:
@@ -91,6 +92,46 @@ def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
     return Filtered(np.ascontiguousarray(accelerations[..., 0]), np.ascontiguousarray(accelerations[..., 1]), *rest)
 
 
+@dataclass(frozen=True)
+class Bounded(Rows):
+    """Numbers that are within ``bound`` of high + low, (n, numbers) each; NaN or infinite bounds are none."""
+
+    high: Array
+    low: Array
+    bound: Array
+
+    @property
+    def is_nearest(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """(n, numbers) whether ``high`` is proved to be the float64 number nearest to each."""
+        # Half the gap to the next number towards zero, which is never the wider one.
+        half = np.spacing(np.nextafter(np.abs(self.high), 0.0)) / 2
+        exact = np.isfinite(self.high) & (self.low == 0) & (self.bound == 0)
+        with np.errstate(all="ignore"):
+            return np.asarray(((np.abs(self.low) + self.bound) * (1 + 1e-10) < half) | exact)
+
+
+_ENCODED: Kept[tuple[EncodedProgram, dict[str, Indices]] | None] = Kept(64)
+
+
+def bounded_outputs(program: StraightLineProgram, inputs: Array, bounds: Array | None = None) -> Bounded | None:
+    """The outputs of a program one after the other, for inputs, (number of inputs, n), exact or within ``bounds`` of the same shape.
+
+    None where the program holds a function that the loops have no code for.
+    """
+    written = _ENCODED.get(program.key, lambda: encode_program(program))
+    if written is None:
+        return None
+    encoded, places = written[0], np.concatenate(list(written[1].values()))
+    n = inputs.shape[1]
+    given, around = (in_lanes(rows.T) for rows in (inputs, np.zeros_like(inputs) if bounds is None else bounds))
+    found = np.empty((-(-n // LANES), len(places), 3, LANES))
+    loop("outputs")(
+        n, len(encoded.instructions), encoded.inputs, len(encoded.constants), len(places), encoded.instructions, encoded.constants,
+        np.zeros((encoded.places, 3, LANES)), places, given, around, found,
+    )  # fmt: skip
+    return Bounded(*(np.ascontiguousarray(by_state(found, n)[..., part]) for part in range(3)))
+
+
 def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Array | None = None) -> tuple[Array, Array]:
     """d(f - M a)/dz, (n, nv, number of inputs), at accelerations a, (n, nv), held fixed; and (n, number of inputs) how large it is.
 
@@ -137,7 +178,7 @@ def in_lanes(rows: Array) -> Array:
 
 def by_state(found: Array, n: int) -> Array:
     """Results of the loop with a state in each lane, (blocks, ..., lanes), by states, (n, ...)."""
-    return np.ascontiguousarray(np.moveaxis(found, -1, 1).reshape(-1, *found.shape[1:-1])[:n])
+    return np.ascontiguousarray(np.moveaxis(found, -1, 1).reshape(len(found) * LANES, *found.shape[1:-1])[:n])
 
 
 def _whole(count: int) -> int:

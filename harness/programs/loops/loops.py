@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from harness.programs.loops.double_double import number_at, store
 from harness.programs.loops.instructions import RUN, SWEEP, Program, write_run, write_sweep
 from harness.programs.loops.language import Function, Writer
 from harness.programs.loops.solution import (
@@ -25,6 +26,10 @@ from harness.programs.loops.values import Array, Value, as_number, select
 from harness.programs.numbers import LANES
 
 _SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
+_OUTPUTS = {
+    **dict.fromkeys(("n", "m", "inputs", "constants", "outputs"), "integer"), "instructions": "halves", "of_constants": "numbers",
+    "values": "vectors", "places": "integers", **dict.fromkeys(("given", "bounds", "found"), "vectors"),
+}  # fmt: skip
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers", "rows": "integers"}
 _ROOM = {"values": "vectors", "adjoints": "vectors", "sizes": "numbers"}
 
@@ -104,6 +109,19 @@ def _evaluate(code: Writer) -> None:
             doubt[block, lane] = sizes.value * code.argument("gamma") * norms.of_inverse
 
 
+def _outputs(code: Writer) -> None:
+    """What a program gives at n states, numbers (n, outputs, 3) in ``found``, where its inputs are within ``bounds`` of ``given``."""
+    program, count, places = Program(code), code.argument("outputs"), code.array("places")
+    given, bounds, found = code.array("given", program.inputs), code.array("bounds", program.inputs), code.array("found", count, 3)
+    for block in program.blocks():
+        program.place(given.part(block))
+        for i in code.range(program.inputs):
+            program.values[i, 2] = bounds[block, i]
+        program.run()
+        for i in code.range(count):
+            store(found.part(block), i, number_at(program.values, places[i]))
+
+
 def _derive(code: Writer) -> None:
     """The derivatives of a sweep at n states."""
     program, nv = _Equations(code), code.argument("nv")
@@ -178,6 +196,7 @@ LOOPS: dict[str, Function] = {
         {**_SIZES, **_PROGRAM, **_ROOM, "of_terms": "integers", "gamma": "number", **_VECTORS}
         | dict.fromkeys(("scales", "sensitivity", "doubt", "weights"), "numbers"),
     ),
+    "outputs": (_outputs, _OUTPUTS),
     "derive": (
         _derive,
         {**_SIZES, **_PROGRAM, **_ROOM, **dict.fromkeys(("given", "accelerations", "scale"), "vectors"), "found": "numbers"},

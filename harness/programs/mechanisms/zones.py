@@ -27,6 +27,7 @@ import numpy as np
 from harness.arrays import Array, Rows
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
+from harness.programs.loops.interpreter import bounded_outputs
 from harness.programs.mechanisms.cones import Cone, Zone
 from harness.programs.program import StraightLineProgram
 from harness.storage import Kept
@@ -138,10 +139,6 @@ class Zones:
         return self.clamps, self.cones, self.paired, self.program.key
 
     @functools.cached_property
-    def _shares(self) -> list[int]:
-        return [*(clamp.share for clamp in self.clamps), *(cone.sticking for cone in self.cones)]
-
-    @functools.cached_property
     def parts(self) -> list[slice]:
         """The rows of each cone among those of all."""
         ends = list(itertools.accumulate((cone.size for cone in self.cones), initial=0))
@@ -159,7 +156,8 @@ class Zones:
         sides = self._guessed(known, found, low, high, replace(start, clamps=np.where(low == high, -1.0, start.clamps)))
         raw, is_proved = self._proved(known, found, low, high, sides)
         self._put(found, low, high, sides)
-        found[:, self._shares] = np.where(is_proved[:, None], found[:, self._shares], np.nan)
+        shares = [*(clamp.share for clamp in self.clamps), *(cone.sticking for cone in self.cones)]
+        found[:, shares] = np.where(is_proved[:, None], found[:, shares], np.nan)
         return raw
 
     def sides(self, clamps: Array, y: Array | None = None, found: Array | None = None) -> Sides:
@@ -181,7 +179,7 @@ class Zones:
         for place, clamp in enumerate(self.clamps):
             sides[:, place] = clamp.side(found, high[:, place])
         for bound, side in ((low, -1.0), (high, 1.0)):
-            is_near = np.logical_and(np.abs(own - bound) <= reach[:, :count], low < high)
+            is_near = np.logical_and(~(np.abs(own - bound) > reach[:, :count]), low < high)
             sides = np.where(is_near, side - sides, sides)
         other = found.copy()
         self._put_clamps(other, low, high, self._one_of_two(sides, sides))
@@ -198,6 +196,9 @@ class Zones:
         Those are roundings of that and of its inputs.
         """
         inputs = self._inputs(known, found)
+        by_loops = bounded_outputs(self.program, inputs, _ROUNDINGS * unit_roundoff * np.abs(inputs))
+        if by_loops is not None:
+            return by_loops.high, np.abs(by_loops.low) + by_loops.bound
         [raw], [spread] = (list(rows.values()) for rows in values_and_spread(self.program, inputs, np.abs(inputs)))
         return raw.T, _ROUNDINGS * unit_roundoff * spread.T
 
@@ -233,8 +234,8 @@ class Zones:
                 break
             part, before = found[left], sides[left]
             self._put(part, low[left], high[left], before)
-            (raw,) = values(self.program, self._inputs(known[left], part)).values()
-            own, cones = raw.T[:, :count], self.sides(before.clamps, raw.T[:, count:], part)
+            raw = _approximate(self.program, self._inputs(known[left], part))
+            own, cones = raw[:, :count], self.sides(before.clamps, raw[:, count:], part)
             fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
             fitting = np.where(low[left] == high[left], -1.0, fitting)
             if self.paired:
@@ -251,6 +252,18 @@ class Zones:
             left = left[unfit.any(axis=1) | (cones.cones != before.cones).any(axis=1) | (moved & (cones.cones == Zone.SLIDES).any(axis=1))]
         return sides
 
+    def _proved_by_loops(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Array, Flags]:
+        """As ``_proved``, where running bounds of double-double show that all forces are on their sides, and there are no cones."""
+        self._put_clamps(part := found.copy(), low, high, sides.clamps)
+        by_loops = None if self.cones or self.paired else bounded_outputs(self.program, self._inputs(known, part))
+        if by_loops is None:
+            return np.full(low.shape, np.nan), np.zeros(len(low), dtype=bool)
+        raw, reach, own = by_loops.high, (np.abs(by_loops.low) + by_loops.bound) * (1 + 1e-10), sides.clamps
+        with np.errstate(invalid="ignore"):
+            is_above, is_below = raw - low > reach, high - raw > reach
+            fits = np.where(own == 0, is_above & is_below, np.where(own < 0, low - raw > reach, raw - high > reach))
+        return raw, np.asarray(fits.all(axis=1))
+
     def _proved(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Array, Flags]:
         """What each force would be without its range, where balls show that all are on sides that fit; NaN where they do not, and whether.
 
@@ -258,11 +271,12 @@ class Zones:
         """
         import flint
 
-        raw, is_proved, count = np.full(low.shape, np.nan), np.zeros(len(low), dtype=bool), len(self.clamps)
+        (raw, is_proved), count = self._proved_by_loops(known, found, low, high, sides), len(self.clamps)
+        raw[~is_proved] = np.nan
         kernel = _KERNELS.get(self.program.key, lambda: BallKernel(self.program, 0))
         with flint.ctx.workprec(_BITS):
             evaluate = kernel.bind([])
-            for state in range(len(low)):
+            for state in np.flatnonzero(~is_proved).tolist():
                 at, bounds = slice(state, state + 1), list(zip(low[state].tolist(), high[state].tolist(), strict=True))
                 for _ in range(_PROVED):
                     self._put(part := found[at].copy(), low[at], high[at], sides[at])
@@ -314,6 +328,15 @@ class Zones:
         sides.rest[state, part] = [float((ball - whole).mid()) for ball, whole in zip(y, high, strict=True)]
         apart = sum(((ball - one) - other) ** 2 for ball, one, other in zip(y, *towards, strict=True)).sqrt()
         return bool(zone == before and apart < _SAME * sum(ball**2 for ball in y).sqrt())
+
+
+def _approximate(program: StraightLineProgram, inputs: Array) -> Array:
+    """The outputs of a program, (n, outputs)."""
+    by_loops = bounded_outputs(program, inputs)
+    if by_loops is not None:
+        return by_loops.high
+    (raw,) = values(program, inputs).values()
+    return raw.T
 
 
 def _exchanged(sides: Array, fitting: Array) -> Array:
