@@ -88,7 +88,7 @@ class DeclaredMechanism(Mechanism):
         if self.widths or self.pushing:
             columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
             with flint.ctx.workprec(_BITS):
-                residuals = self._residuals(states, found)
+                residuals = _nearest(self._residual_program, self._inputs_of_residuals(states, found))
                 for name, law in self.laws:
                     for state, residual in enumerate(residuals):
                         if law.is_rigid:
@@ -230,16 +230,17 @@ class DeclaredMechanism(Mechanism):
         assert self.softened is not None
         return _alone(self.softened, RESIDUAL)
 
-    def _residuals(self, states: States, parameters: Array) -> list[list[float]]:
-        """What the rows leave at each state, the nearest float64 numbers."""
-        program, inputs = self._residual_program, self._inputs_of_residuals(states, parameters)
-        by_loops = bounded_outputs(program, inputs)
-        found = np.full((inputs.shape[1], len(program.outputs[RESIDUAL])), np.nan) if by_loops is None else by_loops.high.copy()
-        left = np.arange(len(found)) if by_loops is None else np.flatnonzero(~by_loops.is_nearest.all(axis=1))
-        if len(left):
-            evaluate = _ROWS.get(program.key, lambda: BallKernel(program, 0)).bind([])
-            found[left] = [[float(value.mid()) for value in evaluate(*row)] for row in inputs[:, left].T.tolist()]
-        return [row.tolist() for row in found]
+
+def _nearest(program: StraightLineProgram, inputs: Array) -> list[list[float]]:
+    """The float64 numbers nearest to a program's outputs, (n, outputs), for inputs (number of inputs, n)."""
+    by_loops = bounded_outputs(program, inputs)
+    found = np.full((inputs.shape[1], sum(map(len, program.outputs.values()))), np.nan) if by_loops is None else by_loops.high.copy()
+    left = np.arange(len(found)) if by_loops is None else np.flatnonzero(~by_loops.is_nearest.all(axis=1))
+    if len(left):
+        evaluate = _ROWS.get(program.key, lambda: BallKernel(program, 0)).bind([])
+        found[left] = [[float(value.mid()) for value in evaluate(*row)] for row in inputs[:, left].T.tolist()]
+    rows: list[list[float]] = found.tolist()
+    return rows
 
 
 def lost(mechanism: DeclaredMechanism) -> float:

@@ -262,7 +262,8 @@ class Zones:
         with np.errstate(invalid="ignore"):
             is_above, is_below = raw - low > reach, high - raw > reach
             fits = np.where(own == 0, is_above & is_below, np.where(own < 0, low - raw > reach, raw - high > reach))
-        return raw, np.asarray(fits.all(axis=1))
+        # A range of one force leaves nothing to be found.
+        return raw, np.asarray((fits | ((low == high) & (own < 0))).all(axis=1))
 
     def _proved(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Array, Flags]:
         """What each force would be without its range, where balls show that all are on sides that fit; NaN where they do not, and whether.
