@@ -146,13 +146,12 @@ def with_verdict(
     if case.departures:
         compared = compare(case.computed, answers.of(joints), factorises=True)
         record = replace(record, explained=is_held(compared), backward_error=worst(compared), departures=[*case.departures.values()])
-    if not record.explained and caller.ending is not None:
-        ended = asked.with_those(case.judged, at, solver=caller.ending)
-        compared_there = compare(case.computed, ended.of(joints), factorises=True)
-        if is_held(compared_there):
-            return replace(record, explained=True, to_the_end=worst(compared_there), remedy=caller.to_the_end)
+    for ending in () if record.explained else caller.endings:
         # What a solver leaves that stops early has no number of the file for its cause.
-        answers, compared = ended, compared_there
+        answers = asked.with_those(case.judged, at, solver=ending.solver)
+        compared = compare(case.computed, answers.of(joints), factorises=True)
+        if is_held(compared):
+            return replace(record, explained=True, to_the_end=worst(compared), remedy=ending.remedy, fault=ending.fault)
     return record if record.explained or not names else replace(record, rest=_rest(case, answers, compared))
 
 

@@ -14,7 +14,7 @@ from harness.arithmetic import SAFE_LINKING, KeptArithmetic
 from harness.engines.interface import CompiledNumber, InvalidAnswer, NotOffered, Unsupported
 from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
-from harness.engines.request import EngineAnswers, EngineQuestion, Refused, Request, SolverSettings, by_joint
+from harness.engines.request import Ending, EngineAnswers, EngineQuestion, Refused, Request, by_joint
 from harness.engines.tree_request import model_request
 from harness.environments import split_name
 from harness.errors import InvalidEngine
@@ -86,8 +86,7 @@ class Engine:
             are; None of an engine whose contacts are judged in no file.
         beside_tau: what it makes of elements that bear on no acceleration at given tau, by ``LeftOut.what``, a sentence with its source.
         solvers: methods by which its solver of constraints goes, by its own names, that ``SolverSettings`` may choose.
-        ending: by which its solver of constraints goes on until nothing changes; None where nothing does that. to_the_end: what its user
-            does for it.
+        endings: settings by which its solver of constraints goes on until nothing changes, one tried after the other.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
 
@@ -114,8 +113,7 @@ class Engine:
     contacts: Callable[[Any, str], tuple[ConeKind, str]] | None = None
     beside_tau: Mapping[str, str] = {}
     solvers: tuple[str, ...] = ()
-    ending: SolverSettings | None = None
-    to_the_end = ""
+    endings: tuple[Ending, ...] = ()
     why_no_constraints = ""
     reader = ""
     environment: Environment | None = None

@@ -126,11 +126,27 @@ class SolverSettings:
 
     Attributes:
         method: by the engine's own name. iterations: at most. tolerance: it ends where an iteration gains less, as the engine documents.
+        jacobian: "dense" or "sparse", how rows are stored; "" as the file says.
     """
 
     method: str
     iterations: int
     tolerance: float
+    jacobian: str = ""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Settings with which an engine's solver of constraints ends at the optimum that it documents, where it does not as it is set.
+
+    Attributes:
+        remedy: what its user does for that, an imperative.
+        fault: what is wrong with the solver otherwise, a clause; "" where it is only stopped too early.
+    """
+
+    solver: SolverSettings
+    remedy: str
+    fault: str = ""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def _switched_on(found: FilesComparison) -> Iterator[str]:
     held = [one for one in found.switched_on if one.verdict]
     if held:
         whats = joined(list(dict.fromkeys(what for one in held for what in one.judged)))
-        agreeing = sum(one.explained and not (one.departures or one.stops_early) for one in held)
+        agreeing = sum(one.explained and not (one.departures or one.misses_optimum) for one in held)
         moved = len({one.path for one in held if (one.together or 0.0) > MOVED})
         by = f"they move qdd by more than {share_text(MOVED)} on {counted(moved, 'robot')}"
         yield f"With {whats} on, {agreeing} of {len(held)} answers agree with the documentation of the engine; {by}"

@@ -46,8 +46,8 @@ class SwitchedOnRecord:
         backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
         departures: where the engine's program leaves the law that it documents, each with what it does; backward errors are then
             against what it is known to compute.
-        to_the_end: backward error where the engine's solver goes on until nothing changes, asked where the file's settings end it too
-            early to agree; None elsewhere. remedy: what its user sets for that.
+        to_the_end: backward error where the engine's solver goes on until nothing changes, asked where by the file's settings it does
+            not agree; None elsewhere. remedy: what its user sets for that. fault: as of ``harness.engines.request.Ending``.
         readings: what the engine's reader makes of these elements otherwise than the file says.
         rest: what is known of an answer that nothing explains, a sentence each.
         shapes: the contacts that it finds against those of the file; None where these are not judged.
@@ -67,6 +67,7 @@ class SwitchedOnRecord:
     title: str = ""
     to_the_end: float | None = None
     remedy: str = ""
+    fault: str = ""
     departures: list[Effect] = field(default_factory=list)
     readings: list[Effect] = field(default_factory=list)
     rest: list[str] = field(default_factory=list)
@@ -101,12 +102,14 @@ class SwitchedOnRecord:
         return CONTACTS not in self.judged and sum(map(len, self.judged.values())) == 1
 
     @property
-    def stops_early(self) -> str:
-        """Error that the solver leaves by stopping early, a clause behind the engine's name; "" where it does not."""
+    def misses_optimum(self) -> str:
+        """Error that the solver leaves by the file's settings, a clause behind the engine's name; "" where it leaves none."""
         if self.to_the_end is None:
             return ""
-        left = f"stops its solver {error_text(self.backward_error)} data roundoffs before the optimum that it documents"
-        return f"{left}, and {error_text(self.to_the_end)} where it goes on to the end"
+        left, ended = error_text(self.backward_error), error_text(self.to_the_end)
+        if self.fault:
+            return f"ends {left} data roundoffs beside the optimum that it documents, and {ended} with other settings. {self.fault}"
+        return f"stops its solver {left} data roundoffs before the optimum that it documents, and {ended} where it goes on to the end"
 
     @property
     def is_felt(self) -> bool:
@@ -129,8 +132,8 @@ def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
     if record.shapes is not None and record.shapes.rest:
         return f"{'find' if many else 'finds'} {record.shapes.text}"
     remedy = f": {record.remedy}" if record.remedy else ""
-    if record.stops_early:
-        return f"{record.stops_early}{remedy}"
+    if record.misses_optimum:
+        return f"{record.misses_optimum}{remedy}"
     if record.departures and record.explained:
         first, *more = by_effect(record.departures)
         others = "".join(f", and {one.name} {share_text(one.size)}" for one in more)

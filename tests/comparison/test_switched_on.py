@@ -247,7 +247,7 @@ def test_a_solver_that_stops_early_is_told_with_what_to_set() -> None:
     record = held_by(FIRM)
     assert record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
     assert record.to_the_end is not None and record.to_the_end <= AGREEMENT
-    assert "stops its solver" in record.stops_early and 'iterations="100" tolerance="0"' in record.remedy
+    assert "stops its solver" in record.misses_optimum and 'iterations="100" tolerance="0"' in record.remedy
 
 
 def test_what_a_solver_does_not_reach_in_the_end_is_not_explained_by_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Engine
 from harness.engines.adapters.mujoco import law
-from harness.engines.request import Request, SolverSettings
+from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile
 
@@ -38,8 +38,7 @@ class MjxEngine(Engine):
     takes_inertias_about_tree = True
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
     # Other methods converge linearly.
-    ending = SolverSettings("Newton", 100, 0.0)
-    to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
+    endings = (Ending(SolverSettings("Newton", 100, 0.0), 'set <option solver="Newton" iterations="100" tolerance="0"/>'),)
     call: Mapping[str, str] = {
         "mjcf": (
             "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; "

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from harness.engines import ConstraintLaw, Engine, StepRule
 from harness.engines.adapters.mujoco import law
 from harness.engines.interface import CompiledNumber
-from harness.engines.request import Request, SolverSettings
+from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.findings import EFFORT, TRANSMISSIONS
 from harness.files.model_file import ModelFile, document_of
@@ -34,8 +34,15 @@ class MujocoEngine(Engine):
     title = "MuJoCo"
     solvers = ("Newton", "CG", "PGS")
     # Other methods converge linearly, and PGS with elliptic cones not at all: docs/issues/mujoco-pgs-elliptic-cones.md.
-    ending = SolverSettings("Newton", 100, 0.0)
-    to_the_end = 'set <option solver="Newton" iterations="100" tolerance="0"/>'
+    endings = (
+        Ending(SolverSettings("Newton", 100, 0.0), 'set <option solver="Newton" iterations="100" tolerance="0"/>'),
+        # docs/issues/mujoco-sparse-newton.md
+        Ending(
+            SolverSettings("Newton", 100, 0.0, jacobian="dense"),
+            'set <option jacobian="dense"/>, or use another version than MuJoCo 4.0.0',
+            "With a sparse Jacobian of constraints, its Newton solver factorises a wrong Hessian, as MuJoCo 4.0.0 does",
+        ),
+    )
     beside_tau: Mapping[str, str] = {
         EFFORT: (
             "MuJoCo bounds by effort what actuators do that a user adds, as actuatorfrcrange, and has no velocity limits "

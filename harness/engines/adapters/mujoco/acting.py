@@ -15,6 +15,7 @@ from harness.engines.request import Held, SolverSettings
 # Tags of a file by the names of MuJoCo's types of equality, where they are others.
 _TYPES = {"mimic": "joint"}
 _METHODS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "CG": mujoco.mjtSolver.mjSOL_CG, "PGS": mujoco.mjtSolver.mjSOL_PGS}
+_JACOBIANS = {"dense": mujoco.mjtJacobian.mjJAC_DENSE, "sparse": mujoco.mjtJacobian.mjJAC_SPARSE}
 
 
 def let_act(model: Any, places: Mapping[str, Any], held: Held) -> None:
@@ -73,4 +74,6 @@ def rub_and_limit(model: Any, places: Mapping[str, Any], rubbing: Collection[str
 
 def _solve_by(model: Any, solver: SolverSettings) -> None:
     model.opt.solver = _METHODS[solver.method]
+    if solver.jacobian:
+        model.opt.jacobian = _JACOBIANS[solver.jacobian]
     model.opt.iterations, model.opt.tolerance = solver.iterations, solver.tolerance

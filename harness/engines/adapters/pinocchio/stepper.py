@@ -9,7 +9,7 @@ from harness.engines import ConstraintLaw
 from harness.engines.adapters.pinocchio import PinocchioEngine
 from harness.engines.adapters.pinocchio.step_law import EXACT, ITERATIONS, laws
 from harness.engines.interface import CompiledNumber
-from harness.engines.request import Request, SolverSettings
+from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.findings import EQUALITIES, TENDON_LIMITS
 
@@ -21,10 +21,12 @@ class PinocchioStepper(PinocchioEngine):
     """Pinocchio with dry friction and limits of joints over one step, by one of its constraint solvers: "ADMM" or "PGS"."""
 
     is_asked_by_name = True
-    ending = SolverSettings(EXACT, ITERATIONS, 0.0)
-    to_the_end = (
-        f"use pin.{EXACT}ConstraintSolver with the four tolerances of its settings at 0 and max_iterations = {ITERATIONS}, "
-        "and solve again from the impulses that it finds until they stay"
+    endings = (
+        Ending(
+            SolverSettings(EXACT, ITERATIONS, 0.0),
+            f"use pin.{EXACT}ConstraintSolver with the four tolerances of its settings at 0 and max_iterations = {ITERATIONS}, "
+            "and solve again from the impulses that it finds until they stay",
+        ),
     )
     reader = "pinocchio"
     formats = ("urdf",)
