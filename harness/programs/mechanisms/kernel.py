@@ -139,7 +139,7 @@ class MechanismKernel:
     def inputs(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         """Columns for the kernel, whole turns taken from large angles."""
         nq, nv = q.shape[1], v.shape[1]
-        own: Any = () if self._parameters is not None else np.reshape(self._mechanism.parameter_values, (-1, 1))
+        own = np.reshape(() if self._parameters is not None else self._mechanism.parameter_values, (-1, 1))
         if self._mechanism.softened is not None:
             # Which forces there are beside the smooth ones each state decides.
             own = self._mechanism.parameters_at(States.at(q, v, tau, time)).T
