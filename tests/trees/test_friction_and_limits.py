@@ -30,7 +30,10 @@ from harness.files.tree import Body
 from harness.library import Stance
 from harness.programs.evaluation import mass_matrix
 from harness.programs.kernels import BallKernel
+from harness.programs.loops.interpreter import bounded_outputs
+from harness.programs.mechanisms import zones
 from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import right_hand_side
 from harness.programs.states import States
 from harness.trees.mechanism import RobotMechanism, mechanism_of
@@ -437,6 +440,25 @@ def test_a_force_at_its_bound_counts_as_inside(tmp_path: Path) -> None:
     assert truth.high[:3, 0] == pytest.approx(states.tau[:3, 0] - 1.0, abs=1e-15)
     # A row that slides resists no rounding of tau.
     assert min(truth.sensitivity[:3]) > 1.5 * truth.sensitivity[3] and truth.sensitivity[4] > 1.5 * truth.sensitivity[3]
+
+
+def test_which_forces_are_near_a_bound_is_decided_by_what_roundings_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Running bounds of the loops, which grow beyond all numbers where M is ill-conditioned, only say where none is near."""
+    path = written(tmp_path, a='frictionloss="0.3"', b='limited="true" range="-0.2 0.2"')
+    robot = read_robot(path)
+    mechanism = documented(robot)
+    assert isinstance(mechanism, DeclaredMechanism)
+    states = states_of(robot, mechanism)
+    parameters = mechanism.parameters_at(states)
+    found = mechanism.across(states, parameters, UNIT_ROUNDOFF)
+
+    def boundless(*given: Any) -> Any:
+        known = bounded_outputs(*given)
+        assert known is not None
+        return replace(known, bound=np.full_like(known.bound, np.inf))
+
+    monkeypatch.setattr(zones, "bounded_outputs", boundless)
+    assert np.array_equal(mechanism.across(states, parameters, UNIT_ROUNDOFF), found, equal_nan=True)
 
 
 def test_a_limit_that_rounding_reaches_is_undecided(tmp_path: Path) -> None:

@@ -173,13 +173,13 @@ class Zones:
     def across(self, known: Array, found: Array, unit_roundoff: float, ranges: Ranges | None = None) -> Array:
         """Parameters that ``settle`` has set, with those forces on the other side of a bound that rounding may lead across it."""
         low, high = self.bounds(found) if ranges is None else ranges
-        raw, reach = self.reach(known, found, unit_roundoff)
+        raw, reach = self._reach_of_near(known, found, unit_roundoff, (low, high))
         own, y, count = raw[:, : len(self.clamps)], raw[:, len(self.clamps) :], len(self.clamps)
         sides = np.zeros(low.shape)
         for place, clamp in enumerate(self.clamps):
             sides[:, place] = clamp.side(found, high[:, place])
         for bound, side in ((low, -1.0), (high, 1.0)):
-            is_near = np.logical_and(~(np.abs(own - bound) > reach[:, :count]), low < high)
+            is_near = np.logical_and(np.abs(own - bound) <= reach[:, :count], low < high)
             sides = np.where(is_near, side - sides, sides)
         other = found.copy()
         self._put_clamps(other, low, high, self._one_of_two(sides, sides))
@@ -196,11 +196,22 @@ class Zones:
         Those are roundings of that and of its inputs.
         """
         inputs = self._inputs(known, found)
-        by_loops = bounded_outputs(self.program, inputs, _ROUNDINGS * unit_roundoff * np.abs(inputs))
-        if by_loops is not None:
-            return by_loops.high, np.abs(by_loops.low) + by_loops.bound
         [raw], [spread] = (list(rows.values()) for rows in values_and_spread(self.program, inputs, np.abs(inputs)))
         return raw.T, _ROUNDINGS * unit_roundoff * spread.T
+
+    def _reach_of_near(self, known: Array, found: Array, unit_roundoff: float, ranges: Ranges) -> tuple[Array, Array]:
+        """``reach``, elsewhere than near a bound by running bounds of the loops, which are far wider, and may be infinite."""
+        inputs = self._inputs(known, found)
+        by_loops = None if self.cones else bounded_outputs(self.program, inputs, _ROUNDINGS * unit_roundoff * np.abs(inputs))
+        if by_loops is None:
+            return self.reach(known, found, unit_roundoff)
+        raw, reach, (low, high) = by_loops.high.copy(), np.abs(by_loops.low) + by_loops.bound, ranges
+        with np.errstate(invalid="ignore"):
+            apart = ((np.abs(raw - low) > reach) & (np.abs(raw - high) > reach)) | (low == high)
+        near = np.flatnonzero(~apart.all(axis=1))
+        if len(near):
+            raw[near], reach[near] = self.reach(known[near], found[near], unit_roundoff)
+        return raw, reach
 
     def bounds(self, found: Array) -> Ranges:
         """The least and the largest force of each range, (n, clamps) each."""
