@@ -270,10 +270,15 @@ def require_constraints(model: ModelFile, mechanism: Mechanism) -> None:
         if name not in wanted:
             expected = f"the system has {', '.join(map(repr, wanted))} only" if wanted else "the system has none"
             raise InvalidModel(model.path, line, f"constraint {name!r} ties joints, but {expected}")
-    _require_bounds(model, mechanism)
+    require_bounds(model, mechanism)
 
 
-def _require_bounds(model: ModelFile, mechanism: Mechanism) -> None:
+def require_bounds(model: ModelFile, mechanism: Mechanism) -> None:
+    """Hold the dry friction and limits of a model against those that the mechanism has.
+
+    Raises:
+        InvalidModel: one is missing, or is none of the mechanism's.
+    """
     wanted = () if mechanism.bounded is None else mechanism.bounded.names
     found = {one.name: one for one in model.bounded}
     for name in wanted:

@@ -35,7 +35,7 @@ from harness.engines import (
     select_subjects,
     subjects_beside,
 )
-from harness.engines.interface import acting_as, audit
+from harness.engines.interface import acting_as, audit, require_bounds
 from harness.errors import InvalidInput, InvalidModel, not_installed
 from harness.explain.as_read import misread_by
 from harness.explain.changes import Change
@@ -197,6 +197,8 @@ class FaultBench:
         """The outcome of the model with another text, and of readers that go ``through`` a function, at the states of a check."""
         try:
             model = self.model.with_text(text)
+            # Which does not act, and would be taken for a number that nothing feels.
+            require_bounds(model, self.mechanism)
         except InvalidModel as error:
             return Answer("validator", str(error), error.line)
         verdicts: dict[str, str] = {}
