@@ -130,6 +130,16 @@ def one(old: str, new: str, outcome: str = ALIKE) -> Variant:
     return [old], [new], outcome
 
 
+# Dry friction and limits, which act where a mechanism declares them.
+BOUNDS = {
+    "frictionloss": "0.3",
+    "limited": "false",
+    "range": "-0.1 0.1",
+    **dict.fromkeys(("solreffriction", "solreflimit"), "0.05 1"),
+    **dict.fromkeys(("solimpfriction", "solimplimit"), "0.8 0.9 0.01 0.5 2"),
+}
+
+
 def added(key: str, after: str, attributes: Mapping[str, tuple[str, str]]) -> dict[str, list[Variant]]:
     """Attributes, each with its value and outcome, put behind a text."""
     return {f"{key}@{name}": [one(after, f'{after} {name}="{value}"', outcome)] for name, (value, outcome) in attributes.items()}
@@ -220,7 +230,7 @@ MJCF_VARIANTS: dict[str, list[Variant]] = {
     "inertial@diaginertia": [one('diaginertia="0.1 0.2 0.25"', 'diaginertia="0.1 0.25 0.2"')],
     "inertial@fullinertia": [one('diaginertia="0.1 0.2 0.25"', 'fullinertia="0.1 0.22 0.25 0.01 0.02 -0.03"')],
     **added("joint", SHOULDER, alike({"pos": "0.1 0.3 -0.2", "stiffness": "4", "damping": "5", "armature": "0.5", "class": "other"})),
-    **added("joint", SHOULDER, {"frictionloss": ("0", UNFELT)}),
+    **added("joint", SHOULDER, alike(BOUNDS, UNFELT)),
     "joint@springref": [one(SHOULDER, f'{SHOULDER} springref="0.3"', UNFELT), one(SLIDER, f'{SLIDER} springref="0.3"')],
     "joint@name": [one('name="slider"', 'name="glider"', UNFELT)],
     "joint@type": [one('type="slide"', 'type="hinge"'), one(' type="slide"', "")],
@@ -256,7 +266,7 @@ MJCF_VARIANTS: dict[str, list[Variant]] = {
         one(f"{EYE}/>", f'<frame name="f" pos="0 0 0.1">{EYE}/></frame>', NO_SITE),
     ],
     **added("default/joint", JOINT_DEFAULT, alike({"stiffness": "4", "damping": "5", "type": "slide"})),
-    **added("default/joint", JOINT_DEFAULT, {"springref": ("0.3", ALIKE), "frictionloss": ("0", UNFELT)}),
+    **added("default/joint", JOINT_DEFAULT, {"springref": ("0.3", ALIKE)} | alike(BOUNDS, UNFELT)),
     "default/joint@axis": [([JOINT_DEFAULT, ' axis="0 1 0"'], [f'{JOINT_DEFAULT} axis="0.6 0 0.8"', ""], ALIKE)],
     "default/joint@pos": [one(JOINT_DEFAULT, f'{JOINT_DEFAULT} pos="1 3 2"', f"{READ}position of a default class")],
     "default/joint@ref": [one(JOINT_DEFAULT, f'{JOINT_DEFAULT} ref="0.4"')],
