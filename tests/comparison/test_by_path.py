@@ -21,11 +21,14 @@ POLE = "a file has no range that keeps off the pole, where M is singular and no 
 COUPLED = "by name Pinocchio refuses a constraint that couples joints; by path it is asked without, and passes over further trees"
 DEPARTS = "by name MuJoCo's law of the loop departs from its documentation; by path that is told of the file with its equalities"
 FOLLOWER = "by name an engine refuses a joint that mimics another and is no coordinate; by path it is eliminated"
+RUBBING = "by name Pinocchio leaves out the dry friction of the mechanism; by path that is told of the file with all on"
 DIFFERENT = {
     ("atwood", "pinocchio/mjcf"): COUPLED,
     ("simple_pendulum.mimic", "mujoco/urdf"): FOLLOWER,
     ("simple_pendulum.mimic", "pinocchio/urdf"): FOLLOWER,
     ("cycloid_bead", "pinocchio/mjcf"): EQUALITIES,
+    ("dry_pendulum", "pinocchio/mjcf"): RUBBING,
+    ("dry_pendulum", "pinocchio/urdf"): RUBBING,
     ("rolling_disc_on_incline", "pinocchio/mjcf"): EQUALITIES,
     ("slider_crank", "mujoco/mjcf"): DEPARTS,
     ("slider_crank", "mujoco/urdf"): DEPARTS,

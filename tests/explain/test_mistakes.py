@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from harness.diagnosis.faults.campaign import is_valid
 from harness.engines import load_engine
+from harness.engines.interface import require_bounds
 from harness.errors import InvalidModel
 from harness.explain.changes import Change, mistakes
 from harness.explain.changes.mistakes import Mistake, find_mistakes, mended_mistakes
@@ -242,24 +243,23 @@ def _along(model: ModelFile) -> set[int]:
 def test_planted_texts_are_valid_but_where_the_mistake_itself_is_refused(model_format: str) -> None:
     model = turned(model_format)
     refused = {name for name, one in MISTAKES.items() for planted in one.plant(model) if not is_valid(model, planted.text(1.0))}
-    # Negative moments and springs, and dry friction, are no model's.
-    assert "friction" in refused
-    assert refused <= {"friction", "parallel_axis", "sign", "inertia_entries", "bodies_fused"}
+    # Negative moments and springs are no model's.
+    assert refused <= {"parallel_axis", "sign", "inertia_entries", "bodies_fused"}
 
 
 @pytest.mark.parametrize("model_format", FORMATS)
 def test_friction_is_refused_where_it_stands_and_so_has_no_mend(model_format: str) -> None:
-    model, friction = turned(model_format), MISTAKES["friction"]
+    model, friction, without = turned(model_format), MISTAKES["friction"], load_mechanism(BUILT_IN, "atwood")
     plants = list(friction.plant(model))
     assert {planted.places[0].attribute for planted in plants} == {{"mjcf": "frictionloss", "urdf": "friction"}[model_format]}
     for planted in plants:
         place = planted.places[0]
         elements = find_elements(planted.text(1.0), model_format)
         holder = next(one for one in elements if one.tag == place.element and any(part.line == place.line for part in one.attributes))
-        with pytest.raises(InvalidModel, match=place.attribute) as refused:
-            parse_model(model.path, planted.text(1.0), model_format)
+        with pytest.raises(InvalidModel, match=r"dry friction of joint .* is none that the system has") as refused:
+            require_bounds(parse_model(model.path, planted.text(1.0), model_format), without)
         assert refused.value.line == holder.line
-        # Past the validator it would be a mend that no diagnosis ever makes.
+        # Past that it would be a mend that no diagnosis ever makes.
         assert list(friction.mend(replace(model, text=planted.text(1.0)))) == []
 
 
