@@ -173,7 +173,7 @@ class Zones:
     def across(self, known: Array, found: Array, unit_roundoff: float, ranges: Ranges | None = None) -> Array:
         """Parameters that ``settle`` has set, with those forces on the other side of a bound that rounding may lead across it."""
         low, high = self.bounds(found) if ranges is None else ranges
-        raw, reach = self._reach_of_near(known, found, unit_roundoff, (low, high))
+        raw, reach = _reach_of_near(self, known, found, unit_roundoff, (low, high))
         own, y, count = raw[:, : len(self.clamps)], raw[:, len(self.clamps) :], len(self.clamps)
         sides = np.zeros(low.shape)
         for place, clamp in enumerate(self.clamps):
@@ -195,23 +195,9 @@ class Zones:
 
         Those are roundings of that and of its inputs.
         """
-        inputs = self._inputs(known, found)
+        inputs = self.inputs(known, found)
         [raw], [spread] = (list(rows.values()) for rows in values_and_spread(self.program, inputs, np.abs(inputs)))
         return raw.T, _ROUNDINGS * unit_roundoff * spread.T
-
-    def _reach_of_near(self, known: Array, found: Array, unit_roundoff: float, ranges: Ranges) -> tuple[Array, Array]:
-        """``reach``, elsewhere than near a bound by running bounds of the loops, which are far wider, and may be infinite."""
-        inputs = self._inputs(known, found)
-        by_loops = None if self.cones else bounded_outputs(self.program, inputs, _ROUNDINGS * unit_roundoff * np.abs(inputs))
-        if by_loops is None:
-            return self.reach(known, found, unit_roundoff)
-        raw, reach, (low, high) = by_loops.high.copy(), np.abs(by_loops.low) + by_loops.bound, ranges
-        with np.errstate(invalid="ignore"):
-            apart = ((np.abs(raw - low) > reach) & (np.abs(raw - high) > reach)) | (low == high)
-        near = np.flatnonzero(~apart.all(axis=1))
-        if len(near):
-            raw[near], reach[near] = self.reach(known[near], found[near], unit_roundoff)
-        return raw, reach
 
     def bounds(self, found: Array) -> Ranges:
         """The least and the largest force of each range, (n, clamps) each."""
@@ -220,7 +206,7 @@ class Zones:
             low[:, place], high[:, place] = clamp.least(found), clamp.most(found)
         return low, high
 
-    def _inputs(self, known: Array, found: Array) -> Array:
+    def inputs(self, known: Array, found: Array) -> Array:
         """(inputs, n)."""
         return np.ascontiguousarray(np.hstack([known, found[:, : len(self.program.inputs) - known.shape[1]]]).T)
 
@@ -245,7 +231,7 @@ class Zones:
                 break
             part, before = found[left], sides[left]
             self._put(part, low[left], high[left], before)
-            raw = _approximate(self.program, self._inputs(known[left], part))
+            raw = _approximate(self.program, self.inputs(known[left], part))
             own, cones = raw[:, :count], self.sides(before.clamps, raw[:, count:], part)
             fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
             fitting = np.where(low[left] == high[left], -1.0, fitting)
@@ -266,7 +252,7 @@ class Zones:
     def _proved_by_loops(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Array, Flags]:
         """As ``_proved``, where running bounds of double-double show that all forces are on their sides, and there are no cones."""
         self._put_clamps(part := found.copy(), low, high, sides.clamps)
-        by_loops = None if self.cones or self.paired else bounded_outputs(self.program, self._inputs(known, part))
+        by_loops = None if self.cones or self.paired else bounded_outputs(self.program, self.inputs(known, part))
         if by_loops is None:
             return np.full(low.shape, np.nan), np.zeros(len(low), dtype=bool)
         raw, reach, own = by_loops.high, (np.abs(by_loops.low) + by_loops.bound) * (1 + 1e-10), sides.clamps
@@ -292,7 +278,7 @@ class Zones:
                 at, bounds = slice(state, state + 1), list(zip(low[state].tolist(), high[state].tolist(), strict=True))
                 for _ in range(_PROVED):
                     self._put(part := found[at].copy(), low[at], high[at], sides[at])
-                    balls = evaluate(*self._inputs(known[at], part)[:, 0].tolist())
+                    balls = evaluate(*self.inputs(known[at], part)[:, 0].tolist())
                     own, ranges = sides.clamps[state], zip(balls, bounds, strict=False)
                     # A range of one force leaves nothing to be found.
                     fits = (-1.0 if least == most or ball < least else 1.0 if ball > most else 0.0 for ball, (least, most) in ranges)
@@ -340,6 +326,21 @@ class Zones:
         sides.rest[state, part] = [float((ball - whole).mid()) for ball, whole in zip(y, high, strict=True)]
         apart = sum(((ball - one) - other) ** 2 for ball, one, other in zip(y, *towards, strict=True)).sqrt()
         return bool(zone == before and apart < _SAME * sum(ball**2 for ball in y).sqrt())
+
+
+def _reach_of_near(zones: Zones, known: Array, found: Array, unit_roundoff: float, ranges: Ranges) -> tuple[Array, Array]:
+    """``reach``, elsewhere than near a bound by running bounds of the loops, which are far wider, and may be infinite."""
+    inputs = zones.inputs(known, found)
+    by_loops = None if zones.cones else bounded_outputs(zones.program, inputs, _ROUNDINGS * unit_roundoff * np.abs(inputs))
+    if by_loops is None:
+        return zones.reach(known, found, unit_roundoff)
+    raw, reach, (low, high) = by_loops.high.copy(), np.abs(by_loops.low) + by_loops.bound, ranges
+    with np.errstate(invalid="ignore"):
+        apart = ((np.abs(raw - low) > reach) & (np.abs(raw - high) > reach)) | (low == high)
+    near = np.flatnonzero(~apart.all(axis=1))
+    if len(near):
+        raw[near], reach[near] = zones.reach(known[near], found[near], unit_roundoff)
+    return raw, reach
 
 
 def _approximate(program: StraightLineProgram, inputs: Array) -> Array:
