@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
-from harness.programs.mechanisms.constraint_forces import solved, tied_equations
+from harness.programs.mechanisms.constraint_forces import solved, solved_from_tips, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.mechanisms.softened import (
     CONSTANT,
@@ -50,7 +50,7 @@ def bounded_program(constraints: Constraints, laws: Mapping[str, Softness]) -> S
     shares, constants = vector(share for share, _ in numbered), vector(constant for _, constant in numbered)
     stiffness, damping, compliance = (vector(known[number_of(name, what)] for _, name in rows) for what in (STIFFNESS, DAMPING, COMPLIANCE))
     wanted = vector(-(damping[row] * tied.rate[row] + stiffness[row] * tied.residual[row]) for row, _ in rows)
-    *columns, free = solved(tied.mass, [*jacobian, tied.force])
+    *columns, free = solved_from_tips(tied.mass, [*jacobian, tied.force])
     delassus = matrix([jacobian @ column for column in columns]).T
     rigid = vector(delassus[row, row] for row, _ in rows)
     for row, _ in rows:

@@ -77,14 +77,8 @@ def tied_equations(constraints: Constraints, more: Sequence[str] = (), independe
 
 
 def solved(rows: Matrix, columns: Sequence[Vector]) -> list[Vector]:
-    """The solutions of a symmetric positive definite system, by L D L' from the last row to the first.
-
-    Of a tree, whose rows go from its root to its tips, entries that are zero stay so in this order.
-
-    Source: Golub, Van Loan, Matrix Computations, section 4.1.2; Featherstone, Rigid Body Dynamics Algorithms, section 6.5.
-    """
+    """The solutions of a symmetric positive definite system, by L D L' (Golub, Van Loan, Matrix Computations, section 4.1.2)."""
     n, zero = len(rows), rows[0, 0].builder.number(0)
-    rows, columns = rows[::-1, ::-1], [column[::-1] for column in columns]
     lower: list[list[Term]] = [[] for _ in range(n)]
     pivots: list[Term] = []
     for j in range(n):
@@ -100,8 +94,18 @@ def solved(rows: Matrix, columns: Sequence[Vector]) -> list[Vector]:
         x = [entry / pivot for entry, pivot in zip(x, pivots, strict=True)]
         for i in reversed(range(n)):
             x[i] = x[i] - dot([lower[k][i] for k in range(i + 1, n)], x[i + 1 :], zero)
-        found.append(vector(x[::-1]))
+        found.append(vector(x))
     return found
+
+
+def solved_from_tips(mass: Matrix, columns: Sequence[Vector]) -> list[Vector]:
+    """As ``solved``, for the mass matrix of a tree, from its last row to its first: entries that are zero stay so.
+
+    It takes fewer instructions. Of light bodies at the tips of heavy ones it loses digits that ``solved`` keeps.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms, section 6.5.
+    """
+    return [column[::-1] for column in solved(mass[::-1, ::-1], [column[::-1] for column in columns])]
 
 
 def _solved_by_orthogonal_columns(left: Sequence[Vector], right: Sequence[Vector]) -> list[Vector]:
