@@ -130,8 +130,7 @@ class Assignment:
         """The judgement of the subject's answers at ``states``, by the certified values there where they are known."""
         truth = self.truth
         certified = truth.evaluate(states) if certified is None else certified
-        model = load_audited(self)
-        return truth.judge(certified, states, truth.answers(model, states), model)
+        return truth.asked_and_judged(certified, states, load_audited(self))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, Model, Unsupported, accelerations, gaps_of
+from harness.engines import Engine, Model, Unsupported, accelerations_and_gaps
 from harness.engines.engine import load_keeping_arithmetic
 from harness.engines.interface import audit
 from harness.errors import InvalidModel
@@ -94,7 +94,7 @@ def _felt(loaded: Model, states: States) -> Array:
 
     That is 1 m or rad with what each row leaves, and the mass matrix, to which a constraint that holds a coordinate adds nothing.
     """
-    answers, gaps, terms = accelerations(loaded, states), gaps_of(loaded, states), getattr(loaded, "terms", None)
+    (answers, gaps), terms = accelerations_and_gaps(loaded, states), getattr(loaded, "terms", None)
     if not gaps:
         return answers
     mass = [] if terms is None else [terms(states.q, states.v, states.tau).mass.reshape(len(states), -1)]

@@ -195,7 +195,7 @@ def judged_by_solver(truth: Truth, certified: Certified, model: Model, states: S
     if len(wrong) and truth.rigid is not None and (finish := getattr(model, "to_the_end", None)) is not None:
         ended, setting = finish()
         some = states[wrong]
-        left = truth.judge(certified[wrong], some, truth.answers(ended, some), ended)
+        left = truth.asked_and_judged(certified[wrong], some, ended)
         if left.are_all(Verdict.AGREES, Verdict.UNSTABLE, Verdict.EXPLAINED):
             verdicts = comparison.verdicts.copy()
             verdicts[wrong] = Verdict.EXPLAINED.value
@@ -206,7 +206,7 @@ def judged_by_solver(truth: Truth, certified: Certified, model: Model, states: S
         return comparison, ""
     usual, own, defaults = chosen
     few = states[: min(ASKED_AGAIN, len(states))]
-    found = truth.judge(certified[: len(few)], few, truth.answers(usual, few), usual).verdicts
+    found = truth.asked_and_judged(certified[: len(few)], few, usual).verdicts
     counts = [(f"{said} at {int((found == verdict).sum())}", (found == verdict).any()) for verdict, said in _SAID_OF_DEFAULTS.items()]
     said = ", ".join(said for said, any_of in counts if any_of)
     return comparison, f"Solved by {own}; by its defaults ({defaults}) it {said} of {len(few)} states"

@@ -24,11 +24,14 @@ if TYPE_CHECKING:
 
 
 class Call(NamedTuple):
-    """A method of a model, its arguments, and the shape of what it returns; with ``part``, of that attribute of what it returns."""
+    """A method of a model, its arguments, and the shape of what it returns; with ``part``, of that attribute of what it returns.
+
+    Without a shape it returns no array.
+    """
 
     method: str
     arguments: tuple[Any, ...]
-    shape: tuple[int, ...]
+    shape: tuple[int, ...] | None
     part: str = ""
 
 
@@ -37,10 +40,10 @@ class Calls:
     """What a model is asked, and what is made of its answers, which are in the order of the calls."""
 
     each: tuple[Call, ...]
-    formed: Callable[[Sequence[Array]], Array] = lambda answers: answers[0]
+    formed: Callable[[Sequence[Any]], Any] = lambda answers: answers[0]
 
 
-def timed_answers_of(model: Model, several: Sequence[Calls]) -> list[tuple[Array, float]]:
+def timed_answers_of(model: Model, several: Sequence[Calls]) -> list[tuple[Any, float]]:
     """The answer to each and its seconds, without the way to another process and back; what is asked is asked in order.
 
     The model is given copies, and may write into them, and return one array each time.
@@ -78,15 +81,27 @@ def asked_accelerations(model: Model, states: States) -> Calls:
 
 def accelerations(model: Model, states: States) -> Array:
     """The answer of ``model.forward_dynamics``, (n, nv), which may hold numbers that are not finite; raises as ``timed_answers_of``."""
-    return timed_answers_of(model, [asked_accelerations(model, states)])[0][0]
+    found: Array = timed_answers_of(model, [asked_accelerations(model, states)])[0][0]
+    return found
 
 
 def gaps_of(model: Model, states: States) -> Mapping[str, Array]:
     """What the constraints of a model leave at ``states``, (n, rows) each, by their names in order; none where it has or says none."""
+    found: Mapping[str, Array] = timed_answers_of(model, [_asked_gaps(model, states)])[0][0]
+    return found
+
+
+def accelerations_and_gaps(model: Model, states: States) -> tuple[Array, Mapping[str, Array]]:
+    """``accelerations`` and ``gaps_of``, asked for in one request."""
+    (answers, _), (gaps, _) = timed_answers_of(model, [asked_accelerations(model, states), _asked_gaps(model, states)])
+    return answers, gaps
+
+
+def _asked_gaps(model: Model, states: States) -> Calls:
     # A diagnosis asks hundreds of models, most of which tie nothing.
-    of_model = getattr(model, "gaps", None) if getattr(model, "is_tied", True) else None
-    found = {} if of_model is None else of_model(states.q)
-    return {name: found[name] for name in sorted(found)}
+    says_gaps = getattr(model, "is_tied", True) and hasattr(model, "gaps")
+    calls = (Call("gaps", (states.q,), None),) if says_gaps else ()
+    return Calls(calls, lambda answers: {name: rows[name] for rows in answers for name in sorted(rows)})
 
 
 def loaded_and_asked(
@@ -97,8 +112,7 @@ def loaded_and_asked(
     Raises:
         ValueError: the engine refuses the model. harness.engines.Unsupported: it cannot express it.
     """
-    loaded = load_keeping_arithmetic(engine, model, joints, gravity)
-    return accelerations(loaded, states), gaps_of(loaded, states)
+    return accelerations_and_gaps(load_keeping_arithmetic(engine, model, joints, gravity), states)
 
 
 def factorises_mass_matrix(model: Model) -> bool:
@@ -135,7 +149,9 @@ def _copied(value: Any) -> Any:
     return np.array(value) if isinstance(value, np.ndarray) else value
 
 
-def _require_floats(call: Call, answer: Any) -> Array:
+def _require_floats(call: Call, answer: Any) -> Any:
+    if call.shape is None:
+        return answer
     if not isinstance(answer, np.ndarray):
         found = f"a {type(answer).__name__}"
     elif answer.shape != call.shape or not np.issubdtype(answer.dtype, np.floating):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.superfluous import superfluous
-from harness.engines import Model, Subject, accelerations, is_native, subjects
+from harness.engines import Model, Subject, accelerations_and_gaps, is_native, subjects
 from harness.files.model_file import parse_model
 from harness.library import Library
 from harness.programs.states import States
@@ -168,12 +169,12 @@ def test_a_number_that_is_felt_costs_one_state(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
     asked: list[int] = []
 
-    def counted(model: Model, states: States) -> Array:
+    def counted(model: Model, states: States) -> tuple[Array, Mapping[str, Array]]:
         asked.append(len(states))
-        return accelerations(model, states)
+        return accelerations_and_gaps(model, states)
 
     call_engines_here(monkeypatch)
-    monkeypatch.setattr("harness.crosscheck.examination.accelerations", counted)
+    monkeypatch.setattr("harness.crosscheck.examination.accelerations_and_gaps", counted)
     assert superfluous(Assignment.of(LIBRARY, "cart_pendulum", MUJOCO)) == []
     assert asked[:1] == [8] and sum(asked) < 2 * 8 + 2 * len(asked)
 

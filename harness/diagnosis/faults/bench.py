@@ -29,6 +29,7 @@ from harness.engines import (
     Subject,
     Unsupported,
     accelerations,
+    accelerations_and_gaps,
     engine_files,
     gaps_of,
     load_engine,
@@ -208,7 +209,7 @@ class FaultBench:
             try:
                 loaded = self._load(through(one.engine) if through else one.engine, model)
                 states = self._states(one.subject, self.model)
-                answers = with_gaps(accelerations(loaded, states), gaps_of(loaded, states), states, self.mechanism)
+                answers = with_gaps(*accelerations_and_gaps(loaded, states), states, self.mechanism)
                 answers = beside_law(answers, self._moved_by_law(one.subject, model))
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value

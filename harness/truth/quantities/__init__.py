@@ -132,7 +132,12 @@ class Truth(ABC):
             harness.engines.NotOffered: the engine does not offer them.
             harness.engines.InvalidAnswer: it returns something else.
         """
-        return timed_answers_of(model, [self.asks(model, states)])[0][0]
+        found: Array = timed_answers_of(model, [self.asks(model, states)])[0][0]
+        return found
+
+    def asked_and_judged(self, certified: Certified, states: States, model: Model) -> Comparison:
+        """The judgement of the answers that a model gives now; raises as ``answers``."""
+        return self.judge(certified, states, self.answers(model, states), model)
 
     def may_lose_digits(self, model: Model) -> bool:
         """True where an answer that lost digits to an ill-conditioned M is ``unstable``, not wrong."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Calls, Model, asked_accelerations, factorises_mass_matrix, gaps_of
+from harness.engines import Calls, Model, accelerations_and_gaps, asked_accelerations, factorises_mass_matrix, gaps_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
@@ -164,7 +164,13 @@ class AccelerationTruth(Truth):
 
         An answer is unstable too where the links of a user's file are too far from one another for what its engine documents.
         """
-        gaps = gaps_of(model, states)
+        return self._judge(certified, states, answers, gaps_of(model, states), model)
+
+    def asked_and_judged(self, certified: Any, states: States, model: Model) -> Comparison:
+        """See ``Truth``: what constraints leave open is asked for in the same request."""
+        return self._judge(certified, states, *accelerations_and_gaps(model, states), model)
+
+    def _judge(self, certified: Any, states: States, answers: Array, gaps: Gaps, model: Model) -> Comparison:
         found = compare(beside_gaps(certified, self._own, states, gaps), np.hstack([answers, *gaps.values()]), self.may_lose_digits(model))
         return found if self.far_links is None else self.far_links.excused(found, certified, states, answers)
 
