@@ -10,17 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.documented import documented, laws_of
 from harness.comparison.robot_library import ask_engine
-from harness.comparison.switches import GROUPS, Switch, constraints_among
 from harness.comparison.touching import Touching, put, settling, steps_of
 from harness.crosscheck.constraint_laws import effect_of
 from harness.engines import Engine
-from harness.engines.request import EngineAnswers, EngineQuestion, Held, SolverSettings
+from harness.engines.request import EngineAnswers, EngineQuestion, SolverSettings
 from harness.explain.as_read import Folded, fold
 from harness.explain.changes.departures import Departure, departures_of
+from harness.explain.clamps import moved_clamps
+from harness.explain.documented import documented, laws_of
 from harness.explain.meant import Meant, question_of, reference_of, request_of, spread
-from harness.explain.suspects import Explained, Suspect, SuspectSearch, suspects_of
+from harness.explain.suspects import Explained, ExplainedOrder, Suspect, SuspectSearch, suspects_of
+from harness.explain.switches import Switch, constraints_among, held_with
 from harness.files.findings import CONTACTS
 from harness.library import Stance
 from harness.results.readings import FELT, Effect
@@ -64,10 +65,7 @@ class AskedEngine:
 
     def _question(self, switches: Sequence[Switch], at: Meant | None, few: bool, solver: SolverSettings | None) -> EngineQuestion:
         original = self.original.few if few else self.original
-        held = Held(tuple(one.kind for one in original.robot.equalities), (), solver)
-        for group in GROUPS:
-            held = group.held(held, [one for one in switches if one.group is group])
-        question = question_of(original, Stance.PLAIN, held)
+        question = question_of(original, Stance.PLAIN, held_with(original.robot, switches, solver))
         if self.path is not None:
             question = replace(question, request=replace(question.request, path=self.path))
         if at is not None and {joint.name for joint in question.request.joints} <= set(at.robot.joints):
@@ -148,9 +146,10 @@ class FileCase:
         """The numbers of what is on, beside the truth at the states at which no bodies touch."""
         return SuspectSearch(suspects_of(self.original.robot), self._truth_with, self.where_apart.truth)
 
-    def explaining(self, accelerations: Array) -> list[Explained]:
-        """The numbers with another value of which the truth is what an engine answers, (n, nv)."""
-        return self.search.explaining(accelerations[self.apart])
+    def explaining(self, accelerations: Array) -> Sequence[Explained | ExplainedOrder]:
+        """The numbers with another value of which the truth is what an engine answers, (n, nv); where none does, ranges out of order."""
+        own = accelerations[self.apart]
+        return self.search.explaining(own) or self.search.orders_explaining(own, moved_clamps(self.original.robot))
 
     def _truth_with(self, suspect: Suspect, value: float) -> tuple[Array, Array]:
         acting = [one.number for one in self.original.robot.tree.actuators]

@@ -2,7 +2,8 @@
 
 The engine loads a copy of the file with another number, and is held against what the file means as ``compare`` does it, at the states where
 these act. The numbers are those that a diagnosis suspects. Each is planted twice: ``MOST_ABOVE_THEORY`` times above the change that data
-roundoff lets be caught, and visibly. Contacts are off.
+roundoff lets be caught, and visibly. Each range of an actuator is planted as one of another quantity besides: the order of clamps. Contacts
+are off.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from harness.diagnosis.faults.summary import Fault
 from harness.engines import installed_version
 from harness.engines.request import EngineAnswers
 from harness.errors import InvalidModel, InvalidRequest
+from harness.explain.clamps import MovedClamp, moved_clamps
 from harness.explain.columns import Whitening
 from harness.explain.meant import meant
 from harness.explain.suspects import Suspect
@@ -42,6 +44,8 @@ from harness.verdict import AGREEMENT
 
 # Relative size of a change that people see, and states of a file, whose truth is certified anew some thousand times.
 VISIBLE, STATES = 0.01, 64
+# The kind of faults that are ranges of another quantity.
+ORDER_OF_CLAMPS = "order of clamps"
 # What a diagnosis says of the number that it names.
 _NAMED = re.compile(r"(?P<name>.+) = \S+: the engine behaves as with (?P<value>\S+), which leaves (?P<left>\S+) data roundoffs")
 
@@ -64,9 +68,12 @@ class FileCampaign:
             raise InvalidModel(path, None, f"{self._engine}: {why}; expected some, whose numbers can be planted")
         self._record, self._case, self._asked = record, posed.case, posed.asked
         self.numbers = grouped((one.number.attribute, one) for one in self._case.search.suspects if self._is_written_here(one))
+        here = [one for one in moved_clamps(self._case.original.robot) if all(place.path == path for place, _ in one.edits)]
+        self.planted: dict[str, list[Suspect | MovedClamp]] = {kind: [*own] for kind, own in self.numbers.items()}
+        self.planted |= {ORDER_OF_CLAMPS: [*here]} if here else {}
         for kind in settings.kinds:
-            if kind not in self.numbers:
-                raise InvalidRequest(f"no number of {path} is a {kind!r}; {nearest(kind, self.numbers)}")
+            if kind not in self.planted:
+                raise InvalidRequest(f"no number of {path} is a {kind!r}; {nearest(kind, self.planted)}")
 
     def faults(self, note: Callable[[str], None]) -> Iterator[Fault]:
         """Every fault of the kinds asked for, kind by kind."""
@@ -77,8 +84,8 @@ class FileCampaign:
                 why = sound.refusal or "; ".join(record.rest)
                 raise InvalidModel(self._path, None, f"{self._engine} is not what it documents before any fault is planted: {why}")
             healthy = sound.of(self._joints)
-            for kind in self._settings.kinds or self.numbers:
-                planted = [(one, size) for one in self.numbers[kind] for size in self._sizes(one)]
+            for kind in self._settings.kinds or self.planted:
+                planted = [(one, size) for one in self.planted[kind] for size in self._sizes(one)]
                 found = []
                 for one, size in planted:
                     note(f"{self._path}: {one.name}")
@@ -96,17 +103,23 @@ class FileCampaign:
         """False for a number of another file, and for one that follows from others."""
         return suspect.number.place.path == self._path and " " not in suspect.number.attribute
 
-    def _theory(self, suspect: Suspect) -> float:
-        """The smallest relative change that is caught by theory; inf for a number that no state feels."""
+    def _theory(self, suspect: Suspect | MovedClamp) -> float:
+        """The smallest relative change that is caught by theory; inf for a number that no state feels, and for what is no number."""
+        if isinstance(suspect, MovedClamp):
+            return math.inf
         column = self._case.search.columns[self._case.search.suspects.index(suspect)]
         felt = float(np.linalg.norm(column, axis=1).max(initial=0.0)) * suspect.scale
         return AGREEMENT / felt if felt else math.inf
 
-    def _sizes(self, suspect: Suspect) -> list[float]:
+    def _sizes(self, suspect: Suspect | MovedClamp) -> list[float]:
+        if isinstance(suspect, MovedClamp):
+            return [1.0]
         least = MOST_ABOVE_THEORY * self._theory(suspect)
         return [*self._settings.sizes] or [*([least] if least < VISIBLE else []), VISIBLE]
 
-    def _changed(self, suspect: Suspect, size: float) -> str:
+    def _changed(self, suspect: Suspect | MovedClamp, size: float) -> str:
+        if isinstance(suspect, MovedClamp):
+            return suspect.written(self._text, self._format)
         own = float(suspect.number)
         return with_number_written(self._text, self._format, suspect.number, own + size * suspect.scale, suspect.beside)
 
@@ -118,14 +131,14 @@ class FileCampaign:
         """The record of what the engine makes of the copy as it stands."""
         return with_verdict(self._record, self._case, replace(self._asked, path=copy), answers, names)
 
-    def _caught(self, copy: Path, healthy: Array, suspect: Suspect, size: float) -> Fault:
-        number, theory = suspect.number, self._theory(suspect)
+    def _caught(self, copy: Path, healthy: Array, suspect: Suspect | MovedClamp, size: float) -> Fault:
+        theory = self._theory(suspect)
         fault = Fault(
             system=str(self._path),
             format=self._format,
-            kind=number.attribute,
-            statement="",
-            where=((number.place.line, number.place.tag, number.attribute),),
+            kind=ORDER_OF_CLAMPS if isinstance(suspect, MovedClamp) else suspect.attribute,
+            statement=f"holds {suspect.held}" if isinstance(suspect, MovedClamp) else "",
+            where=((suspect.place.line, suspect.place.tag, suspect.attribute),),
             sizes=(size,),
             theory=theory if theory < math.inf else None,
         )
@@ -140,9 +153,13 @@ class FileCampaign:
             return replace(fault, caught_by="check")
         return replace(fault, missed=(size,) if is_far or size >= MOST_ABOVE_THEORY * theory else ())
 
-    def _diagnosed(self, copy: Path, fault: Fault, suspect: Suspect, size: float) -> Fault:
+    def _diagnosed(self, copy: Path, fault: Fault, suspect: Suspect | MovedClamp, size: float) -> Fault:
         started = time.perf_counter()
         record = self._judged(copy, self._answers(copy, self._changed(suspect, size)))
+        if isinstance(suspect, MovedClamp):
+            own = [sentence.startswith(f"{suspect.name}: the engine holds {suspect.held} in it") for sentence in record.rest]
+            fault = replace(fault, named=own[:1] == [True], in_class=any(own), explained=any(" the engine " in one for one in record.rest))
+            return replace(fault, diagnosed=size, answer=record.rest[0], seconds=time.perf_counter() - started)
         named = [match for sentence in record.rest if (match := _NAMED.fullmatch(sentence))]
         places = [match["name"] == suspect.name for match in named]
         planted = float(suspect.number) + size * suspect.scale

@@ -25,15 +25,16 @@ from harness.engines import (
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest, not_installed
 from harness.explain.meant import joints_without_inertia, request_of, undetermined, why_unmoved
-from harness.files.findings import ACTUATORS
+from harness.explain.switches import GROUPS
+from harness.files.findings import ACTUATORS, CONTACTS
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.files.reading import format_of
 from harness.library import ROBOTS, Library, Stance, is_file
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
 from harness.results.comparison import fixed_base, names_apart
-from harness.results.switched_on import SwitchedOnPart, stays_off
-from harness.results.table import counted_nouns, joined
+from harness.results.switched_on import SwitchedOnPart, counted_parts, stays_off
+from harness.results.table import joined
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot, with_actuators
 
@@ -209,18 +210,29 @@ def _read(path: str, floating_base: bool) -> Robot | None:
         return None
 
 
-def on_and_off(library: Library) -> list[str]:
-    """The actuators that act in accelerations, and what of each file is off, a sentence for each file; none for mechanisms."""
+def on_and_off(library: Library, all_on: bool = False) -> list[str]:
+    """The actuators that act in accelerations, and what of each file is off, a sentence for each file; none for mechanisms.
+
+    ``all_on``: where dry friction, limits and equalities act too.
+    """
     if not isinstance(library, RobotLibrary):
         return []
     names, found = names_apart(library.formats), []
     for path in library.formats:
         if (robot := _read(path, library.floating_base)) is None:
             continue
-        driven = [one for one in robot.actuators if library.drives and not one.why_not]
-        parts = [SwitchedOnPart(what=ACTUATORS, kind=one.kind, line=one.line, why_not=one.why_not) for one in robot.actuators]
-        off = joined(stays_off(robot.left_out, parts if driven else []))
-        said = "; ".join([*([f"{counted_nouns(len(driven), ACTUATORS)} on"] if driven else []), *([f"off: {off}"] if off else [])])
+        robot = with_actuators(robot, [one.number for one in robot.actuators if library.drives and not one.why_not])
+        groups = [one for one in GROUPS if one.what == ACTUATORS or (all_on and one.what != CONTACTS)]
+        parts = {
+            group.what: [
+                SwitchedOnPart(what=group.what, kind=one.kind, line=one.line, why_not=group.why_not(one, robot)) for one in group.of(robot)
+            ]
+            for group in groups
+        }
+        counts = {what: sum(not one.why_not for one in own) for what, own in parts.items()}
+        on = joined([counted_parts(count, what) for what, count in counts.items() if count])
+        off = joined(stays_off(robot.left_out, [one for what, own in parts.items() if counts[what] for one in own]))
+        said = "; ".join([*([f"{on} on"] if on else []), *([f"off: {off}"] if off else [])])
         found.append(f"{names[path]}: {said}" if said and len(library.formats) > 1 else said[:1].upper() + said[1:])
     return list(filter(None, found))
 

@@ -17,10 +17,10 @@ from harness.comparison.matching import refuse_unknown
 from harness.comparison.robot_library import ask_engine, engine_of, robot_at, robot_subjects
 from harness.comparison.sameness import hold_against
 from harness.comparison.switched_on import judge_switched_on
-from harness.comparison.switches import has_switches
 from harness.engines.request import EngineAnswers
 from harness.errors import InvalidInput, InvalidModel, InvalidRequest
 from harness.explain.meant import STATES, Meant, meant, question_of
+from harness.explain.switches import has_switches
 from harness.library import Stance
 from harness.results.comparison import FileRecord, FilesComparison, PairRecord, SubjectRecord
 from harness.results.switched_on import SwitchedOnRecord

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from harness.arrays import Array
 from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered, Subject, load_engine, load_model, runs_elsewhere
 from harness.engines.interface import acting_as, audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
-from harness.files.equalities import Constraint
+from harness.files.equalities import Constraint, Equality
 from harness.files.findings import FRICTION, LIMITS
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
@@ -72,9 +72,14 @@ class Assignment:
         return cls(library, subject, load_mechanism(library, name), model, name)
 
     def about(self, quantity: str) -> Assignment:
-        """The same about another quantity: where actuators, dry friction or limits act, accelerations alone are asked for with them."""
-        mechanism = self.mechanism
-        if not find_quantities()[quantity].is_default:
+        """The same about another quantity: few are asked for where actuators, dry friction, limits or equalities of a user's file act."""
+        mechanism, asked = self.mechanism, find_quantities()[quantity]
+        if asked.takes_all and self.library.reads_files and isinstance(mechanism, RobotMechanism):
+            # Imported late: a mechanism needs nothing of it.
+            from harness.explain.documented import with_all_on
+
+            mechanism = with_all_on(mechanism, load_engine(self.library, self.subject.engine))
+        elif not asked.is_default:
             mechanism = mechanism.smooth if isinstance(mechanism, RobotMechanism) else smooth(mechanism)
         return replace(self, quantity=quantity, mechanism=mechanism)
 
@@ -203,8 +208,12 @@ def why_left_out(assignment: Assignment) -> Mapping[str, str]:
 
 def departures_of(assignment: Assignment) -> Mapping[Departure, Sequence[Constraint]]:
     """The departures of the subject's engine that bear on what it is asked for, each with the constraints that it concerns."""
-    read = assignment.model
-    if read is None or not read.constraints or assignment.mechanism.constraints is None or not assignment.asked.has_laws:
+    read, mechanism = assignment.model, assignment.mechanism
+    if assignment.asked.takes_all and isinstance(mechanism, RobotMechanism) and mechanism.held is not None:
+        from harness.explain.documented import departing
+
+        return departing(mechanism.robot, load_engine(assignment.library, assignment.subject.engine))
+    if read is None or not read.constraints or mechanism.constraints is None or not assignment.asked.has_laws:
         return {}
     # Imported late: a mechanism without constraints needs nothing of it.
     from harness.crosscheck.constraint_laws import departures_from
@@ -224,7 +233,7 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
         declared = declared or declared_model(assignment.library, system)
         read = read or declared
     laws: Mapping[str, ConstraintLaw] = {}
-    soft = None
+    soft: Callable[[Mechanism], Mechanism] | None = None
     if read is not None and (mechanism.constraints is not None or mechanism.bounded is not None):
         # Imported late: a mechanism without constraints needs nothing of it.
         from harness.crosscheck.constraint_laws import laws_of, softening
@@ -233,9 +242,15 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
             require_constraints(file, mechanism)
         laws = laws_of(assignment.library, assignment.subject.engine, read, assignment.departures) if quantity.has_laws else {}
         soft = softening(laws, read) if laws else None
+    ties: tuple[Equality, ...] = ()
+    if quantity.takes_all and isinstance(mechanism, RobotMechanism) and mechanism.held is not None:
+        from harness.explain.documented import softening_of
+
+        if (own := softening_of(mechanism.robot, engine, assignment.departures)) is not None:
+            soft, laws, ties = own, own.laws, own.ties
     rules = engine.step_rules(read) if read is not None and quantity.has_step_rules else ()
     is_about_tree = bool(getattr(engine, "takes_inertias_about_tree", False))
-    basis = TruthBasis(mechanism, declared, read, in_body, soft, rules, precision, factorises, is_about_tree)
+    basis = TruthBasis(mechanism, declared, read, in_body, soft, rules, precision, factorises, is_about_tree, ties)
     texts = tuple(file and file.text for file in (declared, read))
     return basis, (texts, in_body, tuple(laws.items()), rules)
 

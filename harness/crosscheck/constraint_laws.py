@@ -22,7 +22,7 @@ from harness.programs.states import States
 from harness.results.readings import Effect
 from harness.trees.robot import tree_of
 from harness.truth.compare import Certified, Comparison
-from harness.truth.quantities import ASKED_ELSEWHERE, Truth
+from harness.truth.quantities import Truth
 from harness.truth.reference import Reference
 from harness.verdict import Verdict
 
@@ -115,10 +115,6 @@ class DepartedTruth(ReadTruth):
     def __init__(self, read: Truth, documented: Truth) -> None:
         super().__init__(read, documented, lambda states: states, slice(None))
         self.rigid = documented.rigid
-
-    def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
-        """See ``Truth``."""
-        return self.of_file.asked_at(states, share)
 
     def judge(self, certified: Certified, states: States, answers: Array, model: Model) -> Comparison:
         """See ``Truth``."""

@@ -8,14 +8,17 @@ import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, departures_of, truth_of, why_left_out
 from harness.crosscheck.constraint_laws import DepartedTruth, effect_of
-from harness.explain.meant import STATES, largest_change
+from harness.engines import load_engine
+from harness.explain.documented import softening_of
+from harness.explain.meant import STATES, STATES_OF_EFFECTS, largest_change
 from harness.files.equalities import Constraint, DryFriction
 from harness.files.findings import FRICTION, LIMITS
 from harness.programs.states import States
 from harness.results.readings import Effect
 from harness.results.records import ACCELERATIONS
+from harness.trees.mechanism import RobotMechanism
 from harness.truth.quantities.accelerations import AccelerationTruth
-from harness.truth.reference import moves
+from harness.truth.reference import Reference, ReferenceKernel, moves
 from harness.truth.sampling import sample
 
 
@@ -52,6 +55,21 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
         departed = acceleration_truth_of(replace(about, departures=(one.name,)))
         found.append(effect_of(one, concerned, reference, departed.evaluate(states)))
     return found, []
+
+
+def effects_on_file(assignment: Assignment, seed: int) -> list[Effect]:
+    """What each departure from the documented law of a user's file does to its accelerations."""
+    mechanism, engine = assignment.mechanism, load_engine(assignment.library, assignment.subject.engine)
+    assert isinstance(mechanism, RobotMechanism)
+    states = assignment.truth.asked_at(sample(mechanism, STATES_OF_EFFECTS, seed))
+
+    def reference(*departures: str) -> Reference:
+        softening = softening_of(mechanism.robot, engine, departures)
+        assert softening is not None
+        return ReferenceKernel(softening(mechanism)).evaluate(states)
+
+    documented = reference()
+    return [effect_of(one, concerned, documented, reference(one.name)) for one, concerned in departures_of(assignment).items()]
 
 
 def _what(bounded: Constraint) -> str:

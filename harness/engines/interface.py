@@ -22,7 +22,9 @@ was given, each once.
 - ``velocities(q, v)``: of each joint, (n, joints, 6): the velocity of the same point, and the angular velocity of the body.
 - ``jacobians(q)``: by which each velocity changes these, (n, joints, 6, nv).
 - ``sensors(q, v, qdd)``: of each sensor of the file that is of a ``harness.files.tree.SensorKind``, in the order of the file, what it
-  measures where the joints have these accelerations and nothing else acts, (n, sensors, 3).
+  measures where the joints have these accelerations and nothing else acts, (n, sensors, 3); a number stands first, with zeros behind it.
+- ``driven_sensors(q, v, tau, control, activation)``: the same at applied forces and inputs of actuators, (n, actuators of the file) each,
+  where all that the model holds acts.
 - ``reactions(q, v, tau)``: what each joint transmits, (n, joints, 6): the force [N] and the moment [N m] that the parent exerts on the
   child; the moment is about the point of ``positions``. Springs between points pull from outside, and so do constraints that hold
   points or frames together; couplings of joints act through the joints. The row of a free joint is not looked at.
@@ -67,6 +69,7 @@ METHODS = (
     "inverse_dynamics_derivatives",
     "regressor",
     "sensors",
+    "driven_sensors",
 )
 # Coarser than what the comparison sees by far: the audit finds another mechanism, the comparison finds
 # another digit.

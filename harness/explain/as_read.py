@@ -33,7 +33,7 @@ from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import Robot, robot_of
 from harness.truth.compare import Certified, Comparison, Flags, compare
-from harness.truth.quantities import Quantity, Truth
+from harness.truth.quantities import ASKED_ELSEWHERE, Quantity, Truth
 from harness.verdict import AGREEMENT, Verdict
 
 # Readings that may not hold at once; with ten readings there are 55 ways.
@@ -161,7 +161,7 @@ class FileAsRead:
         """States of the mechanism, over the joints of what is read."""
         sizes, read = self.mechanism.joint_sizes, self.folded.robot
         q, v = (_columns({joint: size[which] for joint, size in sizes.items()}, self.robot.joints) for which in (0, 1))
-        own = States(states.q[:, q], states.v[:, v], states.tau[:, v], states.time)
+        own = States(states.q[:, q], states.v[:, v], states.tau[:, v], states.time, states.control, states.activation)
         return spread(self.robot, own, asked_joints(read.tree, read.joints))
 
     @property
@@ -180,6 +180,8 @@ class FileAsRead:
 
         def asked() -> RobotMechanism:
             request = request_of(self.robot, self.library.stance, read)
+            if own.held is not None and own.held.kinds + own.held.rubbing + own.held.limited:
+                request = replace(request, held=own.held)
             return replace(self.written, name=own.name, digest=own.digest, reader=engine, request=request)
 
         return _READ.get((self.library, engine, own.key), asked)
@@ -256,6 +258,10 @@ class ReadTruth(Truth):
     def is_compiled(self) -> bool:
         """See ``Truth``."""
         return self.read.is_compiled
+
+    def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
+        """See ``Truth``."""
+        return self.of_file.asked_at(states, share)
 
     def evaluate(self, states: States) -> Certified:
         """See ``Truth``; of what is read."""

@@ -6,17 +6,19 @@ with each value of a number that is tried, and no change is taken for linear whe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from harness.arrays import Array
+from harness.explain.clamps import MovedClamp
 from harness.explain.columns import Whitening
 from harness.explain.fit import AS_WELL, TIMES_AS_WELL, best_change, fit
 from harness.files.equalities import BoundTendon
-from harness.files.given import Given, every_number_in, with_numbers
+from harness.files.given import Given, Place, every_number_in, with_numbers
 from harness.files.tree import Actuator, Joint
 from harness.results.table import error_text
 from harness.trees.bodies.spatial import parameter_name
@@ -49,6 +51,14 @@ class Suspect:
     @property
     def name(self) -> str:
         return parameter_name(self.number)
+
+    @property
+    def place(self) -> Place:
+        return self.number.place
+
+    @property
+    def attribute(self) -> str:
+        return self.number.attribute
 
     @property
     def scale(self) -> float:
@@ -148,6 +158,18 @@ class Explained:
         return f"{behaves}, which leaves {error_text(self.left)} data roundoffs"
 
 
+@dataclass(frozen=True)
+class ExplainedOrder:
+    """A range that the engine lets hold another quantity, and what that leaves [data roundoffs]."""
+
+    clamp: MovedClamp
+    left: float
+
+    @property
+    def sentence(self) -> str:
+        return f"{self.clamp.name}: the engine holds {self.clamp.held} in it, which leaves {error_text(self.left)} data roundoffs"
+
+
 # High and low of accelerations, (n, nv) each; not a number where they are not certain.
 Accelerations = tuple[Array, Array]
 
@@ -170,9 +192,7 @@ class SuspectSearch:
 
     def explaining(self, answers: Array) -> list[Explained]:
         """The suspects that make answers (n, nv) agree, the likeliest first."""
-        with np.errstate(invalid="ignore"):
-            residual = self._whitening.residual(answers)
-        residual[~(self._documented.certified & np.isfinite(residual).all(axis=1))] = 0.0
+        residual = self._residual(answers)
         shares = [best_change(column, residual)[1] for column in self.columns]
         found: list[Explained] = []
         most = 1.0
@@ -185,6 +205,22 @@ class SuspectSearch:
         least = min((one.fitted for one in found), default=0.0)
         # Where several explain as well, people write numbers of few digits.
         return sorted(found, key=lambda one: (max(one.fitted, _AS_GOOD * least), len(repr(one.value))))
+
+    def orders_explaining(self, answers: Array, clamps: Iterable[MovedClamp]) -> list[ExplainedOrder]:
+        """Those of some ranges that hold another quantity, with which the truth is what answers (n, nv) say."""
+        residual, found = self._residual(answers), list[ExplainedOrder]()
+        for clamp in clamps:
+            moved = self.moved(Suspect(Given(0.0, clamp.place, clamp.attribute), partial(_as_it_is, clamp.robot), (), False), math.nan)
+            if moved is not None and (left := _worst(residual - moved)) <= AGREEMENT:
+                found.append(ExplainedOrder(clamp, left))
+        return sorted(found, key=lambda one: one.left)
+
+    def _residual(self, answers: Array) -> Array:
+        """Of answers (n, nv) [data roundoffs]; 0 where that is not decided."""
+        with np.errstate(invalid="ignore"):
+            residual = self._whitening.residual(answers)
+        residual[~(self._documented.certified & np.isfinite(residual).all(axis=1))] = 0.0
+        return residual
 
     def moved(self, suspect: Suspect, value: float) -> Array | None:
         """What a value does to the truth, (n, nv) [data roundoffs], 0 where that is not decided; None where no law has such a number."""
@@ -225,6 +261,10 @@ class SuspectSearch:
             if _worst(rest - column * (short - value)) <= enough and (there := left(short)) is not None and _worst(there) <= enough:
                 return Explained(one, short, _worst(there), least)
         return Explained(one, value, least, least)
+
+
+def _as_it_is(robot: Robot, _value: float) -> Robot:
+    return robot
 
 
 def _worst(rows: Array) -> float:

@@ -234,11 +234,11 @@ class Actuator(Placed):
 
 
 class SensorKind(StrEnum):
-    """What a sensor measures, by its tag; each a vector (3,).
+    """What a sensor measures, by its tag; a vector (3,), of which a single number is the first component and the others are 0.
 
     In the axes of its site: the acceleration of the site less gravity, its velocity, its angular velocity, and force and moment about it
     that the body of the site gets from the body that it hangs on. Along the world's axes: the acceleration of the site less gravity, and
-    the angular acceleration.
+    the angular acceleration. Of actuators: the force of one in its range, and what all do together on a joint in the range of that.
     """
 
     ACCELEROMETER = "accelerometer"
@@ -248,6 +248,8 @@ class SensorKind(StrEnum):
     TORQUE = "torque"
     LINEAR_ACCELERATION = "framelinacc"
     ANGULAR_ACCELERATION = "frameangacc"
+    ACTUATOR_FORCE = "actuatorfrc"
+    JOINT_ACTUATOR_FORCE = "jointactuatorfrc"
 
     @property
     def is_transmitted(self) -> bool:
@@ -259,13 +261,19 @@ class SensorKind(StrEnum):
         """Whether it is along the world's axes."""
         return self in (SensorKind.LINEAR_ACCELERATION, SensorKind.ANGULAR_ACCELERATION)
 
+    @property
+    def is_of_actuators(self) -> bool:
+        """Whether it is what actuators do."""
+        return self in (SensorKind.ACTUATOR_FORCE, SensorKind.JOINT_ACTUATOR_FORCE)
+
 
 @dataclass(frozen=True)
 class Sensor(Placed):
-    """A sensor at a site.
+    """A sensor at a site, or of actuators.
 
     Attributes:
         name: "" for none. number: among the sensors of the file, from 0. body, pose: of the site.
+        actuator, joint: whose force it measures, the former by its number among the actuators of the file; -1 and "" of all others.
         why_not: why its value is not judged; "" where it is.
     """
 
@@ -277,6 +285,8 @@ class Sensor(Placed):
     pose: Pose = ()
     why_not: str = ""
     place: Place | None = None
+    actuator: int = -1
+    joint: str = ""
 
 
 @dataclass(frozen=True)
@@ -284,7 +294,7 @@ class Tree(Placed):
     """Bodies, parents before their children, the gravity [m/s^2] they feel, springs between points, and couplings of joints.
 
     ``tendons`` are those with dry friction or limits, ``actuators`` those that act, and ``force_limits`` the ranges [N or N m] of what they
-    do together on joints. ``sensors`` are those at sites.
+    do together on joints. ``sensors`` are those at sites and of actuators.
 
     With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
     factor, so that the masses of all bodies sum to it.

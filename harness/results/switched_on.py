@@ -94,7 +94,7 @@ class SwitchedOnRecord:
     @property
     def named(self) -> str:
         """ "2 equalities, 6 actuators and contacts", "equality" of one alone."""
-        named = joined([_counted(len(own), what) for what, own in self.judged.items()])
+        named = joined([counted_parts(len(own), what) for what, own in self.judged.items()])
         return named.removeprefix("1 ").removesuffix(" in 1 place") if self.is_single else named
 
     @property
@@ -118,7 +118,8 @@ class SwitchedOnRecord:
         return not self.explained or bool(self.departures or names_of(self.readings)) or moves
 
 
-def _counted(number: int, what: str) -> str:
+def counted_parts(number: int, what: str) -> str:
+    """ "6 actuators", "dry friction in 2 places", "contacts"."""
     if what == CONTACTS:
         # Of shapes that may touch.
         return what
@@ -173,7 +174,7 @@ def stays_off(left_out: Sequence[LeftOut], judged: Sequence[SwitchedOnPart]) -> 
     """
     refused = grouped(((part.what, part.why_not), part.line) for part in _refused(judged))
     lines = {key: list(dict.fromkeys(own)) for key, own in refused.items()}
-    parts = [f"{_counted(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
+    parts = [f"{counted_parts(len(own), what)} ({lines_text(own, FEW_LINES)}: it {why})" for (what, why), own in lines.items()]
     return [*_whole_kinds(left_out, judged), *parts]
 
 

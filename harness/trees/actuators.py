@@ -46,9 +46,11 @@ class Driven:
     Attributes:
         forces: (nv,) generalised. controls: ranges of controls, by actuator.
         clamped: those of forces, each before those that it is part of.
+        alone: by actuator, its force in its range.
     """
 
     forces: Vector
+    alone: dict[int, Term] = field(default_factory=dict)
     controls: dict[int, _Clamped] = field(default_factory=dict)
     clamped: list[_Clamped] = field(default_factory=list)
 
@@ -62,6 +64,7 @@ def driven(nodes: Kinematics, generalised: Generalised, carried: Vector) -> Driv
         if actuator.force_range is not None:
             held = _held(f"force of actuator {actuator.number}", actuator.force_range, force)
             force = _sum(nodes.builder, found.clamped, held)
+        found.alone[actuator.number] = force
         found.forces = found.forces + force * moment
     found.forces = found.forces + carried
     for joint, bounds in nodes.tree.force_limits:

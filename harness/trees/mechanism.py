@@ -82,7 +82,12 @@ class RobotMechanism(Mechanism):
 
     @property
     def key(self) -> Hashable:
-        return super().key, self.digest
+        return super().key, self.digest, self.held
+
+    @property
+    def held(self) -> Any:
+        """What acts beside the tree in an engine that reads the file, as of ``Request``; None for nothing."""
+        return self.request and self.request.held
 
 
 def named(numbers: Sequence[Given]) -> tuple[tuple[str, float, str], ...]:

@@ -63,12 +63,14 @@ class DeclaredMechanism(Mechanism):
         pushing: rows that push alone, by the places of their force in ``zones``.
         problem: as of ``SoftenedProgram``, where contacts or rigid rows are among the constraints: so many sides are found as a least;
             None elsewhere.
+        given: the numbers of a robot's file that are its first parameters; () of a system's.
     """
 
     laws: tuple[tuple[str, ConstraintLaw], ...] = ()
     zones: Zones | None = None
     pushing: tuple[tuple[int, int], ...] = ()
     problem: StraightLineProgram | None = None
+    given: tuple[Any, ...] = ()
 
     @property
     def key(self) -> Hashable:

@@ -87,6 +87,17 @@ def pressed(mechanism: DeclaredMechanism, states: States, share: float = 1.0) ->
     return replace(states, q=np.where((usable & np.isfinite(at.q).all(axis=1))[:, None], at.q, states.q), v=v)
 
 
+def felt(mechanism: DeclaredMechanism, states: States, share: float) -> States:
+    """The states, a share of them near closed equalities, and a share of all beyond limits; none of that where there is no such."""
+    if mechanism.constraints is not None:
+        chosen = np.array([_random_of(states, state).random() < share for state in range(len(states))], dtype=np.bool_)
+        moved = near(mechanism, states[chosen])
+        q, v = states.q.copy(), states.v.copy()
+        q[chosen], v[chosen] = moved.q, moved.v
+        states = replace(states, q=q, v=v)
+    return pressed(mechanism, states, share)
+
+
 def slowed(mechanism: DeclaredMechanism, states: States) -> States:
     """The states at rates that their own bits choose, down to those that rigid dry friction may end within a step."""
     if not any(law.is_rigid for _, law in mechanism.laws):

@@ -46,7 +46,7 @@ def optimum(
     equalities = {one.name for one in acting if isinstance(one, Equality)}
     holding = tied.constraints.first(sum(name in equalities for name in tied.constraints.rows))
     plain = replace(mechanism, parameters=named(tied.parameters), constraints=holding, other_charts=(), charts_in_body=())
-    return declared(plain, {one.name: laws[one.name] for one in acting}, weights, tied.constraints)
+    return replace(declared(plain, {one.name: laws[one.name] for one in acting}, weights, tied.constraints), given=tied.parameters)
 
 
 def _tendons(rows: AnyRows | None) -> Sequence[Tendon]:

@@ -16,13 +16,13 @@ from flint import arb, arb_mat
 from support import call_engines_here
 
 from harness.comparison import switched_on
-from harness.comparison.documented import documented
 from harness.comparison.robot_library import RobotLibrary, engine_of, robot_at, robot_subjects
 from harness.comparison.switched_on import judge_switched_on
-from harness.comparison.switches import switches_of
 from harness.engines import subjects
 from harness.engines.adapters.pinocchio import step_law, stepping
+from harness.explain.documented import documented
 from harness.explain.meant import meant
+from harness.explain.switches import switches_of
 from harness.files.equalities import Constraint, DryFriction
 from harness.files.rules import ConstraintLaw
 from harness.programs.evaluation import mass_matrix

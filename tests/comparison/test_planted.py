@@ -50,6 +50,38 @@ def test_a_number_of_a_row_is_named_with_file_line_and_value() -> None:
     assert "rubbing.xml:5: joint margin = 0.1: the engine behaves as with 0.1025" in named
 
 
+CLAMPED = """<mujoco>
+  <compiler angle="radian"/>
+  <worldbody>
+    <body><joint name="one" axis="0 1 0" actuatorfrcrange="-4 3"/><inertial pos="0 0 0.25" mass="2" diaginertia="0.25 0.125 0.1875"/>
+      <body pos="0 0 0.5"><joint name="two" axis="0 1 0"/><inertial pos="0 0 0.25" mass="1" diaginertia="0.0625 0.0625 0.03125"/></body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="one" gear="2"/>
+    <motor joint="one" gear="-5"/>
+    <position joint="two" kp="24" gear="1.5" forcerange="-5 6"/>
+    <velocity joint="two" kv="3" ctrlrange="-1 1"/>
+  </actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.ci
+def test_a_range_that_holds_another_quantity_is_red_and_named_first(tmp_path: Path) -> None:
+    (path := tmp_path / "clamped.xml").write_text(CLAMPED)
+    faults = campaign(path, replace(SETTINGS, kinds=(planted.ORDER_OF_CLAMPS,), diagnosed=None))
+    held = {fault.where[0][2]: fault.statement for fault in faults}
+    assert held == {
+        "forcerange": "holds what is behind the gear",
+        "ctrlrange": "holds the force",
+        "actuatorfrcrange": "holds what each actuator does",
+    }
+    assert broken_bars(faults) == [] and all(fault.live and fault.caught_by == "check" and fault.named for fault in faults)
+    [behind] = [fault.answer for fault in faults if fault.where[0][2] == "forcerange"]
+    assert behind.startswith("clamped.xml:11: position forcerange: the engine holds what is behind the gear in it, which leaves ")
+
+
 CLASSED = """<mujoco>
   <compiler angle="radian"/>
   <default><joint frictionloss="0.25" solreffriction="0.03"/><general gainprm="2" biastype="affine" biasprm="0.5 -3"/></default>

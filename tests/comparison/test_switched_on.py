@@ -12,9 +12,9 @@ from comparison.robots import FILES, edited, line_of, meant_by
 from support import call_engines_here
 
 from harness.comparison import case
-from harness.comparison.documented import documented
 from harness.comparison.switched_on import judge_switched_on, pose, with_verdict
 from harness.engines.adapters.mujoco import acting as adapter
+from harness.explain.documented import documented
 from harness.explain.meant import Meant, driven
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord

@@ -15,9 +15,9 @@ from trees.test_friction_and_limits import shares_of_a_file
 
 from harness.comparison.robot_library import robot_at
 from harness.comparison.switched_on import judge_switched_on
-from harness.comparison.switches import has_switches
 from harness.errors import InvalidModel
 from harness.explain.meant import meant
+from harness.explain.switches import has_switches
 from harness.trees.mechanism import mechanism_of
 from harness.truth.compare import compare
 from harness.truth.reference import ReferenceKernel

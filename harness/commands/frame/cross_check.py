@@ -76,8 +76,10 @@ def _sentence(study: CrossCheck, quantities: Sequence[str], robots: RobotCompari
     library = study.settings.library
     if library.reads_files:
         from harness.comparison.robot_library import on_and_off
+        from harness.truth.quantities import find_quantities
 
-        return " ".join([answer, *(f"{one}." for one in on_and_off(library)[:MOST_SAID])])
+        all_on = all(find_quantities()[name].takes_all for name in quantities)
+        return " ".join([answer, *(f"{one}." for one in on_and_off(library, all_on)[:MOST_SAID])])
     if robots is None:
         return answer
     from harness.results.survey_conclusion import survey_summary

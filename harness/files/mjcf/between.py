@@ -61,7 +61,7 @@ class ElementsBetween:
         )
         self.sites, self._joints, self._bodies = map(_by_name, (sites, joints, holders))
         self._tendons = _by_name(source.root.iterfind("tendon/*"))
-        self._singles = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
+        self.singles = {joint.name for body in bodies for joint in body.joints if joint.kind.is_single}
         self._floating = tuple((body.name, body.start) for body in bodies if any(joint.kind is JointKind.FREE for joint in body.joints))
 
     def at(self, site: etree._Element) -> tuple[str, Pose]:
@@ -109,7 +109,7 @@ class ElementsBetween:
 
     def _term(self, part: etree._Element) -> tuple[str, Given]:
         name = str(part.get("joint"))
-        if name not in self._singles:
+        if name not in self.singles:
             self._source.refuse(part, f'<joint joint="{name}"> names no hinge or slide of this file; correct the name')
         return name, self._source.number(part, "coef", None)
 
@@ -184,7 +184,7 @@ class ElementsBetween:
         """The hinge or slide that an attribute names."""
         named(element, attribute, self._joints)
         joint = str(element.get(attribute))
-        if joint not in self._singles:
+        if joint not in self.singles:
             raise NotRead(f"couples joint {joint!r}, which is no hinge or slide")
         return joint
 

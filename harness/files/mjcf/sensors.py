@@ -1,4 +1,4 @@
-"""The sensors of an MJCF that the motion of its bodies decides: velocities and accelerations of sites, and what a body transmits at one.
+"""The sensors of an MJCF that its motion and its actuators decide: of sites, of what a body transmits at one, and forces of actuators.
 
 Source: MuJoCo documentation, XML reference, ``sensor``.
 """
@@ -6,11 +6,13 @@ Source: MuJoCo documentation, XML reference, ``sensor``.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from lxml import etree
 
 from harness.files.document.source import Source
 from harness.files.document.xml import describe
+from harness.files.equalities import Polygon
 from harness.files.findings import SWITCHED_OFF
 from harness.files.mjcf.attributes import Attributes, NotRead, is_on, named
 from harness.files.mjcf.between import ElementsBetween
@@ -27,14 +29,25 @@ def sensors_of(source: Source, attributes: Attributes, between: ElementsBetween,
         place, (line,), kind = source.place(element), source.lines([element]), SensorKind(str(element.tag))
         known = Sensor(kind, str(element.get("name") or ""), line, number, place=place)
         try:
-            body, pose = between.at(_site(source, element, kind, between))
+            known = _measured(source, element, known, between)
         except NotRead as problem:
-            yield Sensor(kind, known.name, line, number, why_not=str(problem), place=place)
+            yield replace(known, why_not=str(problem))
             continue
-        yield Sensor(kind, known.name, line, number, body, pose, _why_not(source, attributes, element, kind, tree), place)
+        yield replace(known, why_not=_why_not(source, attributes, element, kind, tree))
 
 
-def _site(source: Source, element: etree._Element, kind: SensorKind, between: ElementsBetween) -> etree._Element:
+def _measured(source: Source, element: etree._Element, known: Sensor, between: ElementsBetween) -> Sensor:
+    """The sensor with its site, its actuator or its joint."""
+    if known.kind is SensorKind.ACTUATOR_FORCE:
+        actuators = {str(one.get("name")): number for number, one in enumerate(source.root.iterfind("actuator/*")) if one.get("name")}
+        return replace(known, actuator=actuators[named(element, "actuator", actuators)])
+    if known.kind is SensorKind.JOINT_ACTUATOR_FORCE:
+        return replace(known, joint=named(element, "joint", between.singles))
+    body, pose = between.at(_site(element, known.kind, between))
+    return replace(known, body=body, pose=pose)
+
+
+def _site(element: etree._Element, kind: SensorKind, between: ElementsBetween) -> etree._Element:
     if kind in (SensorKind.LINEAR_ACCELERATION, SensorKind.ANGULAR_ACCELERATION):
         if element.get(_OBJECT) != "site":
             raise NotRead(f"is about a {element.get(_OBJECT)}; name a site in its place to have it judged")
@@ -48,7 +61,17 @@ def _why_not(source: Source, attributes: Attributes, element: etree._Element, ki
         return SWITCHED_OFF
     if attributes.number(element, "cutoff", 0.0):
         return f"{describe(element)} has a cutoff, which hides what is beyond"
-    is_pulled = tree.springs or any(body.gravity_compensation for body in tree.bodies)
-    if kind.is_transmitted and is_pulled:
-        return "is of what bodies transmit, where springs between points or gravcomp pull them from outside"
+    if kind.is_transmitted and (pulling := next(_pulling(source, tree), "")):
+        return f"is of what bodies transmit, where {pulling} them from outside"
     return ""
+
+
+def _pulling(source: Source, tree: Tree) -> Iterator[str]:
+    """What acts on bodies and through no joint, but for equalities of points and frames, which stand in the truth."""
+    if tree.springs or any(body.gravity_compensation for body in tree.bodies):
+        yield "springs between points or gravcomp pull"
+    if source.root.find("actuator/*[@site]") is not None:
+        yield "actuators at sites push"
+    is_tied = source.root.find("equality/tendon") is not None and source.root.find("tendon/spatial") is not None
+    if is_tied or any(isinstance(one.tendon, Polygon) for one in tree.tendons):
+        yield "tendons through sites pull"

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 from harness.arrays import Array
 from harness.engines import Calls, Model, timed_answers_of
+from harness.files.equalities import Equality
 from harness.files.model_file import ModelFile
 from harness.files.rules import StepRule
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -45,6 +46,7 @@ class TruthBasis:
         step_rules: of the integrators that the engine documents.
         unit_roundoff: of the numbers that the engine computes with. factorises: whether it declares that it factorises M.
         is_about_tree: whether it declares that it forms inertias about the centre of a whole tree.
+        ties: the equalities of a user's file that act, by the names that their rows have in what ``softened`` makes.
     """
 
     mechanism: Mechanism
@@ -56,6 +58,7 @@ class TruthBasis:
     unit_roundoff: float = UNIT_ROUNDOFF
     factorises: bool = False
     is_about_tree: bool = False
+    ties: tuple[Equality, ...] = ()
 
     @functools.cached_property
     def joints(self) -> tuple[str, ...]:
@@ -164,6 +167,7 @@ class Quantity:
         has_laws, has_step_rules: whether it asks the engine that reads the file for its laws of constraints, or its rules of steps.
         is_default: whether it is the one that is meant where none is named, which every engine claims to compute.
         is_quick: whether a check that names no quantity compares it as well, at a few states.
+        takes_all: whether of a user's file all acts that an engine's answers are judged with: actuators, dry friction, limits, equalities.
         is_asked_again: whether a check times several calls and holds their answers against each other.
         group: the name that stands for it and others of its kind, as "derivatives"; "" for none.
     """
@@ -175,6 +179,7 @@ class Quantity:
     has_step_rules: bool = False
     is_default: bool = False
     is_quick: bool = True
+    takes_all: bool = False
     is_asked_again: bool = False
     group: str = ""
 

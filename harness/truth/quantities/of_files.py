@@ -1,7 +1,7 @@
 """Quantities that the numbers of a model file give at positions, velocities and accelerations, of trees and of loops.
 
 They are the mass matrix and generalised forces, which controllers take from an engine, the joint torque regressor, energies, momenta,
-where the bodies are and how they move, and what sensors measure of it.
+and where the bodies are and how they move.
 
 The file is held against the energies of its mechanism first: its mass matrix, velocity terms and gravity have to be theirs, at a few
 states. A robot has no energies; its file is all there is.
@@ -238,21 +238,6 @@ def _regressor(basis: TruthBasis) -> Truth:
     return FileTruth(replace(basis, declared=basis.read), forces.regressor, asks)
 
 
-def _sensors(basis: TruthBasis) -> Truth:
-    known = basis.robot_of(basis.declared).tree.sensors
-    places = [place for place, one in enumerate(known) if not one.why_not]
-    if not places:
-        raise NotOffered(known[0].why_not if known else "the file has no sensor that the motion of its bodies decides")
-    # Most files have none.
-    from harness.trees.quantities.sensors import sensors
-
-    def asks(model: Model, motion: AskedMotion) -> Calls:
-        call = Call("sensors", (motion.q, motion.v, motion.qdd), (len(motion.q), len(known), 3))
-        return Calls((call,), lambda answers: np.ascontiguousarray(answers[0][:, places]))
-
-    return FileTruth(basis, sensors, asks)
-
-
 def _quantity(name: str, blocks_of: Callable[[TreeMotion], Iterable[Block]], question: Question, of_trees: bool = False) -> Quantity:
     def truth(basis: TruthBasis) -> Truth:
         if of_trees:
@@ -274,7 +259,5 @@ MOMENTUM = _quantity("momentum", motion.momentum, _asks("momenta", ("q", "v"), "
 POSITION = _quantity("position", motion.positions, _positions)
 VELOCITY = _quantity("velocity", motion.velocities, _asks("velocities", ("q", "v"), "n", "joints", 6))
 JACOBIAN = _quantity("jacobian", motion.jacobians, _jacobians)
-# No mechanism's model has any.
-SENSORS = Quantity("sensors", _sensors, is_quick=False)
 # To write and to compile its programs takes seconds.
 REGRESSOR = Quantity("regressor", _regressor, is_quick=False)

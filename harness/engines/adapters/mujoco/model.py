@@ -20,7 +20,6 @@ from harness.engines.adapters.mujoco.acting import rub_and_limit_alone
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.interface import NotOffered
 from harness.files.model_file import ModelFile
-from harness.files.tree import SensorKind
 
 
 def load(file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
@@ -128,18 +127,27 @@ class MujocoModel(MujocoQuantities):
 
     def sensors(self, q: Array, v: Array, qdd: Array) -> Array:
         """``sensordata`` of ``mj_inverse``."""
-        model, velocities, off = self.model, self.addresses[1], int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-        kinds = {int(getattr(mujoco.mjtSensor, f"mjSENS_{kind.value.upper()}")) for kind in SensorKind}
-        first = [int(model.sensor_adr[number]) for number in range(model.nsensor) if model.sensor_type[number] in kinds]
-        places = np.array(first, dtype=int)[:, None] + np.arange(3)
-        found, before = np.empty((len(q), len(first), 3)), model.opt.disableflags
-        model.opt.disableflags = before & ~off
-        for state, data in enumerate(self._placed(q, v)):
-            data.qacc[velocities] = qdd[state]
+        other = copy.copy(self)
+        model, found = quantities.measuring(self.model), list[Array]()
+        other.model = model
+        for state, data in enumerate(other._placed(q, v)):
+            data.qacc[self.addresses[1]] = qdd[state]
             mujoco.mj_inverse(model, data)
-            found[state] = data.sensordata[places]
-        model.opt.disableflags = before
-        return found
+            found.append(data.sensordata.copy())
+        return quantities.measured(model, found)
+
+    def driven_sensors(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        """``sensordata`` of ``mj_forward``, whose solver of constraints goes on until nothing improves, as for ``reactions``."""
+        model, found, (positions, velocities) = quantities.measuring(self.model), list[Array](), self.addresses
+        model.opt.tolerance, model.opt.iterations = 0.0, urdf.MOST_ITERATIONS
+        inputs = versions.inputs_in_place(model, len(q), driving)
+        for state in range(len(q)):
+            data = mujoco.MjData(model)
+            data.qpos[positions], data.qvel[velocities], data.qfrc_applied[velocities] = q[state], v[state], tau[state]
+            data.ctrl[:], data.act[:] = (given[state] for given in inputs)
+            mujoco.mj_forward(model, data)
+            found.append(data.sensordata.copy())
+        return quantities.measured(model, found)
 
     def step(self, q: Array, v: Array, tau: Array, length: float, integrator: str) -> Array:
         """See ``harness.engines.interface``; the rules are in ``harness.engines.adapters.mujoco.law``."""

@@ -7,6 +7,7 @@ Source: MuJoCo documentation, API reference; Computation, "Kinematic tree"; XML 
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -20,9 +21,12 @@ from harness.engines import HeldBody, HeldJoint, HeldModel, HeldSpring
 from harness.engines.adapters.mujoco import versions
 from harness.engines.interface import NotOffered
 from harness.files.joint_kinds import JointKind
+from harness.files.tree import SensorKind
 
 # By the names of MuJoCo's types of joints.
 KINDS: dict[str, JointKind] = {kind.value: kind for kind in JointKind}
+# MuJoCo's names of kinds of sensors, where they are others than the tags.
+_SENSORS = {SensorKind.JOINT_ACTUATOR_FORCE: "jointactfrc"}
 
 
 class MujocoQuantities:
@@ -143,6 +147,25 @@ class MujocoQuantities:
                 data.qfrc_applied[velocities] = tau[state]
             mujoco.mj_forward(self.model, data)
             yield data
+
+
+def measuring(model: Any) -> Any:
+    """The same with its sensors on."""
+    other = copy.copy(model)
+    other.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    return other
+
+
+def measured(model: Any, sensordata: Sequence[Array]) -> Array:
+    """``sensordata`` of n states as of ``harness.engines.interface``."""
+    kinds = {int(getattr(mujoco.mjtSensor, f"mjSENS_{_SENSORS.get(kind, kind).upper()}")) for kind in SensorKind}
+    own = [number for number in range(model.nsensor) if model.sensor_type[number] in kinds]
+    found = np.zeros((len(sensordata), len(own), 3))
+    for place, number in enumerate(own):
+        first, count = int(model.sensor_adr[number]), int(model.sensor_dim[number])
+        for state, data in enumerate(sensordata):
+            found[state, place, :count] = data[first : first + count]
+    return found
 
 
 def gravity_of(model: Any) -> Array:

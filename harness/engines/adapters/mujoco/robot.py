@@ -27,7 +27,7 @@ from harness.engines.adapters.mujoco.compiled import compiled
 from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
 from harness.engines.adapters.mujoco.model import MujocoModel, step
 from harness.engines.adapters.mujoco.urdf import supplied, turn_of
-from harness.engines.adapters.mujoco.versions import compiling, delete, fill_mass_matrix, inputs_of, stages_off
+from harness.engines.adapters.mujoco.versions import compiling, delete, fill_mass_matrix, inputs_in_place, stages_off
 from harness.engines.coordinates import multiplied, of_linear, rotations
 from harness.engines.interface import CompiledNumber
 from harness.engines.loaded_file import EngineRun, LoadedFile
@@ -260,7 +260,7 @@ class MujocoFile(LoadedFile):
         configuration[:, positions], velocity[:, velocities] = q[:, self.q_columns], v[:, self.v_columns]
         force[:, velocities] = tau[:, self.v_columns]
         accelerations: Array = data.qacc
-        inputs, touches = self._inputs(len(q), driving), self.request.held is not None and self.request.held.touches
+        inputs, touches = inputs_in_place(model, len(q), driving), self.request.held is not None and self.request.held.touches
         contacts = self.contacts = list[tuple[FoundContact, ...]]()
         self.shapes = shapes_that_touch(model) if touches else []
         qpos, qvel, applied, warm_start = data.qpos, data.qvel, data.qfrc_applied, data.qacc_warmstart
@@ -287,14 +287,6 @@ class MujocoFile(LoadedFile):
             return self.of_leaders(mass, data.qfrc_passive + data.qfrc_applied - data.qfrc_bias)
 
         return EngineRun(self, (configuration, velocity, force, *inputs), evaluate, _from_the_world)
-
-    def _inputs(self, count: int, driving: Sequence[Array]) -> list[Array]:
-        """Controls and activations, (n, ...) each, in MuJoCo's places; zeros without ``driving``."""
-        found = [np.zeros((count, size)) for size in (self.model.nu, self.model.na)]
-        for own, given, places in zip(found, driving, inputs_of(self.model, self.model.nu), strict=False):
-            known = np.flatnonzero(places[: given.shape[1]] >= 0)
-            own[:, places[known]] = given[:, known]
-        return found
 
 
 def _in_the_world(joints: Sequence[AskedJoint], q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:

@@ -5,7 +5,7 @@ Source: MuJoCo's changelog, and the versions themselves.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -98,6 +98,15 @@ def stages_off(holds_constraints: bool, acting: Collection[str] = ()) -> int:
 def inputs_of(model: Any, count: int) -> tuple[Any, Any]:
     """The places of the control and of the activation of each actuator, (count,), -1 for none; each had one control before 4.0."""
     return getattr(model, "actuator_ctrladr", np.arange(count)), model.actuator_actadr
+
+
+def inputs_in_place(model: Any, count: int, driving: Sequence[Array]) -> list[Array]:
+    """Controls and activations, (count, ...) each, in the places of a model; zeros without ``driving``, as of ``EngineQuestion``."""
+    found = [np.zeros((count, size)) for size in (model.nu, model.na)]
+    for own, given, places in zip(found, driving, inputs_of(model, model.nu), strict=False):
+        known = np.flatnonzero(places[: given.shape[1]] >= 0)
+        own[:, places[known]] = given[:, known]
+    return found
 
 
 def flag(stage: str) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.engines import Engine
-from harness.engines.request import Held
+from harness.engines.request import Held, SolverSettings
 from harness.explain.changes.readings import element_at
 from harness.files.contacts import touching_of
 from harness.files.equalities import Constraint, Equality, Meeting, Sum, TendonLinkage, frictions_of, limits_of
@@ -166,6 +166,19 @@ def switches_of(original: Robot, read: Robot, caller: Engine) -> list[Switch]:
         if group.what != CONTACTS or caller.contacts is not None
         for number, one in enumerate(group.of(original))
     ]
+
+
+def judged_among(switches: Sequence[Switch], caller: Engine) -> list[Switch]:
+    """The elements with which an engine's answers are judged at any state: contacts are of some states alone."""
+    return [one for one in switches if not one.why_not and one.group.what not in (CONTACTS, *caller.why_off)]
+
+
+def held_with(robot: Robot, switches: Sequence[Switch], solver: SolverSettings | None = None) -> Held:
+    """What an engine is to hold of a robot with some of its elements on."""
+    held = Held(tuple(one.kind for one in robot.equalities), (), solver)
+    for group in GROUPS:
+        held = group.held(held, [one for one in switches if one.group is group])
+    return held
 
 
 def constraints_among(robot: Robot, switches: Sequence[Switch]) -> list[Constraint]:
