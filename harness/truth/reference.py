@@ -105,12 +105,13 @@ class ReferenceKernel:
         self._choice = Charts(mechanism.charts(linear_velocity_in_body))
         self._charts = [ChartKernel(mechanism, program) for program in self._choice.programs]
 
-    def evaluate(self, states: States, parameters: Array | None = None, values: Array | None = None) -> Reference:
+    def evaluate(self, states: States, parameters: Array | None = None, values: Array | None = None, roughly: bool = False) -> Reference:
         """The reference at ``states``; a state that cannot be certified is marked, never dropped.
 
         ``parameters``, (n, number of parameters) in the mechanism's order and units, gives each state its own; by
         default they are what ``Mechanism.parameters_at`` makes of ``values``, of the same shape, and of the mechanism's own without
-        these. Nothing is derived or compiled anew for them.
+        these. Nothing is derived or compiled anew for them. ``roughly``: whether sensitivities of which float64 is not sure stay as they
+        are, where the accelerations are asked for alone: those in balls cost a hundred times as much.
         """
         count, states = len(self.mechanism.parameters), self.asked_at(states)
         across = None
@@ -121,7 +122,7 @@ class ReferenceKernel:
             raise ValueError(f"parameters have shape {parameters.shape}; expected {(len(states), count)}")
         starts = range(0, max(len(states), 1), _STATES_AT_ONCE)
         batches = [slice(start, start + _STATES_AT_ONCE) for start in starts]
-        found = Reference.concatenate([self._evaluate(states[batch], parameters[batch]) for batch in batches])
+        found = Reference.concatenate([self._evaluate(states[batch], parameters[batch], roughly) for batch in batches])
         if across is not None and len(kinks := np.flatnonzero((across != parameters).any(axis=1) & found.certified)):
             other = self._evaluate(states[kinks], across[kinks])
             found.sensitivity[kinks] = np.maximum(found.sensitivity[kinks], other.sensitivity)
@@ -161,8 +162,8 @@ class ReferenceKernel:
         for number, chosen in self._choice.split(states.q):
             yield self._charts[number], chosen
 
-    def _evaluate(self, states: States, parameters: Array) -> Reference:
-        parts = [(chart.evaluate(states[chosen], parameters[chosen]), chosen) for chart, chosen in self.by_chart(states)]
+    def _evaluate(self, states: States, parameters: Array, roughly: bool = False) -> Reference:
+        parts = [(chart.evaluate(states[chosen], parameters[chosen], roughly), chosen) for chart, chosen in self.by_chart(states)]
         if len(parts) == 1:
             tied = self.mechanism.softened or self.mechanism.constraints
             return parts[0][0] if tied is None else self._constrained(parts[0][0], tied, states, parameters)
@@ -203,8 +204,8 @@ class ChartKernel:
         """The program for the loops of ``harness.programs.loops.interpreter``; None where they cannot interpret it."""
         return encode(self.program)
 
-    def evaluate(self, states: States, parameters: Array) -> Reference:
-        """The reference of a batch that fits into memory at once, each state with its row of ``parameters``."""
+    def evaluate(self, states: States, parameters: Array, roughly: bool = False) -> Reference:
+        """The reference of a batch that fits into memory at once, each with its row of ``parameters``; ``roughly`` as of the kernel."""
         inputs = np.ascontiguousarray(self.mechanism.inputs(states, parameters).T)
         scales = np.maximum(np.abs(inputs), SMALLEST_SCALE)
         with np.errstate(all="ignore"):
@@ -213,7 +214,7 @@ class ChartKernel:
             left = np.flatnonzero(~(found.bits > 0) & np.isfinite(inputs).all(axis=1)) if found is not None else np.arange(len(states))
             if found is not None and not len(left):
                 return found
-            in_balls = self._in_balls(states[left], parameters[left], inputs[left], scales[left])
+            in_balls = self._in_balls(states[left], parameters[left], inputs[left], scales[left], roughly)
         if found is None:
             return in_balls
         _put(found, left, in_balls)
@@ -244,7 +245,7 @@ class ChartKernel:
         bits = np.where(is_known & (norms.radius <= _ENOUGH * found.sensitivity), DOUBLE_DOUBLE, 0)
         return self._reference(found.high, found.low, norms, found.sensitivity, bits > 0, bits)
 
-    def _in_balls(self, states: States, parameters: Array, inputs: Array, scales: Array) -> Reference:
+    def _in_balls(self, states: States, parameters: Array, inputs: Array, scales: Array, roughly: bool) -> Reference:
         """The reference by ball arithmetic, at rising precision."""
         in_balls, pending = np.zeros(len(states), dtype=np.bool_), np.arange(len(states))
         found: Reference | None = None
@@ -253,6 +254,7 @@ class ChartKernel:
             high, low, radii, scale, factor, terms = self.balls.solve(now, parameters[pending], precision)
             norms = self._norms(now, high, radii, terms, scale.T, factor.transpose(2, 0, 1))
             sensitivity, is_known = self._sensitivity(inputs[pending], scales[pending], high, scale, factor)
+            is_known = is_known | (roughly & np.isfinite(sensitivity))
             part = self._reference(high, low, norms, sensitivity, np.zeros_like(is_known), np.full(len(pending), precision))
             before = np.full(len(pending), np.inf) if found is None else found.radius[pending]
             if found is None:

@@ -213,7 +213,7 @@ def test_what_departs_from_the_documented_law_is_explained(tmp_path: Path) -> No
 
 @pytest.mark.nightly
 @pytest.mark.robots
-@pytest.mark.parametrize("name", ["quadruped", "humanoid", "swimmer"])
+@pytest.mark.parametrize("name", ["quadruped", "humanoid", "fish"])
 def test_mujoco_measures_on_a_robot_of_others_what_it_documents(name: str) -> None:
     paths = [path for path in robots() if path.name == f"{name}.xml"]
     assert paths, "no robots are installed; install the extra: pip install 'rigid-body-harness[robots]'"

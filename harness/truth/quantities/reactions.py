@@ -248,7 +248,7 @@ class SensorTruth(TruthOfMotion):
         return found
 
     def _at(self, states: States, parameters: Array) -> Certified:
-        between = self._motion.at(states, self._reference.evaluate(states, parameters), parameters)
+        between = self._motion.at(states, self._reference.evaluate(states, parameters, roughly=True), parameters)
         numbers = np.tile(self._written.numbers, (len(states), 1))
         for place, column in self._own:
             numbers[:, place] = parameters[:, column]
