@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support import harness
+from trees.test_actuators import BODIES, COMPENSATED, EACH, written
 from trees.test_robots_of_others import robots
 
 from harness.arrays import Array
@@ -112,6 +113,27 @@ def test_mujoco_measures_it_with_all_on(rubbing: Asked) -> None:
     assert rubbing.red(rubbing.answers()) == set()
 
 
+@pytest.mark.ci
+def test_a_weld_acts_on_bodies_too(tmp_path: Path) -> None:
+    asked = Asked(tmp_path / "arm.xml", RUBBING.replace("<connect", "<weld"))
+    assert asked.certified.certified.all() and asked.red(asked.answers()) == set()
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("bodies", [BODIES, COMPENSATED], ids=["pulled", "compensated"])
+def test_actuators_of_every_kind_have_the_forces_that_mujoco_measures(bodies: str, tmp_path: Path) -> None:
+    """With activations, on ball and free joints, at sites and along tendons; and where joints give what they carry to actuators."""
+    named = [one.replace(" ", f' name="{number}" ', 1) for number, one in enumerate(EACH)]
+    path = written(tmp_path, *named, bodies=bodies)
+    own = "".join(f'<actuatorfrc actuator="{number}"/>' for number in range(len(EACH)))
+    text = path.read_text().replace(
+        "</mujoco>", f'<sensor>{own}<jointactuatorfrc joint="a"/><jointactuatorfrc joint="b"/></sensor></mujoco>'
+    )
+    asked = Asked(path, text)
+    assert len(asked.truth.blocks) == len(EACH) + 2
+    assert asked.certified.certified.all() and asked.red(asked.answers()) == set()
+
+
 def test_joints_transmit_along_their_axes_what_acts_along_their_velocities(tmp_path: Path) -> None:
     """Whatever the loop bears, which acts on bodies, and by whichever law."""
     asked = Asked(tmp_path / "arm.xml", FREE)
@@ -203,6 +225,33 @@ def test_a_check_of_a_file_compares_them(tmp_path: Path) -> None:
     assert verdicts == {"mujoco/mjcf": "agrees", "pinocchio/mjcf": "unsupported"}
 
 
+@pytest.mark.ci
+def test_data_roundoff_has_what_each_input_does(rubbing: Asked) -> None:
+    """By difference quotients along the state, the controls, and the numbers of the file, of the law and of ranges."""
+    few, step = rubbing.states[:3], 1e-6
+    truth, parameters = rubbing.truth, rubbing.truth._reference.mechanism.parameters_at(few)
+    healthy, found = truth._at(few, parameters), np.zeros((3, len(truth.blocks)))
+    changed = []
+    for name in ("q", "v", "tau"):
+        for column in range(3):
+            moved = getattr(few, name).copy()
+            moved[:, column] *= 1 + step
+            changed.append((replace(few, **{name: moved}), parameters))
+    for column in range(parameters.shape[1]):
+        moved = parameters.copy()
+        moved[:, column] *= 1 + step
+        changed.append((few, moved))
+    for states, numbers in changed:
+        found += np.linalg.norm(truth._at(states, numbers).high - healthy.high, axis=2) / step
+    felt = found > 0
+    ratio = healthy.sensitivity[felt] / found[felt]
+    # Accelerations and multipliers are rounded on the way, and poses of sites are numbers too.
+    assert ratio.min() > 1 - 1e-3 and ratio.max() < 5
+    forces = [place for place, name in enumerate(truth.blocks) if name.startswith("force")]
+    assert (healthy.sensitivity[:, forces] > 1.9 * found[:, forces]).all()
+
+
+@pytest.mark.ci
 def test_what_departs_from_the_documented_law_is_explained(tmp_path: Path) -> None:
     """A cart whose centre of mass is at its origin has another weight in MuJoCo's program than by its documentation."""
     (tmp_path / "robot.xml").write_text(RUBBING.replace('pos="0 0 0.1" mass="2"', 'pos="0 0 0" mass="2"'))
