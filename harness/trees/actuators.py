@@ -23,7 +23,7 @@ from harness.trees.bodies.spatial import FileBuilder, FileProgram, of_quaternion
 from harness.trees.nodes import Kinematics
 
 if TYPE_CHECKING:
-    from harness.programs.mechanisms.zones import Clamp
+    from harness.programs.mechanisms.clamps import Clamp
 
 CLAMPED = "clamped"
 # Generalised forces (nv,) of forces on the nodes.
@@ -153,7 +153,8 @@ def moment_of(nodes: Kinematics, actuator: Actuator, generalised: Generalised) -
 def actuation_of(nodes: Kinematics, own: Driven) -> Actuation:
     """The places of the numbers of each state among the parameters of what was written, and the program of what their ranges hold."""
     # Mechanisms without actuators need nothing of it.
-    from harness.programs.mechanisms.zones import Clamp, Zones
+    from harness.programs.mechanisms.clamps import Clamp
+    from harness.programs.mechanisms.zones import Zones
 
     written: FileProgram = nodes.builder.written({CLAMPED: [one.raw for one in own.clamped]})
     columns = {value.key: column for column, value in enumerate(written.parameters)}

@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.arrays import Array
-from harness.files.rules import ConstraintLaw, Impedance, InverseWeight
+from harness.arrays import Array, Indices
+from harness.files.rules import ConstraintLaw, InverseWeight
 from harness.programs.evaluation import values, values_and_spread
-from harness.programs.kernels import BallKernel
-from harness.programs.loops.interpreter import bounded_outputs
+from harness.programs.mechanisms.clamps import Clamp, Ranges
 from harness.programs.mechanisms.cones import Cone
 from harness.programs.mechanisms.descent import sides_at_least
 from harness.programs.mechanisms.mechanism import RATE, RESIDUAL, Constraints, Mechanism
@@ -43,14 +42,13 @@ from harness.programs.mechanisms.softened import (
     number_of,
     softened_program,
 )
-from harness.programs.mechanisms.zones import Clamp, Ranges, Sides, Zones
+from harness.programs.mechanisms.zones import Sides, Zones
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.truth.compare import Flags
-
-_BITS = 192
+from harness.truth.impedance import ROUNDINGS_OF_TWO_PARTS, linear, nearest
 
 
 @dataclass(frozen=True)
@@ -84,23 +82,12 @@ class DeclaredMechanism(Mechanism):
 
     def parameters_at(self, states: States, values: Sequence[float] | Array | None = None) -> Array:
         """See ``Mechanism``; with what the distance of each state from closing a constraint makes of the law's numbers."""
-        import flint
-
         found = np.array(super().parameters_at(states, values))
         if self.widths or self.pushing:
-            columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
-            with flint.ctx.workprec(_BITS):
-                residuals = _nearest(self._residual_program, self._inputs_of_residuals(states, found))
-                for name, law in self.laws:
-                    for state, residual in enumerate(residuals):
-                        if law.is_rigid:
-                            if law.stiffness_ahead is not None and residual[self._rows[name][0]] >= 0:
-                                found[state, columns[number_of(name, STIFFNESS)]] = law.stiffness_ahead
-                        elif not law.pushes_alone or residual[self._rows[name][0]] < 0:
-                            for column, value in self._numbers(name, law, residual, found[state]):
-                                found[state, column] = value
+            residuals = nearest(self._residual_program, self._inputs_of_residuals(states, found))
+            self._put_numbers(found, residuals)
             if self.pushing:
-                self._settle_pushing(states, np.array(residuals), found)
+                self._settle_pushing(states, residuals, found)
                 return found
         if self.zones is not None:
             ranges = self._ranges(self.zones, states, found, np.zeros((len(states), 0)))
@@ -182,45 +169,35 @@ class DeclaredMechanism(Mechanism):
     def _inputs_of_residuals(self, states: States, parameters: Array) -> Array:
         return self.inputs(states, parameters)[: len(self._residual_program.inputs)]
 
-    @functools.cached_property
-    def _columns_of_laws(self) -> dict[str, tuple[int, int, list[tuple[int, int, int | None]]]]:
-        """Of each law the numbers of its impedance and the rest of that, and of each row's distance, slope and inverse mass."""
-        known = {name: column for column, (name, _, _) in enumerate(self.parameters)}
-        return {
-            name: (
-                known[number_of(name, IMPEDANCE)],
-                known[number_of(name, REST)],
-                [
-                    (
-                        known[number_of(name, DISTANCE, row)],
-                        known[number_of(name, SLOPE, row)],
-                        known.get(number_of(name, INVERSE_MASS, row)),
-                    )
-                    for row in rows
-                ],
-            )
-            for name, rows in self._rows.items()
-        }
-
-    def _numbers(self, name: str, law: ConstraintLaw, residual: Sequence[float], own: Array) -> list[tuple[int, float]]:
-        """The numbers of one law where the rows of all constraints leave ``residual``; ``own`` are the parameters before."""
-        import flint
-
-        rows = self._rows[name]
-        # That of a contact is in each of its edges.
-        measured = rows[:1] if law.is_contact else rows
-        distance = sum((flint.arb(residual[row]) ** 2 for row in measured), flint.arb(0)).sqrt()
-        impedance, slope = _linear(law.impedance, distance)
-        rounded, (of_impedance, of_rest, of_rows) = float(impedance.mid()), self._columns_of_laws[name]
-        found = [(of_impedance, rounded), (of_rest, float((impedance - rounded).mid()))]
-        for place, (row, (of_distance, of_slope, number)) in enumerate(zip(rows, of_rows, strict=True)):
-            # At distance 0 no direction is another's: the first stands for all.
-            share = flint.arb(residual[row]) / distance if distance != 0 else flint.arb(place == 0)
-            share = share if row in measured else flint.arb(0)
-            found += [(of_distance, residual[row]), (of_slope, float((slope * share).mid()))]
-            if number is not None:
-                found.append((number, max(float(own[number]), _least(law, rounded))))
-        return found
+    def _put_numbers(self, found: Array, residuals: Array) -> None:
+        """Set the numbers of laws where the rows of all constraints leave ``residuals``, (n, rows), in the parameters of n states."""
+        columns = {name: column for column, (name, _, _) in enumerate(self.parameters)}
+        alike = dict[tuple[float, int], list[tuple[str, ConstraintLaw, Indices]]]()
+        for name, law in self.laws:
+            rows = self._rows[name]
+            first = residuals[:, rows[0]]
+            if law.is_rigid:
+                if law.stiffness_ahead is not None:
+                    found[first >= 0, columns[number_of(name, STIFFNESS)]] = law.stiffness_ahead
+                continue
+            [acting] = np.nonzero(first < 0) if law.pushes_alone else (np.arange(len(found)),)
+            # The distance of a contact is in each of its edges.
+            measured = 1 if law.is_contact else len(rows)
+            alike.setdefault((law.impedance.power, measured), []).append((name, law, acting))
+        for (_, measured), several in alike.items():
+            given = [residuals[acting][:, self._rows[name][:measured]] for name, _, acting in several]
+            counts = [len(acting) for *_, acting in several]
+            around, ends = linear([law.impedance for _, law, _ in several], counts, np.concatenate(given)), np.cumsum(counts)
+            for (name, law, acting), end in zip(several, ends.tolist(), strict=True):
+                own, rows = around[end - len(acting) : end], self._rows[name]
+                found[acting, columns[number_of(name, IMPEDANCE)]] = own.value
+                found[acting, columns[number_of(name, REST)]] = own.rest
+                for place, row in enumerate(rows):
+                    found[acting, columns[number_of(name, DISTANCE, row)]] = residuals[acting, row]
+                    found[acting, columns[number_of(name, SLOPE, row)]] = own.slopes[:, place] if place < measured else 0.0
+                    number = columns.get(number_of(name, INVERSE_MASS, row))
+                    if number is not None:
+                        found[acting, number] = np.maximum(found[acting, number], _least(law, own.value))
 
     @functools.cached_property
     def _rows(self) -> dict[str, list[int]]:
@@ -233,29 +210,17 @@ class DeclaredMechanism(Mechanism):
         return _alone(self.softened, RESIDUAL)
 
 
-def _nearest(program: StraightLineProgram, inputs: Array) -> list[list[float]]:
-    """The float64 numbers nearest to a program's outputs, (n, outputs), for inputs (number of inputs, n)."""
-    by_loops = bounded_outputs(program, inputs)
-    found = np.full((inputs.shape[1], sum(map(len, program.outputs.values()))), np.nan) if by_loops is None else by_loops.high.copy()
-    left = np.arange(len(found)) if by_loops is None else np.flatnonzero(~by_loops.is_nearest.all(axis=1))
-    if len(left):
-        evaluate = _ROWS.get(program.key, lambda: BallKernel(program, 0)).bind([])
-        found[left] = [[float(value.mid()) for value in evaluate(*row)] for row in inputs[:, left].T.tolist()]
-    rows: list[list[float]] = found.tolist()
-    return rows
-
-
 def lost(mechanism: DeclaredMechanism) -> float:
     """Of the squared unit roundoff times sensitivity, what each state's own numbers lose as sums of two float64 numbers.
 
-    A varying impedance is rounded, and is linear within half an ulp of the distance: its slope is rounded too, and its second derivative
+    A varying impedance is such a sum, and is linear within half an ulp of the distance: its slope is rounded, and its second derivative
     left out, which are powers p and p (p - 1) of the larger impedance at most.
     """
     varying = [law.impedance for _, law in mechanism.laws if law.impedance.least != law.impedance.most]
-    return max((1 + (d.power + d.power**2 / 2) * max(d.least, d.most) / min(d.least, d.most) for d in varying), default=0.0)
+    bent = ((d.power + d.power**2 / 2) * max(d.least, d.most) / min(d.least, d.most) for d in varying)
+    return max((ROUNDINGS_OF_TWO_PARTS + one for one in bent), default=0.0)
 
 
-_ROWS: Kept[BallKernel] = Kept(64)
 _DECLARED: Kept[DeclaredMechanism] = Kept(64)
 
 
@@ -263,26 +228,7 @@ def _alone(rows: Constraints, name: str) -> StraightLineProgram:
     return without_unused(replace(rows.program, outputs={name: rows.program.outputs[name]}))
 
 
-def _linear(impedance: Impedance, distance: Any) -> tuple[Any, Any]:
-    """An impedance and its derivative at a distance, ``arb`` each; where it has a kink the larger derivative."""
-    import flint
-
-    least, most, width, midpoint, power = map(
-        flint.arb, (impedance.least, impedance.most, impedance.width, impedance.midpoint, impedance.power)
-    )
-    if impedance.is_constant:
-        return (least + most) / 2, flint.arb(0)
-    x = distance / width
-    if x > 1:
-        return most, flint.arb(0)
-    rising = (x <= midpoint) is True
-    share, part = (x, midpoint) if rising else (1 - x, 1 - midpoint)
-    steepness = (share / part) ** (power - 1) if share > 0 else flint.arb(power == 1)
-    y = share * steepness if rising else 1 - share * steepness
-    return least + y * (most - least), power * steepness * (most - least) / width
-
-
-def _least(law: ConstraintLaw, impedance: float) -> float:
+def _least(law: ConstraintLaw, impedance: Any) -> Any:
     """The least inverse mass of a row whose regularisation is no less than the engine's least number."""
     # An edge of a pyramid weighs so many times what its normal does.
     edge = 1 + law.cone.friction[0] ** 2 if law.cone is not None and not law.cone.is_elliptic and law.weights is not None else 1.0

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from harness.programs.mechanisms.zones import Clamp
+from harness.programs.mechanisms.clamps import Clamp
 
 LOW, HIGH = -2.0, 3.0
 

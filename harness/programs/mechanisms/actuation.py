@@ -13,7 +13,8 @@ from harness.arrays import Array
 from harness.programs.states import States
 
 if TYPE_CHECKING:
-    from harness.programs.mechanisms.zones import Clamp, Zones
+    from harness.programs.mechanisms.clamps import Clamp
+    from harness.programs.mechanisms.zones import Zones
 
 # Of inputs without a range, and how much further than a range others reach: a third of them lies beyond.
 _REACH, _BEYOND = (-1.0, 1.0), 0.25

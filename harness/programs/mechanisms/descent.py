@@ -16,9 +16,10 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.programs.evaluation import values
+from harness.programs.mechanisms.clamps import Ranges
 from harness.programs.mechanisms.cones import Cone, Zone, sliding_weights_at
 from harness.programs.mechanisms.mechanism import JACOBIAN
-from harness.programs.mechanisms.zones import Ranges, Sides, Zones
+from harness.programs.mechanisms.zones import Sides, Zones
 from harness.programs.program import StraightLineProgram
 from harness.programs.terms import symmetric
 

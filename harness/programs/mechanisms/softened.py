@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.programs.mechanisms.cones import sliding_weights
-from harness.programs.mechanisms.constraint_forces import Tied, solved, tied_equations
+from harness.programs.mechanisms.constraint_forces import Tied, solved, solved_from_tips, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.terms import Matrix, Term, Vector, matrix, vector
@@ -145,7 +145,9 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
     stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
     pushed = [force + column @ constants for force, column in zip(tied.force, jacobian.T, strict=True)]
     pulled = vector(force + column @ required for force, column in zip(pushed, weighted.T, strict=True))
-    [moved] = solved(stiffened, [pulled])
+    # Rows of loops would lose digits from the tips, and gain nothing.
+    is_of_single_joints = all(sum(entry.value != 0 for entry in row) == 1 for row in jacobian)
+    [moved] = (solved_from_tips if is_of_single_joints else solved)(stiffened, [pulled])
     missing = required - jacobian @ moved
     unbounded = vector(weight * force for weight, force in zip(weights, missing, strict=True))
     held = vector(share * force for share, force in zip(shares, unbounded, strict=True)) + constants

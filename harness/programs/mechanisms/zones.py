@@ -28,13 +28,12 @@ from harness.arrays import Array, Rows
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
 from harness.programs.loops.interpreter import bounded_outputs
+from harness.programs.mechanisms.clamps import Clamp, Ranges
 from harness.programs.mechanisms.cones import Cone, Zone
 from harness.programs.program import StraightLineProgram
 from harness.storage import Kept
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
-# Least and largest forces, (n, clamps) each.
-Ranges = tuple[Array, Array]
 
 _BITS = 192
 # Exchanges of all that do not fit, then of the first alone, in float64; and of all with bounds.
@@ -47,58 +46,6 @@ _SETTLED, _SAME = 1e-6, 2.0**-90
 # Of the largest force, by which float64 may miss a bound.
 _AT_BOUND = 1e-9
 _KERNELS: Kept[BallKernel] = Kept(32)
-
-
-@dataclass(frozen=True)
-class Clamp:
-    """A range of a force: the parameters ``share`` and ``constant`` by their numbers, and the bounds [N or N m].
-
-    ``bounds``: the parameters that say how often the lower and the upper bound count, and those that the bounds are, -1 for a bound of 0;
-    () where the constant is the bound.
-    ``size``: the parameter that is the largest force in either direction, of which the constant is a multiple; -1 without.
-    """
-
-    share: int
-    constant: int
-    low: float
-    high: float
-    bounds: tuple[int, ...] = ()
-    size: int = -1
-
-    @property
-    def own(self) -> tuple[int, ...]:
-        """The parameters that each state has of its own."""
-        return self.share, self.constant, *(column for column in self.bounds[:2] if column >= 0)
-
-    def least(self, found: Array) -> Array:
-        """(n,) lower bounds in parameters of n states."""
-        if self.size >= 0:
-            return -found[:, self.size]
-        return found[:, self.bounds[2]] if self.bounds and self.bounds[2] >= 0 else np.full(len(found), self.low)
-
-    def most(self, found: Array) -> Array:
-        """(n,) upper bounds."""
-        if self.size >= 0:
-            return found[:, self.size]
-        return found[:, self.bounds[3]] if self.bounds and self.bounds[3] >= 0 else np.full(len(found), self.high)
-
-    def put(self, found: Array, sides: Array, low: Array, high: Array) -> None:
-        """Set a state's own parameters where it is below the range, inside or beyond, as ``sides`` (n,) say by -1, 0 and 1."""
-        found[:, self.share] = sides == 0
-        unit = found[:, self.size] if self.size >= 0 else 1.0
-        found[:, self.constant] = 0.0 if self.bounds else np.where(sides == 0, 0.0, np.where(sides < 0, low, high) / unit)
-        for column, is_beyond in zip(self.bounds[:2], (sides < 0, sides > 0), strict=False):
-            if column >= 0:
-                found[:, column] = is_beyond
-
-    def side(self, found: Array, high: Array) -> Array:
-        """(n,) the sides that ``put`` has set."""
-        below, above = self.bounds[:2] or (-1, -1)
-        if max(below, above) < 0:
-            is_above = found[:, self.constant] * (found[:, self.size] if self.size >= 0 else 1.0) == high
-        else:
-            is_above = found[:, above] == 1.0 if above >= 0 else found[:, below] != 1.0
-        return np.where(found[:, self.share] == 1.0, 0.0, np.where(is_above, 1.0, -1.0))
 
 
 @dataclass(frozen=True)
@@ -153,8 +100,10 @@ class Zones:
         """
         low, high = self.bounds(found) if ranges is None else ranges
         start = self.sides(np.zeros(low.shape)) if start is None else start[:]
-        sides = self._guessed(known, found, low, high, replace(start, clamps=np.where(low == high, -1.0, start.clamps)))
-        raw, is_proved = self._proved(known, found, low, high, sides)
+        sides, raw, reach = self._guessed(known, found, low, high, replace(start, clamps=np.where(low == high, -1.0, start.clamps)))
+        is_proved = self._are_shown(low, high, sides, raw, reach)
+        raw[~is_proved] = np.nan
+        self._prove(known, found, (low, high), sides, (raw, is_proved))
         self._put(found, low, high, sides)
         shares = [*(clamp.share for clamp in self.clamps), *(cone.sticking for cone in self.cones)]
         found[:, shares] = np.where(is_proved[:, None], found[:, shares], np.nan)
@@ -222,17 +171,19 @@ class Zones:
         for clamp, *own in zip(self.clamps, sides.T, low.T, high.T, strict=True):
             clamp.put(found, *own)
 
-    def _guessed(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> Sides:
-        """The side of each force by float64."""
+    def _guessed(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Sides, Array, Array]:
+        """The side of each force by float64, what each would be without its range, (n, clamps), and within what of it, as last computed."""
         left, count = np.arange(len(low)), len(self.clamps)
+        last, within = np.full(low.shape, np.nan), np.full(low.shape, np.nan)
         sides = replace(sides, clamps=self._one_of_two(sides.clamps, sides.clamps))
         for exchange in range(_BLOCKS + _SINGLE):
             if not len(left):
                 break
             part, before = found[left], sides[left]
             self._put(part, low[left], high[left], before)
-            raw = _approximate(self.program, self.inputs(known[left], part))
+            raw, reach = _approximate(self.program, self.inputs(known[left], part))
             own, cones = raw[:, :count], self.sides(before.clamps, raw[:, count:], part)
+            last[left], within[left] = own, reach[:, :count]
             fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
             fitting = np.where(low[left] == high[left], -1.0, fitting)
             if self.paired:
@@ -247,30 +198,31 @@ class Zones:
             sides.cones[left], sides.towards[left] = cones.cones, cones.towards
             moved = np.linalg.norm(cones.towards - before.towards, axis=1) > _SETTLED * np.linalg.norm(cones.towards, axis=1)
             left = left[unfit.any(axis=1) | (cones.cones != before.cones).any(axis=1) | (moved & (cones.cones == Zone.SLIDES).any(axis=1))]
-        return sides
+        # Their sides have been exchanged since.
+        within[left] = np.inf
+        return sides, last, within
 
-    def _proved_by_loops(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Array, Flags]:
-        """As ``_proved``, where running bounds of double-double show that all forces are on their sides, and there are no cones."""
-        self._put_clamps(part := found.copy(), low, high, sides.clamps)
-        by_loops = None if self.cones or self.paired else bounded_outputs(self.program, self.inputs(known, part))
-        if by_loops is None:
-            return np.full(low.shape, np.nan), np.zeros(len(low), dtype=bool)
-        raw, reach, own = by_loops.high, (np.abs(by_loops.low) + by_loops.bound) * (1 + 1e-10), sides.clamps
+    def _are_shown(self, low: Array, high: Array, sides: Sides, raw: Array, reach: Array) -> Flags:
+        """(n,) whether forces within ``reach`` of ``raw`` are all on their sides, and there are no cones."""
+        if self.cones or self.paired:
+            return np.zeros(len(low), dtype=bool)
+        own = sides.clamps
         with np.errstate(invalid="ignore"):
             is_above, is_below = raw - low > reach, high - raw > reach
             fits = np.where(own == 0, is_above & is_below, np.where(own < 0, low - raw > reach, raw - high > reach))
         # A range of one force leaves nothing to be found.
-        return raw, np.asarray((fits | ((low == high) & (own < 0))).all(axis=1))
+        return np.asarray((fits | ((low == high) & (own < 0))).all(axis=1))
 
-    def _proved(self, known: Array, found: Array, low: Array, high: Array, sides: Sides) -> tuple[Array, Flags]:
-        """What each force would be without its range, where balls show that all are on sides that fit; NaN where they do not, and whether.
+    def _prove(self, known: Array, found: Array, ranges: Ranges, sides: Sides, proof: tuple[Array, Flags]) -> None:
+        """Show by balls that all are on sides that fit, where ``proof``, what each force would be and whether that is shown, does not.
 
         Sides that do not fit are exchanged in ``sides``, and contacts that slide do so along y to twice float64's digits.
         """
         import flint
 
-        (raw, is_proved), count = self._proved_by_loops(known, found, low, high, sides), len(self.clamps)
-        raw[~is_proved] = np.nan
+        (low, high), (raw, is_proved), count = ranges, proof, len(self.clamps)
+        if is_proved.all():
+            return
         kernel = _KERNELS.get(self.program.key, lambda: BallKernel(self.program, 0))
         with flint.ctx.workprec(_BITS):
             evaluate = kernel.bind([])
@@ -279,9 +231,9 @@ class Zones:
                 for _ in range(_PROVED):
                     self._put(part := found[at].copy(), low[at], high[at], sides[at])
                     balls = evaluate(*self.inputs(known[at], part)[:, 0].tolist())
-                    own, ranges = sides.clamps[state], zip(balls, bounds, strict=False)
+                    own, within = sides.clamps[state], zip(balls, bounds, strict=False)
                     # A range of one force leaves nothing to be found.
-                    fits = (-1.0 if least == most or ball < least else 1.0 if ball > most else 0.0 for ball, (least, most) in ranges)
+                    fits = (-1.0 if least == most or ball < least else 1.0 if ball > most else 0.0 for ball, (least, most) in within)
                     fitting = np.array(list(fits))
                     if self.paired:
                         is_at = [any(ball.overlaps(flint.arb(one)) for one in pair) for ball, pair in zip(balls, bounds, strict=False)]
@@ -292,7 +244,6 @@ class Zones:
                         break
                     exchanged = np.where(fitting != own, _exchanged(own, fitting), own)
                     sides.clamps[state] = self._one_of_two(exchanged, exchanged)
-        return raw, is_proved
 
     def _one_of_two(self, wanted: Array, sides: Array, is_at: Flags | None = None) -> Array:
         """The sides that are ``wanted`` of forces on ``sides``, (..., clamps) both, but for those of pairs.
@@ -343,13 +294,13 @@ def _reach_of_near(zones: Zones, known: Array, found: Array, unit_roundoff: floa
     return raw, reach
 
 
-def _approximate(program: StraightLineProgram, inputs: Array) -> Array:
-    """The outputs of a program, (n, outputs)."""
+def _approximate(program: StraightLineProgram, inputs: Array) -> tuple[Array, Array]:
+    """The outputs of a program, (n, outputs), and within what of them they are, which is infinite where nothing is known."""
     by_loops = bounded_outputs(program, inputs)
     if by_loops is not None:
-        return by_loops.high
+        return by_loops.high, (np.abs(by_loops.low) + by_loops.bound) * (1 + 1e-10)
     (raw,) = values(program, inputs).values()
-    return raw.T
+    return raw.T, np.full(raw.T.shape, np.inf)
 
 
 def _exchanged(sides: Array, fitting: Array) -> Array:
