@@ -23,8 +23,8 @@ Hold engines, model files, or your own program against that truth:
     harness.compare("robot.urdf", "robot.xml")               # engines on a robot's files, readings, and what differs
 
 Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``, loops and
-rolling a ``Constraint``. ``harness.load(SYSTEM)`` needs no files. The command line is ``harness --help``. Everything is
-loaded on first use.
+rolling a ``Constraint``, motors and servos an ``Actuator``. ``harness.load(SYSTEM)`` needs no files. The command line is
+``harness --help``. Everything is loaded on first use.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from harness.version import __version__
 
 if TYPE_CHECKING:
     from harness.api import check, compare, diagnose, load, mechanisms
+    from harness.lagrange.actuator import Actuator
     from harness.lagrange.constraint import Constraint
     from harness.lagrange.euler_angles import Attitude, body_rates, rotation
     from harness.lagrange.system import TIME, System
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "harness.api": ("check", "compare", "diagnose", "load", "mechanisms"),
+    "harness.lagrange.actuator": ("Actuator",),
     "harness.lagrange.constraint": ("Constraint",),
     "harness.lagrange.euler_angles": ("Attitude", "body_rates", "rotation"),
     "harness.lagrange.system": ("TIME", "System"),
@@ -54,6 +56,7 @@ _HOMES = {
 }
 __all__ = [
     "TIME",
+    "Actuator",
     "Attitude",
     "Constraint",
     "Library",

@@ -21,13 +21,13 @@ from harness.lagrange.derivation import with_values_of
 from harness.library import nearest
 from harness.motion.taylor import Taylor
 from harness.motion.trajectories import Start, energy_drift
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Mechanism, controls_of
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.truth.blocks import BIAS, INVERSE_DYNAMICS, MASS_MATRIX, EquationValues
 from harness.truth.compare import Comparison, Flags, compare
-from harness.truth.quantities.accelerations import reference_kernel, with_bounds
+from harness.truth.quantities.accelerations import reference_kernel, with_all
 from harness.truth.quantities.derivatives import FORWARD, DerivativeTruth
 from harness.truth.reference import Reference
 
@@ -165,11 +165,12 @@ class LoadedSystem(DescribedSystem):
     def _taylor(self) -> Taylor:
         return Taylor(self.mechanism)
 
-    def accelerations(self, q: Any, v: Any, tau: Any = None) -> Accelerations:
+    def accelerations(self, q: Any, v: Any, tau: Any = None, control: Any = None) -> Accelerations:
         """Certified accelerations at one state, or at n states as rows.
 
         Args:
             q: (nq,) or (n, nq) [m, rad; a rotation as (w, x, y, z)]. v: (nv,) or (n, nv). tau: applied forces like v; none for None.
+            control: (actuators,) or (n, actuators), in the order of the system's; 0 for None.
 
         Raises:
             ValueError: the sizes are not those of the mechanism.
@@ -182,7 +183,7 @@ class LoadedSystem(DescribedSystem):
             >>> bool((truth.error_bound < 1e-15).all())
             True
         """
-        reference = reference_kernel(with_bounds(self.mechanism), False).evaluate(_states(self.mechanism, q, v, tau))
+        reference = reference_kernel(with_all(self.mechanism), False).evaluate(_states(self.mechanism, q, v, tau, control))
         return Accelerations(reference.high, _error_bound(reference), reference.data_roundoff, reference.certified)
 
     def derivatives(self, q: Any, v: Any, tau: Any = None) -> Derivatives:
@@ -267,8 +268,8 @@ class LoadedSystem(DescribedSystem):
             raise InvalidRequest(f"{self.name} has constraints, under which accelerations do not determine the applied forces")
         return _entries(self.mechanism, INVERSE_DYNAMICS, _states(self.mechanism, q, v, qdd))
 
-    def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, *, factorises: bool = False) -> Comparison:
-        """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth.
+    def compare(self, q: Any, v: Any, accelerations: Any, tau: Any = None, control: Any = None, *, factorises: bool = False) -> Comparison:
+        """Hold anybody's accelerations, (nv,) or (n, nv), at these states against the truth; arguments as of ``accelerations``.
 
         ``factorises`` says that they were solved for by a factorisation of M, which loses digits as M's condition grows.
 
@@ -283,13 +284,16 @@ class LoadedSystem(DescribedSystem):
                 0  disagrees        3.51e+08        1.13e-07
         """
         answers = np.atleast_2d(np.asarray(accelerations, dtype=np.float64))
-        return compare(
-            reference_kernel(with_bounds(self.mechanism), False).evaluate(_states(self.mechanism, q, v, tau)), answers, factorises
-        )
+        states = _states(self.mechanism, q, v, tau, control)
+        return compare(reference_kernel(with_all(self.mechanism), False).evaluate(states), answers, factorises)
 
 
-def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any) -> States:
-    states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau)
+def _states(mechanism: Mechanism, q: Any, v: Any, tau: Any, control: Any = None) -> States:
+    states = States.at(q, v, np.zeros_like(np.asarray(v, dtype=np.float64)) if tau is None else tau, control=control)
+    count = controls_of(mechanism)
+    if control is not None and states.control.shape != (len(states), count):
+        wanted = f"{mechanism.name} has {count} actuators, and there are {len(states)} states"
+        raise ValueError(f"control has shape {states.control.shape}; {wanted}")
     found, expected = (states.q.shape, states.v.shape, states.tau.shape), (mechanism.nq, mechanism.nv, mechanism.nv)
     if tuple(shape[1] for shape in found) != expected or len({shape[0] for shape in found}) != 1:
         raise ValueError(f"q, v and tau have shapes {found}; {mechanism.name} has {expected} numbers of each, as many rows of each")

@@ -14,7 +14,7 @@ from harness.engines import EQUATIONS, ConstraintLaw, Misread, Model, NotOffered
 from harness.engines.interface import acting_as, audit, require_constraints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.equalities import Constraint, Equality
-from harness.files.findings import FRICTION, LIMITS
+from harness.files.findings import ACTUATORS, FRICTION, LIMITS
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
@@ -25,7 +25,7 @@ from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism
 from harness.truth.compare import Certified, Comparison, Flags, compare
 from harness.truth.quantities import Quantity, Truth, TruthBasis, find_quantities
-from harness.truth.quantities.accelerations import AccelerationTruth, with_bounds
+from harness.truth.quantities.accelerations import AccelerationTruth, with_all
 from harness.truth.reference import ReferenceKernel
 from harness.verdict import Verdict
 
@@ -39,8 +39,8 @@ class Assignment:
     """One subject on one mechanism.
 
     Attributes:
-        model: the file that the engine reads, with the dry friction and limits of the mechanism; None for an engine that is handed the
-            mechanism itself.
+        model: the file that the engine reads, with the actuators, dry friction and limits of the mechanism; None for an engine that is
+            handed the mechanism itself.
         system: the system or variant whose own file is the truth of quantities that take the numbers of one; "" for the mechanism's.
         quantity: the name of what is asked for.
         declared: the file whose numbers are the truth, by default ``declared_model``.
@@ -101,8 +101,8 @@ class Assignment:
 
     @property
     def in_equations(self) -> Mechanism:
-        """The mechanism that an engine of equations is handed, with rigid dry friction and limits."""
-        return with_bounds(self.as_read.mechanism)
+        """The mechanism that an engine of equations is handed, with its actuators, or with rigid dry friction and limits."""
+        return with_all(self.as_read.mechanism)
 
     @property
     def file_as_read(self) -> FileAsRead:
@@ -197,13 +197,29 @@ def _own_truth(assignment: Assignment) -> Truth:
 
 
 def why_left_out(assignment: Assignment) -> Mapping[str, str]:
-    """Reasons why the subject's engine applies no dry friction or limits of the mechanism, by the kind of these; none where it does."""
-    bounded = assignment.mechanism.bounded
-    if bounded is None or assignment.model is None or not assignment.asked.is_default:
+    """Reasons why what the mechanism has does not act, by its kind: actuators, dry friction or limits; none where all do."""
+    bounded, driving = assignment.mechanism.bounded, assignment.mechanism.driving
+    if assignment.model is None or not assignment.asked.is_default:
+        return {}
+    if driving is not None:
+        return {ACTUATORS: reason} if (reason := _why_undriven(assignment, assignment.model)) else {}
+    if bounded is None:
         return {}
     kinds = dict.fromkeys(FRICTION if name in dict(assignment.mechanism.dry_friction) else LIMITS for name in bounded.names)
     why_off = load_engine(assignment.library, assignment.subject.engine).why_off
     return {kind: why_off[kind] for kind in kinds if kind in why_off}
+
+
+def _why_undriven(assignment: Assignment, model: ModelFile) -> str:
+    """Why no actuator of a model acts; "" where they do."""
+    if model.format == "urdf":
+        return "A URDF states no law of an actuator"
+    # Imported late: a mechanism without actuators needs nothing of it.
+    from harness.explain.changes.readings import find_readings
+
+    reader = getattr(load_engine(assignment.library, assignment.subject.engine), "reader", "")
+    readings = find_readings(assignment.subject.engine, model.format, reader)
+    return next((one.sentence for one in readings if one.name == ACTUATORS), "")
 
 
 def departures_of(assignment: Assignment) -> Mapping[Departure, Sequence[Constraint]]:

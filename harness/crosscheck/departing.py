@@ -12,7 +12,9 @@ from harness.engines import load_engine
 from harness.explain.documented import softening_of
 from harness.explain.meant import STATES, STATES_OF_EFFECTS, largest_change
 from harness.files.equalities import Constraint, DryFriction
-from harness.files.findings import FRICTION, LIMITS
+from harness.files.findings import ACTUATORS, FRICTION, LIMITS
+from harness.files.model_file import ModelFile
+from harness.programs.mechanisms.mechanism import controls_of
 from harness.programs.states import States
 from harness.results.readings import Effect
 from harness.results.records import ACCELERATIONS
@@ -37,18 +39,19 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
     found = list[Effect]()
     for what, sentence in why_left_out(about).items():
         assert assignment.model is not None
-        own = [one for one in assignment.model.bounded if one.name in assignment.model.acting and _what(one) == what]
+        lines, is_driving = _lines(assignment.model, what), what == ACTUATORS
         smooth = acceleration_truth_of(about).evaluate(states)
         found.append(
             Effect(
                 name=what,
                 sentence=sentence,
-                concerns="joints",
-                lines=tuple(dict.fromkeys(one.line for one in own)),
-                count=len(own),
+                concerns="actuators" if is_driving else "joints",
+                lines=tuple(dict.fromkeys(lines)),
+                count=controls_of(assignment.mechanism) if is_driving else len(lines),
                 # Of the smooth accelerations: where a mechanism sticks it has none.
                 alone=largest_change(smooth, reference.high, reference.certified & smooth.certified & moves(smooth)),
                 source="its documentation of forward dynamics, whose one input of forces is tau",
+                remedy="add J' f of each actuator to tau, f its force at the control" if is_driving else "",
             )
         )
     for one, concerned in departures_of(about).items():
@@ -70,6 +73,13 @@ def effects_on_file(assignment: Assignment, seed: int) -> list[Effect]:
 
     documented = reference()
     return [effect_of(one, concerned, documented, reference(one.name)) for one, concerned in departures_of(assignment).items()]
+
+
+def _lines(model: ModelFile, what: str) -> list[int]:
+    """Of those that the mechanism has of a kind; of actuators that a file does not have, where it begins."""
+    if what == ACTUATORS:
+        return [line for name, line in model.actuators if name in model.driven] or [model.root_line]
+    return [one.line for one in model.bounded if one.name in model.acting and _what(one) == what]
 
 
 def _what(bounded: Constraint) -> str:

@@ -101,7 +101,8 @@ def explain_lost_digits(assignment: Assignment, seed: int, worst: States) -> Exp
     whitening = Whitening(reference)
     if model is None:
         residual = whitening.residual(accelerations(load_audited(assignment), states))
-        slopes = parameter_derivatives(kernel, states, reference, mechanism.parameter_values)
+        # Those behind the text's own are of what states have of their own.
+        slopes = parameter_derivatives(kernel, states, reference, kernel.mechanism.parameter_values)[: len(mechanism.parameters)]
         columns = [np.nan_to_num(whitening.change(slope)) for slope in slopes]
 
         def number(index: int) -> str:

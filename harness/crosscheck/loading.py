@@ -14,7 +14,7 @@ from harness.engines import Subject, Unsupported, engine_files, is_native, load_
 from harness.errors import InvalidModel, InvalidRequest, not_installed
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library, orphaned_models
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Mechanism, controls_of
 from harness.programs.states import States
 from harness.truth.sampling import keep_points, sample_in_blocks
 
@@ -98,7 +98,7 @@ def batches_of(settings: Settings, system: SystemProgress, mechanism: Mechanism,
         if (state.q.shape[1], state.v.shape[1]) != (mechanism.nq, mechanism.nv):
             given = f"{state.q.shape[1]} numbers for q and {state.v.shape[1]} for v and tau"
             raise InvalidRequest(f"--state has {given}; {mechanism.name} has {mechanism.nq} and {mechanism.nv} degrees of freedom")
-        acting = 0 if mechanism.actuation is None else mechanism.actuation.controls
+        acting = controls_of(mechanism)
         for name, driving in (("control", state.control), ("activation", state.activation)):
             if driving.shape[1] not in (0, acting):
                 found = f"--state has {driving.shape[1]} numbers for {name}"
@@ -130,7 +130,7 @@ def readers_among(library: Library, pairs: Pairs) -> list[Pair]:
 def natives_among(library: Library, pairs: Pairs) -> list[Pair]:
     """The readers whose accelerations tell what their file needs; other versions may feel less, and tell nothing of the file.
 
-    So do those that apply none of its dry friction or limits.
+    So do those that apply none of its actuators, dry friction or limits.
     """
     native = (pair for pair in readers_among(library, pairs) if is_native(library, pair.subject))
     return [pair for pair in native if pair.assignment is not None and not why_left_out(pair.assignment)]

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 # As few as feel everything, for a long chain is asked a thousand times.
 STATES, SEED = 8, 7
+# Of a mechanism with actuators, of whose ranges few states feel each end.
+_DRIVEN_STATES = 64
 # Changed models times states they are asked at. Most numbers are felt at the first state, so that a chain of sixty links takes 2000.
 MOST_EVALUATIONS = 4000
 # What ``SuperfluousPart`` says beside mechanism, subject and file.
@@ -88,7 +90,8 @@ def _not_needed(assignment: Assignment, model: ModelFile) -> list[_Row]:
 
 def _states_of(assignment: Assignment) -> States:
     """The states at which parts are looked for; those of a declared truth are off the manifold, on which its numbers are not felt."""
-    return assignment.truth.asked_at(random_sample(assignment.mechanism, STATES, SEED), share=1.0)
+    count = STATES if assignment.mechanism.driving is None else _DRIVEN_STATES
+    return assignment.truth.asked_at(random_sample(assignment.mechanism, count, SEED), share=1.0)
 
 
 def _entry(library: Library, subject: Subject, model: ModelFile, mechanism: Mechanism) -> Path:

@@ -75,8 +75,13 @@ def asked_accelerations(model: Model, states: States) -> Calls:
     act has ``takes_driving = True``, and takes controls and activations last.
     """
     time = (states.time,) if getattr(model, "takes_time", False) else ()
-    driving = (states.control, states.activation) if getattr(model, "takes_driving", False) else ()
+    driving = driving_of(model, states)
     return Calls((Call("forward_dynamics", (states.q, states.v, states.tau, *time, *driving), states.v.shape),))
+
+
+def driving_of(model: Model, states: States) -> tuple[Array, ...]:
+    """Controls and activations for a model that takes some."""
+    return (states.control, states.activation) if getattr(model, "takes_driving", False) else ()
 
 
 def accelerations(model: Model, states: States) -> Array:

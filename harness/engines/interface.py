@@ -277,7 +277,7 @@ def require_constraints(model: ModelFile, mechanism: Mechanism) -> None:
 
 
 def require_bounds(model: ModelFile, mechanism: Mechanism) -> None:
-    """Hold the dry friction and limits of a model against those that the mechanism has.
+    """Hold the dry friction, limits and actuators of a model against those that the mechanism has; a URDF can state no actuators.
 
     Raises:
         InvalidModel: one is missing, or is none of the mechanism's.
@@ -292,9 +292,20 @@ def require_bounds(model: ModelFile, mechanism: Mechanism) -> None:
         # Every joint of a URDF states limits, which no engine is asked to apply unless the system has them.
         if name not in (*wanted, *mechanism.left_out) and not (model.format == "urdf" and isinstance(one.says, Limit)):
             raise InvalidModel(model.path, one.line, f"{name} is none that the system has; remove it, or declare it there")
+    driving, lines = () if mechanism.driving is None else mechanism.driving.names, dict(model.actuators)
+    for name in driving if model.format == "mjcf" else ():
+        if name not in lines:
+            hint = nearest(name, sorted(lines)) if lines else "the model has none at all"
+            raise InvalidModel(model.path, model.root_line, f"has no actuator {name!r}, which the system needs; {hint}")
+    for name, line in lines.items():
+        if name not in driving and f"actuator {name}" not in mechanism.left_out:
+            raise InvalidModel(model.path, line, f"actuator {name!r} is none that the system has; remove it, or declare it there")
 
 
 def acting_as(model: ModelFile, mechanism: Mechanism) -> ModelFile:
-    """The model, of whose dry friction and limits those act that the mechanism has."""
+    """The model, of whose dry friction, limits and actuators those act that the mechanism has."""
     names = () if mechanism.bounded is None else mechanism.bounded.names
-    return model if model.acting == names else replace(model, acting=names)
+    driven = () if mechanism.driving is None else mechanism.driving.names
+    # The audit tells which one a file does not have.
+    driven = driven if {*driven} <= dict(model.actuators).keys() else ()
+    return model if (model.acting, model.driven) == (names, driven) else replace(model, acting=names, driven=driven)

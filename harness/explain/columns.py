@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -89,7 +89,7 @@ def diagnostic_states(mechanism: Mechanism, seed: int, count: int = STATES) -> S
     states = generic_sample(mechanism, count, seed)
     kind = np.arange(count) // HELD_OUT_OF % 4
     v, tau = (np.where((kind >= quiet)[:, None], 0.0, values) for quiet, values in ((3, states.v), (2, states.tau)))
-    return States.at(states.q, v, tau, states.time)
+    return replace(states, v=v, tau=tau)
 
 
 def held_out(count: int) -> Flags:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Model, Terms, accelerations
+from harness.engines import Model, Terms, accelerations, driving_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.results.table import first_of
@@ -160,7 +160,10 @@ def compare_terms(kernel: ReferenceKernel, states: States, model: Model, subject
     findings: tuple[TermFinding, ...] = ()
     if stated is not None:
         everywhere, kinds = States.concatenate(list(batches.values())), np.repeat(list(batches), len(states))
-        reference, terms = certify_terms(kernel, everywhere), stated(everywhere.q, everywhere.v, everywhere.tau)
+        reference, terms = (
+            certify_terms(kernel, everywhere),
+            stated(everywhere.q, everywhere.v, everywhere.tau, *driving_of(model, everywhere)),
+        )
         names = coordinate_names(kernel.mechanism)
         findings = tuple(_finding(name, reference, terms, everywhere, kinds, names) for name in TERMS)
     return TermComparison(kernel.mechanism.name, subject, findings, since, bool(unstable and not wrong))

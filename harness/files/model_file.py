@@ -87,6 +87,8 @@ class ModelFile:
         constraints: what closes loops and couples joints, in document order; a joint that mimics another is among them.
         bounded: the dry friction and the limits of its joints. acting: names of those that an engine is to apply; none of a file as it is
             read, since a mechanism says which are meant.
+        actuators: names of its actuators with their lines, in the order of the file. driven: names of those that an engine is to apply, in
+            the order of controls; none of a file as it is read.
         gravity: MJCF: [m/s^2], (x, y, z), zero where it is switched off. URDF holds none: None.
         unexpressed: MJCF: forces and inertias it states that are not among ``force_elements``.
     """
@@ -106,10 +108,12 @@ class ModelFile:
     constraints: tuple[Equality, ...] = ()
     bounded: tuple[Constraint, ...] = ()
     acting: tuple[str, ...] = ()
+    actuators: tuple[tuple[str, int], ...] = ()
+    driven: tuple[str, ...] = ()
 
     def with_text(self, text: str) -> ModelFile:
         """What the file would be with another text; raises as ``read_model``."""
-        return replace(_validated(self.path, text, self.format), acting=self.acting)
+        return replace(_validated(self.path, text, self.format), acting=self.acting, driven=self.driven)
 
     @property
     def mimics(self) -> tuple[Equality, ...]:
@@ -197,6 +201,7 @@ def _validated(path: Path, text: str, format: str) -> ModelFile:
         unexpressed=(*reading.unread, *(one for one in forces if isinstance(one, Unread))),
         constraints=reading.equalities,
         bounded=(*frictions_of(tree), *limits_of(tree)),
+        actuators=tuple((one.name, one.line) for one in reading.actuators),
     )
 
 
@@ -232,8 +237,8 @@ def _made(root: etree._Element, path: str) -> etree._Element:
 def features_of(model: ModelFile) -> list[str]:
     """Features that it asks of an engine beyond hinges and slides, in a word or two each; a report gathers verdicts by them.
 
-    Some of "armature", "ball joints", "coupled joints", "coupled tendons", "dampers", "dry friction", "free joints", "limits", "loops",
-    "mimic joints" and "springs", sorted; limits of an MJCF alone, since every URDF has some."""
+    Some of "actuators", "armature", "ball joints", "coupled joints", "coupled tendons", "dampers", "dry friction", "free joints", "limits",
+    "loops", "mimic joints" and "springs", sorted; limits of an MJCF alone, since every URDF has some."""
     return sorted(set(_features(model)))
 
 
@@ -252,6 +257,8 @@ def _features(model: ModelFile) -> Iterator[str]:
     if followers:
         yield "mimic joints"
     yield from (_CONSTRAINTS[one.couples] for one in model.constraints if one.name not in followers)
+    if model.actuators:
+        yield "actuators"
     if any(joint.armature for joint in tree.joints):
         yield "armature"
     yield from (_JOINTS[joint.kind] for joint in tree.joints if joint.kind in _JOINTS)

@@ -30,7 +30,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
-from harness.engines import Subject, Terms, select_subjects
+from harness.engines import Subject, Terms, driving_of, select_subjects
 from harness.files.text.scan import compact
 from harness.library import Library
 from harness.programs.program import OUTPUTS, right_hand_side
@@ -151,11 +151,11 @@ def _at_rest(assignment: Assignment, kernel: ReferenceKernel, state: States, ter
 
     In data roundoffs of the moving state; None where there is no finite answer.
     """
-    still = States(state.q, np.zeros_like(state.v), state.tau, state.time)
+    still = replace(state, v=np.zeros_like(state.v))
     held = certify_terms(kernel, still).high
     stand_in = state.tau - terms.velocity + held.velocity + terms.passive - held.passive
     total = np.array(right_hand_side({name: getattr(held, name)[0] for name in OUTPUTS}, stand_in[0]))[None]
-    still = States(state.q, still.v, stand_in + (load - 1) * total, state.time)
+    still = replace(still, tau=stand_in + (load - 1) * total)
     reference = kernel.evaluate(still)
     error = assignment.judge(still).backward_error[0] * reference.sensitivity[0] / moving.sensitivity[0] / load
     return float(error) if math.isfinite(error) else None
@@ -165,11 +165,11 @@ def _at_rest(assignment: Assignment, kernel: ReferenceKernel, state: States, ter
 class Reproducible(Protocol):
     """The method of an engine's model where its answers can be reproduced without the harness."""
 
-    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array, *driving: Array) -> str:
         """Python text that prints two lines: the engine's accelerations, then ``certified``, as lists in the engine's order.
 
         ``source`` is a Python expression for the text of the model. q of shape (nq,), v, tau and certified (nv,) [SI] are in the
-        order of the joints given to ``load``.
+        order of the joints given to ``load``. ``driving`` are controls and activations, for a model that takes some.
         """
 
 
@@ -185,7 +185,8 @@ def reproduce(assignment: Assignment, state: States) -> str:
     if not isinstance(model, Reproducible) or assignment.model is None:
         return ""
     certified = reference_kernel_of(assignment).evaluate(state).high[0]
-    return model.reproducer(repr(compact(assignment.model.text)), state.q[0], state.v[0], state.tau[0], certified)
+    driving = [part[0] for part in driving_of(model, state)]
+    return model.reproducer(repr(compact(assignment.model.text)), state.q[0], state.v[0], state.tau[0], certified, *driving)
 
 
 def ranked(library: Library, records: Sequence[Record], workers: Workers, most: int = 10) -> list[RankedCase]:

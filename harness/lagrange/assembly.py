@@ -31,7 +31,7 @@ from harness.lagrange.euler_angles import ChangeOfVariables, change_of_variables
 from harness.lagrange.expressions import assemble
 from harness.lagrange.system import TIME, System
 from harness.programs.derivatives import along, depending_on, gradient
-from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
+from harness.programs.mechanisms.mechanism import BIAS, GAIN, JACOBIAN, MOMENTS, RATE, RESIDUAL, Constraints, Driving
 from harness.programs.program import StraightLineProgram, upper_triangle, with_operands, without_unused
 from harness.programs.terms import Builder, Term, Vector, cross, dot, symmetric, vector
 
@@ -269,12 +269,37 @@ def bounds_of(system: System, tree: StraightLineProgram) -> Constraints:
     )
 
 
-def _rows(system: System, names: Sequence[str], holding: Sequence[sp.Expr], rolling: Sequence[sp.Expr]) -> StraightLineProgram:
-    nv = len(system.coordinates)
-    # The inputs of the mechanism, of which the first are the coordinates and then their rates.
-    inputs = [sp.Symbol(name, real=True) for name in names]
+def driving_of(system: System, tree: StraightLineProgram) -> Driving:
+    """The laws of the actuators of a system whose equations of motion without them are ``tree``."""
+    inputs, symbols = _symbols_of(system, tree.inputs)
+    actuators = list(system.actuators.values())
+    outputs = {
+        GAIN: [one.gain.xreplace(symbols) for one in actuators],
+        BIAS: [one.bias.xreplace(symbols) for one in actuators],
+        MOMENTS: [one.moments.get(q, sp.S.Zero).xreplace(symbols) for one in actuators for q in system.coordinates],
+    }
+    return Driving(
+        names=tuple(system.actuators),
+        control_ranges=tuple(one.control_range and _names(one.control_range) for one in actuators),
+        force_ranges=tuple(one.force_range and _names(one.force_range) for one in actuators),
+        program=assemble(inputs, outputs),
+    )
+
+
+def _names(bounds: tuple[sp.Symbol, sp.Symbol]) -> tuple[str, str]:
+    low, high = bounds
+    return low.name, high.name
+
+
+def _symbols_of(system: System, names: Sequence[str]) -> tuple[list[sp.Symbol], dict[sp.Expr, sp.Symbol]]:
+    """The inputs of a mechanism, of which the first are the coordinates and then their rates, and those by what they are in the system."""
+    nv, inputs = len(system.coordinates), [sp.Symbol(name, real=True) for name in names]
     symbols = dict(zip([*system.rates, *system.coordinates], [*inputs[nv : 2 * nv], *inputs[:nv]], strict=True))
-    symbols |= {parameter: inputs[names.index(parameter.name)] for parameter in system.parameters}
+    return inputs, symbols | {parameter: inputs[names.index(parameter.name)] for parameter in system.parameters}
+
+
+def _rows(system: System, names: Sequence[str], holding: Sequence[sp.Expr], rolling: Sequence[sp.Expr]) -> StraightLineProgram:
+    nv, (inputs, symbols) = len(system.coordinates), _symbols_of(system, names)
     expressions = [[row.xreplace(symbols) for row in some] for some in (holding, rolling)]
     program = assemble(inputs, dict(zip((RESIDUAL, "rolling"), expressions, strict=True)))
     builder = Builder(program.inputs)

@@ -120,7 +120,7 @@ def mechanism_of_charts(atlas: Sequence[System], name: str, docstring: str = "")
     Raises:
         ValueError, TypeError: the system cannot be derived.
     """
-    from harness.lagrange.assembly import bounds_of, constraints_of, energy_program_of, lagrange_program, program_of
+    from harness.lagrange.assembly import bounds_of, constraints_of, driving_of, energy_program_of, lagrange_program, program_of
     from harness.lagrange.equations import derive, in_symbols, printed
     from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program
 
@@ -160,6 +160,7 @@ def mechanism_of_charts(atlas: Sequence[System], name: str, docstring: str = "")
         constraints=constraints,
         bounded=bounds_of(system, program) if system.dry_friction or system.limits else None,
         dry_friction=tuple((f"dry friction of joint {system.coordinates[q]}", one.name) for q, one in system.dry_friction.items()),
+        driving=driving_of(system, program) if system.actuators else None,
         program=program,
         equations_text=text,
         equations_mathml=mathml,

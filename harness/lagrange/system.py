@@ -14,6 +14,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
+from harness.lagrange.actuator import Actuator
 from harness.lagrange.constraint import Constraint
 from harness.lagrange.euler_angles import Attitude
 
@@ -34,6 +35,7 @@ _MAPPINGS = {
     "assembly": "{coordinate: position}",
     "dry_friction": "{coordinate: parameter}",
     "limits": "{coordinate: (parameter, parameter)}",
+    "actuators": "{name: Actuator}",
 }
 
 
@@ -70,8 +72,9 @@ class System:
             move straight to their values.
         dry_friction: coordinate to the parameter that is the largest force, or torque, of Coulomb friction in its joint [N or N m].
         limits: coordinate to the parameters that are the lowest and highest position of its joint [m or rad], where rigid stops are.
+        actuators: name, under which an MJCF holds it, to what drives joints; their order is that of the controls of a state.
 
-    Dry friction and limits are of joints' positions, and enter neither energies nor ``generalised_forces``.
+    Dry friction, limits and actuators are of joints' positions, and enter neither energies nor ``generalised_forces``.
 
     A number in an energy is the number that stands there: a system file's are exact, and a ``sympy.Float``, which SymPy rounds
     whenever it forms a product, is refused.
@@ -98,6 +101,7 @@ class System:
     assembly: Mapping[sp.Expr, float] = field(default_factory=lambda: _EMPTY)
     dry_friction: Mapping[sp.Expr, sp.Symbol] = field(default_factory=lambda: _EMPTY)
     limits: Mapping[sp.Expr, tuple[sp.Symbol, sp.Symbol]] = field(default_factory=lambda: _EMPTY)
+    actuators: Mapping[str, Actuator] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
         for name, expected in _MAPPINGS.items():
@@ -108,7 +112,7 @@ class System:
         forces = {q: sp.sympify(force) for q, force in self.generalised_forces.items()}
         object.__setattr__(self, "generalised_forces", forces)
         subjects = self._of_coordinates(), self._of_parameters(), self._of_expressions(), self._of_ranges(), self._of_constraints()
-        for contradiction in itertools.chain(*subjects, self._of_bounds()):
+        for contradiction in itertools.chain(*subjects, self._of_bounds(), self._of_actuators()):
             raise ValueError(contradiction)
 
     @cached_property
@@ -215,8 +219,9 @@ class System:
             yield "potential contains a rate; put the term into kinetic or generalised_forces"
         if self.total_mass.atoms(AppliedUndef):
             yield "total_mass depends on a coordinate; expected an expression of the parameters"
-        bounds = {*self.dry_friction.values(), *itertools.chain(*self.limits.values())}
-        unused = sorted(set(self.parameters) - sp.Tuple(*expressions.values()).free_symbols - bounds, key=str)
+        beside = {*self.dry_friction.values(), *itertools.chain(*self.limits.values())}
+        beside |= set[sp.Basic]().union(*(actuator.symbols for actuator in self.actuators.values()))
+        unused = sorted(set(self.parameters) - sp.Tuple(*expressions.values()).free_symbols - beside, key=str)
         yield from (f"parameter {one} enters neither energy nor force nor mass nor constraint; remove it or use it" for one in unused)
 
     def _of_ranges(self) -> Iterator[str]:
@@ -282,6 +287,14 @@ class System:
         for q, (low, high) in self.limits.items():
             if not self.parameters[low][0] < self.parameters[high][0]:
                 yield f"the limits of {q} are {self.parameters[low][0]:g} and {self.parameters[high][0]:g}; expected the lowest first"
+
+    def _of_actuators(self) -> Iterator[str]:
+        if self.actuators and (self.constraints or self.attitudes or self.dry_friction or self.limits):
+            yield "actuators beside constraints, dry friction, limits, or ball and free joints; expected hinges and slides of a smooth tree"
+        for name, actuator in self.actuators.items():
+            if any(map(_depends_on_time, (actuator.force, *actuator.moments.values()))):
+                yield f"actuator {name!r} depends on time explicitly; expected a function of coordinates, rates and its control"
+            yield from (f"actuator {name!r} {one}" for one in actuator.contradictions(self.coordinates, self.rates, self.parameters))
 
 
 def _is_finite(value: Any) -> bool:

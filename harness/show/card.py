@@ -63,6 +63,8 @@ def _rows(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
         yield "constraints", ", ".join(mechanism.constraints.names)
     if mechanism.bounded is not None:
         yield "not smooth", ", ".join(mechanism.bounded.names)
+    if mechanism.driving is not None:
+        yield "controls", ", ".join(mechanism.driving.rows)
     size = f"{mechanism.program.operations:,} operations"
     if not mechanism.energy_programs:
         yield "equations", f"a program of {size}, by recursion over the bodies of the file"

@@ -260,6 +260,7 @@ def as_text(exhibit: Exhibit) -> list[str]:
         f"{mechanism.name}: {mechanism.description}\nSource: {mechanism.source}",
         *_headed("Equations of motion (' is d/dt, tau the applied force)", mechanism.equations_text or energies),
         *([f"\nBeside them, rigid: {', '.join(mechanism.bounded.names)}"] if mechanism.bounded is not None else []),
+        *([f"\nBeside them, by controls: {', '.join(mechanism.driving.rows)}"] if mechanism.driving is not None else []),
         *([f"\nEquations and unknowns: {formulations}"] if formulations else []),
         *_headed("Parameters", str(parameter_table(mechanism))),
         *_headed("Coordinates", str(coordinate_table(mechanism))),

@@ -140,6 +140,24 @@ BOUNDS = {
 }
 
 
+def driving() -> dict[str, list[Variant]]:
+    """Actuators, which act where a mechanism declares them."""
+    shared = {"name": "drive", "joint": "slider", "gear": "3", "ctrlrange": "-1 2", "forcerange": "-3 4"}
+    shared |= dict.fromkeys(("ctrllimited", "forcelimited"), "false")
+    of_kinds: dict[str, dict[str, str]] = {"motor": {}, "position": {"kp": "5", "kv": "2"}, "velocity": {"kv": "2"}}
+    found = {}
+    for tag, own in of_kinds.items():
+        for name, value in {**shared, **own}.items():
+            attributes = {"name": "drive", "joint": "slider", name: value}
+            written = " ".join(f'{key}="{text}"' for key, text in attributes.items())
+            found[f"actuator/{tag}@{name}"] = [one("</mujoco>", f"<actuator><{tag} {written}/></actuator></mujoco>", UNFELT)]
+        pulled = [
+            f'<fixed name="sum"><joint joint="slider" coef="2"/></fixed></tendon><actuator><{tag} name="drive" tendon="sum"/></actuator>'
+        ]
+        found[f"actuator/{tag}@tendon"] = [(["</tendon>"], pulled, UNFELT)]
+    return found
+
+
 def added(key: str, after: str, attributes: Mapping[str, tuple[str, str]]) -> dict[str, list[Variant]]:
     """Attributes, each with its value and outcome, put behind a text."""
     return {f"{key}@{name}": [one(after, f'{after} {name}="{value}"', outcome)] for name, (value, outcome) in attributes.items()}
@@ -312,6 +330,7 @@ MJCF_VARIANTS: dict[str, list[Variant]] = {
         for name, value in {"springlength": "0.3", "frictionloss": "0", "class": "other"}.items()
     },
     **{key: fixed("") for key in ("fixed@name", "fixed/joint@joint", "fixed/joint@coef")},
+    **driving(),
 }
 
 

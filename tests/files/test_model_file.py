@@ -262,7 +262,7 @@ MALFORMED_MJCF = {
     "element in its own namespace": ('<joint name="slide"', '<joint xmlns="urn:x" name="slide"', 7, "in a default namespace"),
     "element of another reader": ("<tendon>", "<springs/><tendon>", 18, "<springs> in <mujoco> is not understood"),
     "text": ('<body name="bar" quat="1 0 0 0">', '<body name="bar">damping 0.2', 10, "holds the text 'damping 0.2', which no reader reads"),
-    "actuator": ("<tendon>", '<actuator><motor joint="pin"/></actuator><tendon>', 18, "<actuator> adds forces of its own"),
+    "actuator": ("<tendon>", '<actuator><motor joint="pin"/></actuator><tendon>', 18, "has no attribute 'name'"),
     "sensor": ("<tendon>", '<sensor><jointpos joint="pin"/></sensor><tendon>', 18, "<sensor> is not felt"),
     "equality": ("<tendon>", '<equality><joint joint1="pin"/></equality><tendon>', 18, "<joint> has no name; add one"),
     "contact": ("<tendon>", '<contact><exclude body1="cart" body2="bar"/></contact><tendon>', 18, "<contact> is a constraint"),

@@ -13,9 +13,10 @@ import pytest
 import sympy as sp
 from catalogue import BUILT_IN, is_misread
 
+from harness import engines
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, reference_kernel_of
-from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, load_engine, subjects
+from harness.engines import EQUATIONS, Model, Subject, Terms, Unsupported, driving_of, load_engine, subjects
 from harness.engines.interface import acting_as
 from harness.explain.terms import AT_REST, LOADED, MOVING, TermComparison, compare_terms, coordinate_names
 from harness.files.model_file import read_model
@@ -58,7 +59,7 @@ def seed_of(name: str) -> int:
 
 def kernel_of(mechanism: Mechanism, subject: Subject) -> ReferenceKernel:
     """The kernel of the subject's own truth, which for soft constraints follows from its file."""
-    is_read = (mechanism.constraints or mechanism.bounded) is not None and subject.format != EQUATIONS
+    is_read = (mechanism.constraints or mechanism.bounded or mechanism.driving) is not None and subject.format != EQUATIONS
     model = read_model(BUILT_IN.model_path(mechanism.name, subject.format), subject.format) if is_read else None
     return reference_kernel_of(Assignment(BUILT_IN, subject, mechanism, model))
 
@@ -244,12 +245,12 @@ def test_terms_of_sound_engines_agree_and_sum_to_nothing(modelled_name: str) -> 
         kernel = kernel_of(mechanism, subject)
         if kernel not in references:
             references[kernel] = certify_terms(kernel, states)
-        terms = model.terms(states.q, states.v, states.tau)  # type: ignore[attr-defined]
+        terms = model.terms(states.q, states.v, states.tau, *driving_of(model, states))  # type: ignore[attr-defined]
         errors = {name: term_errors(name, references[kernel], terms)[1] for name in TERMS}
         assert all((error <= SOUND).all() for error in errors.values()), (str(subject), errors)
         assert np.array_equal(terms.applied, states.tau)
         assert np.array_equal(terms.mass, terms.mass.swapaxes(1, 2))
-        accelerations = model.forward_dynamics(states.q, states.v, states.tau)
+        accelerations = engines.accelerations(model, states)
         residual = np.einsum("nij,nj->ni", terms.mass, accelerations) + terms.velocity + terms.gravity - terms.passive - terms.applied
         size = size_of_sum(mechanism, states, terms, accelerations)
         if mechanism.constraints is not None:

@@ -26,12 +26,13 @@ class LagrangeModel:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._kernel = mechanism.float64()
+        self.takes_driving = mechanism.actuation is not None
 
     def loaded(self) -> None:
         return None
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
-        return self._kernel.accelerations(q, v, tau, time)
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, time: Array | None = None, *driving: Array) -> Array:
+        return self._kernel.accelerations(q, v, tau, time, *driving)
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         return self._kernel.forward_derivatives(q, v, tau, time)
@@ -39,8 +40,8 @@ class LagrangeModel:
     def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array, time: Array | None = None) -> Array:
         return self._kernel.inverse_derivatives(q, v, qdd, time)
 
-    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        return Terms(**self._kernel.terms(q, v, tau), applied=np.array(tau))
+    def terms(self, q: Array, v: Array, tau: Array, *driving: Array) -> Terms:
+        return Terms(**self._kernel.terms(q, v, tau, *driving), applied=np.array(tau))
 
     def bias(self, q: Array, v: Array) -> Array:
         """See ``harness.engines.interface``."""

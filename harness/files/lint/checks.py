@@ -50,7 +50,6 @@ _ELEMENTS: Mapping[str, Mapping[str, str]] = {
         **dict.fromkeys(("replicate", "attach", "composite", "flexcomp"), _MAKES_BODIES),
         **dict.fromkeys(("deformable", "flex", "skin"), _DEFORMS),
         **dict.fromkeys(("extension", "plugin"), _CODE),
-        "actuator": "adds forces of its own; the harness applies tau at the joints, remove it",
         **dict.fromkeys(("sensor", "size", "lengthrange"), _NOT_FELT),
         **dict.fromkeys(("flexvert", "flexstrain"), _DEFORMS),
         "distance": "is a constraint that MuJoCo knows no more; write a <spatial> tendon between the sites, and <tendon> in <equality>",

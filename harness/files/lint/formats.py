@@ -37,6 +37,7 @@ _NAME, _SCALAR, _VECTOR = Text(), Numbers(), Numbers(3)
 _NOT_NEGATIVE, _LIMIT = Numbers(check=not_negative), Numbers(check=not_negative, required=True)
 _AXIS = Numbers(3, check=unit)
 _MASS = Numbers(check=not_negative, required=True)
+_SWITCH = Choice(("true", "false", "auto"))
 _POSE: Attributes = {
     "pos": _VECTOR,
     "quat": Numbers(4, check=not_zero),
@@ -58,7 +59,7 @@ _JOINT: Attributes = {
     "frictionloss": _NOT_NEGATIVE,
     "solreffriction": Numbers(1, 2, check=one_sign),
     "solimpfriction": Numbers(1, 5),
-    "limited": Choice(("true", "false", "auto")),
+    "limited": _SWITCH,
     "range": Numbers(2),
     "solreflimit": Numbers(1, 2, check=one_sign),
     "solimplimit": Numbers(1, 5),
@@ -83,6 +84,16 @@ _EQUALITY: Mapping[str, Attributes] = {
     "joint": {"joint1": Text(required=True), "joint2": _NAME, "polycoef": Numbers(1, 5)},
     "tendon": {"tendon1": Text(required=True), "tendon2": _NAME, "polycoef": Numbers(1, 5)},
 }
+# Of those that drive a hinge, a slide, or a fixed tendon of these.
+_ACTUATOR: Attributes = {
+    "name": Text(required=True),
+    "joint": _NAME,
+    "tendon": _NAME,
+    "gear": _SCALAR,
+    **dict.fromkeys(("ctrllimited", "forcelimited"), _SWITCH),
+    **dict.fromkeys(("ctrlrange", "forcerange"), Numbers(2)),
+}
+_ACTUATORS: Mapping[str, Attributes] = {"motor": {}, "position": {"kp": _SCALAR, "kv": _NOT_NEGATIVE}, "velocity": {"kv": _SCALAR}}
 # Attributes of an option that bear on constraints alone.
 SOLVER_OPTIONS: Attributes = {
     "timestep": Numbers(check=positive),
@@ -128,6 +139,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
             "worldbody": NOTHING,
             "tendon": NOTHING,
             "equality": NOTHING,
+            "actuator": NOTHING,
         },
         "option": {"flag": dict.fromkeys([*STAGES["mjcf"], *_FLAGS.split()], Choice(("enable", "disable")))},
         "worldbody": {tag: _IN_BODY[tag] for tag in ("body", "frame", "site")},
@@ -138,6 +150,7 @@ SUPPORTED: Mapping[str, Mapping[str, Mapping[str, Attributes]]] = {
         "default/equality": {},
         "equality": {tag: {"name": _NAME, **_SOFTNESS, **own} for tag, own in _EQUALITY.items()},
         "equality/tendon": {},
+        "actuator": {tag: {**_ACTUATOR, **own} for tag, own in _ACTUATORS.items()},
         "tendon": {"spatial": {"name": _NAME, **_TENDON}, "fixed": {"name": _NAME, **_TENDON}},
         "spatial": {"site": {"site": Text(required=True)}, "pulley": {"divisor": Numbers(check=positive, required=True)}},
         "fixed": {"joint": {"joint": Text(required=True), "coef": Numbers(required=True)}},

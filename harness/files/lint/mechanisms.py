@@ -68,6 +68,7 @@ def check_reading(document: Document, reading: Meaning) -> None:
         document.refuse(document.root, _NO_JOINT[reading.format])
     _check_bodies(document, reading)
     {"mjcf": _check_equalities, "urdf": _check_urdf}[reading.format](document, reading)
+    _check_actuators(document, reading)
     for one in reading.passed_over:
         raise InvalidModel(one.place.path, one.place.line, one.problem)
 
@@ -134,6 +135,15 @@ def _check_equalities(document: Document, reading: Meaning) -> None:
             document.refuse(element, f"{describe(element)} {problem.format(tied[0])}")
         for site in held:
             _check_site(document, site, turned=element.tag == "weld")
+
+
+def _check_actuators(document: Document, reading: Meaning) -> None:
+    document.by_name(document.root.iterfind("actuator/*"))
+    elements = list(document.lines)
+    for one in reading.actuators:
+        assert one.place is not None
+        if one.why_not:
+            document.refuse(elements[one.place.element], f"{describe(elements[one.place.element])} {one.why_not}")
 
 
 def _check_site(document: Document, site: etree._Element, turned: bool) -> None:

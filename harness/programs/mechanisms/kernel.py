@@ -91,13 +91,13 @@ class MechanismKernel:
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism, self._charts = mechanism, Charts(mechanism.charts(linear_velocity_in_body=False))
 
-    def accelerations(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
-        """qdd, (n, nv), at q (n, nq), v and tau (n, nv), and time (n,) [s], 0 for None."""
-        return np.ascontiguousarray(self.compiled.accelerations(self.inputs(q, v, tau, time)).T)
+    def accelerations(self, q: Array, v: Array, tau: Array, time: Array | None = None, *driving: Array) -> Array:
+        """qdd, (n, nv), at q (n, nq), v and tau (n, nv), and time (n,) [s], 0 for None; ``driving`` as of ``inputs``."""
+        return np.ascontiguousarray(self.compiled.accelerations(self.inputs(q, v, tau, time, *driving)).T)
 
-    def terms(self, q: Array, v: Array, tau: Array) -> dict[str, Array]:
+    def terms(self, q: Array, v: Array, tau: Array, *driving: Array) -> dict[str, Array]:
         """As ``Float64Kernel.terms``."""
-        return self.compiled.terms(self.inputs(q, v, tau))
+        return self.compiled.terms(self.inputs(q, v, tau, None, *driving))
 
     def forward_derivatives(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
         """d qdd by q, v and tau, (n, 3, nv, nv) with the rows of qdd; arguments as of ``accelerations``.
@@ -136,13 +136,13 @@ class MechanismKernel:
         key = self._parameters, *(chart.key for chart in self._charts.programs)
         return _KERNELS.get(key, lambda: Float64Kernel(program, self._parameters, others))
 
-    def inputs(self, q: Array, v: Array, tau: Array, time: Array | None = None) -> Array:
-        """Columns for the kernel, whole turns taken from large angles."""
+    def inputs(self, q: Array, v: Array, tau: Array, time: Array | None = None, *driving: Array) -> Array:
+        """Columns for the kernel, whole turns taken from large angles; ``driving`` are controls and activations (n, actuators)."""
         nq, nv = q.shape[1], v.shape[1]
         own = np.reshape(() if self._parameters is not None else self._mechanism.parameter_values, (-1, 1))
-        if self._mechanism.softened is not None:
+        if self._is_by_state:
             # Which forces there are beside the smooth ones each state decides.
-            own = self._mechanism.parameters_at(States.at(q, v, tau, time)).T
+            own = self._mechanism.parameters_at(States.at(q, v, tau, time, *driving)).T
         columns = np.empty((nq + 2 * nv + 1 + len(own), len(q)))
         columns[:nq], columns[nq : nq + nv], columns[nq + nv : nq + 2 * nv] = q.T, v.T, tau.T
         columns[nq + 2 * nv] = 0.0 if time is None else time
@@ -154,9 +154,13 @@ class MechanismKernel:
                 angle[large] = np.arctan2(np.sin(angle[large]), np.cos(angle[large]))
         return columns
 
+    @property
+    def _is_by_state(self) -> bool:
+        return self._mechanism.softened is not None or self._mechanism.actuation is not None
+
     @cached_property
     def _parameters(self) -> tuple[float, ...] | None:
-        is_long = self._mechanism.softened is None and len(self._charts.programs[0].instructions) >= LEAST_WITH_PARAMETERS
+        is_long = not self._is_by_state and len(self._charts.programs[0].instructions) >= LEAST_WITH_PARAMETERS
         return self._mechanism.parameter_values if is_long else None
 
     @cached_property

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # Outputs of the rows' program.
 RESIDUAL, JACOBIAN, RATE, BIAS = "residual", "jacobian", "rate", "bias"
+# Outputs of the program of actuators, beside ``BIAS``.
+GAIN, MOMENTS = "gain", "moments"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +106,42 @@ class Constraints:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Driving:
+    """The laws of the actuators of a mechanism, which are no part of its program.
+
+    Attributes:
+        names: of the k actuators, under which an MJCF holds them, in the order of the controls of a state.
+        control_ranges, force_ranges: for each the parameters (lowest, highest) that hold its control and its force; None for none.
+        program: its inputs are the mechanism's; its outputs ``gain`` and ``bias``, (k,) each, of the forces gain control + bias [N or N m],
+            and ``moments``, (k, nv) by rows, the generalised forces of forces of 1.
+    """
+
+    names: tuple[str, ...]
+    control_ranges: tuple[tuple[str, str] | None, ...]
+    force_ranges: tuple[tuple[str, str] | None, ...]
+    program: StraightLineProgram
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The actuators as they are told."""
+        return tuple(f"actuator {name}" for name in self.names)
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal laws."""
+        return self.names, self.control_ranges, self.force_ranges, self.program.key
+
+    def checked(self, nv: int) -> Driving:
+        """The laws after a look at their sizes; raises as ``Constraints.checked``."""
+        count = len(self.names)
+        sizes = {name: len(places) for name, places in self.program.checked().outputs.items()}
+        fits = sizes == {GAIN: count, BIAS: count, MOMENTS: count * nv}
+        if not fits or {len(self.control_ranges), len(self.force_ranges)} != {count}:
+            raise ValueError("the actuators do not fit the coordinates")
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
 class Mechanism:
     """One derived system.
 
@@ -125,8 +163,9 @@ class Mechanism:
         actuation: an ``Actuation``, what each state gives to actuators, whose forces are among the passive ones too; None without any.
         constraints: what ties the coordinates, whose forces are among the passive ones of the program; None for a tree.
         bounded: the rows of dry friction and limits, which are no part of the program, whose names are those of constraints of a file;
-            None without any. dry_friction: the rows of friction, each with the parameter that bounds its force. left_out: the names of
-            those that ``smooth`` left out.
+            None without any. dry_friction: the rows of friction, each with the parameter that bounds its force.
+        driving: the laws of the actuators, which are no part of the program until ``harness.programs.mechanisms.driven`` makes them one;
+            None without any. left_out: what ``smooth`` left out, as rows of ``bounded`` and ``driving`` are called.
         softened: the rows of constraints that give, those of ``constraints`` first and then those that need not hold; None without.
         program: the equations of motion; see ``harness.programs.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
@@ -166,6 +205,7 @@ class Mechanism:
     softened: Constraints | None = None
     bounded: Constraints | None = None
     dry_friction: tuple[tuple[str, str], ...] = ()
+    driving: Driving | None = None
     left_out: tuple[str, ...] = ()
     actuation: Any = None
 
@@ -221,7 +261,8 @@ class Mechanism:
         constraints = None if self.constraints is None else self.constraints.key
         actuation = None if self.actuation is None else self.actuation.key
         bounded = None if self.bounded is None else (self.bounded.key, self.dry_friction)
-        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints, bounded, actuation
+        beside = bounded, None if self.driving is None else self.driving.key
+        return self.name, self.joints, self.parameters, self.gravity, self.total_mass, programs, constraints, beside, actuation
 
     def float64(self) -> MechanismKernel:
         """The evaluator of accelerations, terms and derivatives in float64; what it compiles stays in the process."""
@@ -278,6 +319,8 @@ class Mechanism:
             self.constraints.checked(nv)
         if self.bounded is not None:
             self.bounded.checked(nv)
+        if self.driving is not None:
+            self.driving.checked(nv)
         for program in (self.program, *self.other_charts, *self.charts_in_body):
             program.checked()
             sizes = {name: len(program.outputs.get(name, ())) for name in ("velocity", "gravity", "passive")}
@@ -294,6 +337,16 @@ class Mechanism:
 
 
 def smooth(mechanism: Mechanism) -> Mechanism:
-    """The mechanism without dry friction and limits, of which quantities other than accelerations are asked."""
-    bounded = mechanism.bounded
-    return mechanism if bounded is None else replace(mechanism, bounded=None, dry_friction=(), left_out=bounded.names)
+    """The mechanism without dry friction, limits and actuators, of which quantities other than accelerations are asked."""
+    parts = [
+        *(() if mechanism.bounded is None else mechanism.bounded.names),
+        *(() if mechanism.driving is None else mechanism.driving.rows),
+    ]
+    return replace(mechanism, bounded=None, dry_friction=(), driving=None, left_out=tuple(parts)) if parts else mechanism
+
+
+def controls_of(mechanism: Mechanism) -> int:
+    """Number of controls of a state."""
+    if mechanism.driving is not None:
+        return len(mechanism.driving.names)
+    return 0 if mechanism.actuation is None else int(mechanism.actuation.controls)

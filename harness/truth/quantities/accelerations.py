@@ -183,11 +183,15 @@ class AccelerationTruth(Truth):
         return self.mechanism if self.rigid is None else self.rigid.mechanism
 
 
-def with_bounds(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with rigid dry friction and limits, where it has some."""
+def with_all(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with its actuators, and with rigid dry friction and limits, where it has some."""
+    # Imported late: a smooth mechanism needs nothing of these.
+    if mechanism.driving is not None:
+        from harness.programs.mechanisms.driven import driven
+
+        return driven(mechanism)
     if mechanism.bounded is None:
         return mechanism
-    # Imported late: a smooth mechanism needs nothing of it.
     from harness.truth.optimum import held_rigid
 
     return held_rigid(mechanism)
@@ -203,7 +207,7 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
     mechanism, far_links = basis.mechanism, None
     if basis.is_about_tree and isinstance(mechanism, RobotMechanism):
         far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
-    rigid = AccelerationTruth(with_bounds(mechanism), *about, far_links=far_links)
+    rigid = AccelerationTruth(with_all(mechanism), *about, far_links=far_links)
     return rigid if basis.softened is None else AccelerationTruth(basis.softened(basis.mechanism), *about, rigid)
 
 

@@ -26,7 +26,7 @@ from mujoco import mjx
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, NotOffered, Unsupported
 from harness.engines.adapters.mujoco import robot
-from harness.engines.adapters.mujoco.acting import rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.versions import keep_what_is_on
 from harness.engines.loaded_file import EngineRun, LoadedFile
@@ -126,9 +126,9 @@ class OnDevice:
 class MjxModel:
     """An ``MjModel`` that the file compiles to, and the same on the device."""
 
-    def __init__(self, model: Any, joints: Sequence[str], in_float64: bool) -> None:
-        self._in_float64 = in_float64
-        self._compiled, self._on_device = MujocoModel(model, joints), OnDevice(model, in_float64)
+    def __init__(self, model: Any, joints: Sequence[str], in_float64: bool, driven: Sequence[int] = ()) -> None:
+        self._in_float64, self.takes_driving = in_float64, bool(driven)
+        self._compiled, self._on_device = MujocoModel(model, joints, driven=driven), OnDevice(model, in_float64)
 
     def loaded(self) -> LoadedModel:
         return self._compiled.loaded()
@@ -141,8 +141,9 @@ class MjxModel:
         """See ``harness.engines``; by MuJoCo itself, from the same ``MjModel``."""
         return self._compiled.gaps(q)
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        return self._on_device.accelerations(*self._compiled.own(q, v, tau))[:, self._compiled.addresses[1]]
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        given = (self._compiled.controls(len(q), driving[0]), np.empty((len(q), 0))) if driving else ()
+        return self._on_device.accelerations(*self._compiled.own(q, v, tau), *given)[:, self._compiled.addresses[1]]
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``; raises NotOffered in float32."""
@@ -236,16 +237,18 @@ def read(request: Request) -> MjxFile:
 def load(file: ModelFile, joints: Sequence[str], in_float64: bool) -> MjxModel:
     """See ``harness.engines.Engine.load``."""
     mujoco.set_mju_user_warning(lambda message: None)
-    if file.acting and not in_float64:
-        raise Unsupported(f"{file.acting[0]}: of states that are rounded to float32 another side of it may hold than of those in float64")
+    if (acting := [*file.acting, *(f"actuator {name}" for name in file.driven)]) and not in_float64:
+        raise Unsupported(f"{acting[0]}: of states that are rounded to float32 another side of it may hold than of those in float64")
     if file.constraints and not in_float64:
         one = file.constraints[0]
         why = "positions that are rounded to float32 do not close it, and off it there is no truth to judge by"
         raise Unsupported(f"line {one.line}: {one.couples} constraint {one.name!r}: {why}")
     model = mujoco.MjModel.from_xml_string(file.text)
     rub_and_limit_alone(model, joints, file.acting)
+    driven = actuators_of(model, file.driven)
+    _still(model, driven)
     keep_what_is_on(model)
     try:
-        return MjxModel(model, joints, in_float64)
+        return MjxModel(model, joints, in_float64, driven)
     except NotImplementedError as error:
         raise Unsupported(f"MJX: {error}") from error

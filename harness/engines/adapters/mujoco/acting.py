@@ -43,6 +43,18 @@ def _switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None
     model.eq_active0[list(numbers)] = 1
 
 
+def actuators_of(model: Any, names: Sequence[str]) -> list[int]:
+    """The numbers of the actuators of these names.
+
+    Raises:
+        ValueError: the model has no such actuator.
+    """
+    known = {model.actuator(number).name: number for number in range(len(model.actuator_group))}
+    if lacking := [name for name in names if name not in known]:
+        raise ValueError(f"has no actuator {lacking[0]!r}")
+    return [known[name] for name in names]
+
+
 def drive(model: Any, numbers: Sequence[int]) -> None:
     """Let the actuators of these numbers act and no other, as two groups of which one is disabled."""
     model.actuator_group[:] = 1

@@ -16,7 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms
 from harness.engines.adapters.mujoco import quantities, urdf, versions
-from harness.engines.adapters.mujoco.acting import rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, drive, rub_and_limit_alone
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.interface import NotOffered
 from harness.files.model_file import ModelFile
@@ -33,18 +33,23 @@ def load(file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if model.dof_frictionloss.any() or model.jnt_limited.any():
         rub_and_limit_alone(model, joints, file.acting)
-    return MujocoModel(model, joints, building)
+    driven = actuators_of(model, file.driven)
+    if model.nu:
+        drive(model, driven)
+    return MujocoModel(model, joints, building, driven)
 
 
 class MujocoModel(MujocoQuantities):
     """An ``MjModel`` and the batch that runs it; ``building`` is Python text that makes it of the spec of a URDF.
 
-    ``joints`` are names, or the numbers of MuJoCo's joints that make one up.
+    ``joints`` are names, or the numbers of MuJoCo's joints that make one up. ``driven`` are the numbers of the actuators that act, in the
+    order of controls.
     """
 
-    def __init__(self, model: Any, joints: Sequence[str | Sequence[int]], building: str | None = None) -> None:
+    def __init__(self, model: Any, joints: Sequence[str | Sequence[int]], building: str | None = None, driven: Sequence[int] = ()) -> None:
         self.model = model
-        self._building = building
+        self.takes_driving = bool(driven)
+        self._building, self._driven = building, list(driven)
         self._joints = [[one] if isinstance(one, str) else one for one in dict.fromkeys(joints)]
         self._batch: Any = None
 
@@ -76,13 +81,22 @@ class MujocoModel(MujocoQuantities):
             values[:, places] = given
         return found
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+    def controls(self, count: int, control: Array) -> Array:
+        """(count, nu) controls in MuJoCo's places; those that are not given are 0."""
+        found, places = np.zeros((count, self.model.nu)), versions.inputs_of(self.model, self.model.nu)[0][self._driven]
+        given = control[:, : len(places)]
+        found[:, places[: given.shape[1]]] = given
+        return found
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
         if self._batch is None or self._batch.nsim != len(q):
             self._batch = versions.batch(self.model, len(q))
         positions, velocities = self.addresses
         self._batch.bind("qpos")[:, positions] = q
         self._batch.bind("qvel")[:, velocities] = v
         self._batch.bind("qfrc_applied")[:, velocities] = tau
+        if driving:
+            self._batch.bind("ctrl")[:] = self.controls(len(q), driving[0])
         if not self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONSTRAINT:
             # A solver that starts from the last answer would make this one depend on it.
             self._batch.bind("qacc_warmstart")[:] = 0.0
@@ -160,9 +174,9 @@ class MujocoModel(MujocoQuantities):
         other.model.opt.tolerance, other.model.opt.iterations = tolerance, urdf.MOST_ITERATIONS
         return other, f'<option iterations="{urdf.MOST_ITERATIONS}" tolerance="{tolerance:.2g}"/>'
 
-    def terms(self, q: Array, v: Array, tau: Array) -> Terms:
-        """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons
-        and constraints.
+    def terms(self, q: Array, v: Array, tau: Array, *driving: Array) -> Terms:
+        """Terms as MuJoCo computes them: M of composite rigid bodies with armature, passive of springs, dampers, tendons,
+        constraints and actuators.
 
         Gravity is the bias force at rest, velocity the bias force without gravity, so that neither is what is left of a difference.
         Source: MuJoCo documentation, Computation, general framework: M v' + c = tau + J' f; API reference, ``mj_fullM``.
@@ -171,24 +185,25 @@ class MujocoModel(MujocoQuantities):
         weightless.model = copy.copy(self.model)
         weightless.model.opt.gravity[:] = 0.0
         gravity, passive, applied = np.empty((3, len(q), self.model.nv))
-        for state, data in enumerate(self._placed(q, v, tau)):
-            applied[state], passive[state] = data.qfrc_applied, data.qfrc_passive + data.qfrc_constraint
+        for state, data in enumerate(self._placed(q, v, tau, self.controls(len(q), driving[0]) if driving else None)):
+            applied[state], passive[state] = data.qfrc_applied, data.qfrc_passive + data.qfrc_constraint + data.qfrc_actuator
             data.qvel[:] = 0.0
             mujoco.mj_forward(self.model, data)
             gravity[state] = data.qfrc_bias
         vectors = (np.ascontiguousarray(vector[:, velocities]) for vector in (gravity, passive, applied))
         return Terms(self.mass_matrix(q), weightless.bias(q, v), *vectors)
 
-    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
+    def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array, *driving: Array) -> str:
         """See ``harness.hard.worst_cases``."""
         qpos, qvel, applied, expected = (values[0].tolist() for values in self.own(q[None], v[None], tau[None], certified[None]))
+        controls = f"; d.ctrl[:] = {self.controls(1, driving[0][None])[0].tolist()}" if driving else ""
         read = f"m = mujoco.MjModel.from_xml_string({source})"
         if self._building is not None:
             # The reader of URDF passes over springs, armatures and more; they are set in its spec.
             read = f"s = mujoco.MjSpec.from_string({source}); {self._building}"
         return (
             f"import mujoco; {read}; d = mujoco.MjData(m)\n"
-            f"d.qpos[:], d.qvel[:], d.qfrc_applied[:] = {qpos}, {qvel}, {applied}\n"
+            f"d.qpos[:], d.qvel[:], d.qfrc_applied[:] = {qpos}, {qvel}, {applied}{controls}\n"
             f"mujoco.mj_forward(m, d); print(d.qacc.tolist(), {expected}, sep='\\n')  # engine, certified\n"
         )
 

@@ -138,13 +138,15 @@ class MujocoQuantities:
         """The body of each joint."""
         return np.array([self.model.joint(parts[0]).bodyid[0] for parts in self._joints])
 
-    def _placed(self, q: Array, v: Array | None = None, tau: Array | None = None) -> Iterator[Any]:
-        """The same ``MjData`` after ``mj_forward`` at each state."""
+    def _placed(self, q: Array, v: Array | None = None, tau: Array | None = None, control: Array | None = None) -> Iterator[Any]:
+        """The same ``MjData`` after ``mj_forward`` at each state; ``control`` is in MuJoCo's places."""
         data, (positions, velocities) = mujoco.MjData(self.model), self.addresses
         for state in range(len(q)):
             data.qpos[positions], data.qvel[velocities] = q[state], 0.0 if v is None else v[state]
             if tau is not None:
                 data.qfrc_applied[velocities] = tau[state]
+            if control is not None:
+                data.ctrl[:] = control[state]
             mujoco.mj_forward(self.model, data)
             yield data
 

@@ -150,6 +150,7 @@ class PinocchioQuantities(PlacedJoints):
 
     def energies(self, q: Array, v: Array) -> Array:
         """``computeKineticEnergy`` and ``computePotentialEnergy``."""
+        # Of a hinge about another axis than x, y or z the armature is left out: docs/issues/pinocchio-energy-armature-unaligned.md.
         found = np.empty((len(q), 2))
         for state, (position, rate) in enumerate(self._states(q, v)):
             kinetic = pinocchio.computeKineticEnergy(self.model, self._data, position, rate)
