@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from harness.programs.mechanisms.actuation import Actuation
+from harness.programs.mechanisms.clamps import Clamp
 from harness.programs.mechanisms.mechanism import BIAS, GAIN, MOMENTS, Driving, Mechanism
-from harness.programs.mechanisms.zones import Clamp, Zones
+from harness.programs.mechanisms.zones import Zones
 from harness.programs.program import without_unused
 from harness.programs.terms import Builder, Term, vector
 from harness.storage import Kept

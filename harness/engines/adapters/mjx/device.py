@@ -26,7 +26,7 @@ from mujoco import mjx
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, NotOffered, Unsupported
 from harness.engines.adapters.mujoco import robot
-from harness.engines.adapters.mujoco.acting import actuators_of, rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.versions import keep_what_is_on
 from harness.engines.loaded_file import EngineRun, LoadedFile
@@ -142,7 +142,7 @@ class MjxModel:
         return self._compiled.gaps(q)
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
-        given = (self._compiled.controls(len(q), driving[0]), np.empty((len(q), 0))) if driving else ()
+        given = (placed_controls(self._compiled.model, self._compiled.driven, len(q), driving[0]), np.empty((len(q), 0))) if driving else ()
         return self._on_device.accelerations(*self._compiled.own(q, v, tau), *given)[:, self._compiled.addresses[1]]
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:

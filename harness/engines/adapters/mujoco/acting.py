@@ -9,7 +9,10 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 
+from harness.arrays import Array
+from harness.engines.adapters.mujoco.versions import inputs_of
 from harness.engines.request import Held, SolverSettings
 
 # Tags of a file by the names of MuJoCo's types of equality, where they are others.
@@ -53,6 +56,14 @@ def actuators_of(model: Any, names: Sequence[str]) -> list[int]:
     if lacking := [name for name in names if name not in known]:
         raise ValueError(f"has no actuator {lacking[0]!r}")
     return [known[name] for name in names]
+
+
+def placed_controls(model: Any, driven: Sequence[int], count: int, control: Array) -> Array:
+    """(count, nu) controls in MuJoCo's places, of those of the actuators ``driven``, (count, some of these); 0 for all others."""
+    found, places = np.zeros((count, model.nu)), inputs_of(model, model.nu)[0][list(driven)]
+    given = control[:, : len(places)]
+    found[:, places[: given.shape[1]]] = given
+    return found
 
 
 def drive(model: Any, numbers: Sequence[int]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Terms
 from harness.engines.adapters.mujoco import quantities, urdf, versions
-from harness.engines.adapters.mujoco.acting import actuators_of, drive, rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, drive, placed_controls, rub_and_limit_alone
 from harness.engines.adapters.mujoco.quantities import MujocoQuantities
 from harness.engines.interface import NotOffered
 from harness.files.model_file import ModelFile
@@ -49,7 +49,7 @@ class MujocoModel(MujocoQuantities):
     def __init__(self, model: Any, joints: Sequence[str | Sequence[int]], building: str | None = None, driven: Sequence[int] = ()) -> None:
         self.model = model
         self.takes_driving = bool(driven)
-        self._building, self._driven = building, list(driven)
+        self._building, self.driven = building, list(driven)
         self._joints = [[one] if isinstance(one, str) else one for one in dict.fromkeys(joints)]
         self._batch: Any = None
 
@@ -81,13 +81,6 @@ class MujocoModel(MujocoQuantities):
             values[:, places] = given
         return found
 
-    def controls(self, count: int, control: Array) -> Array:
-        """(count, nu) controls in MuJoCo's places; those that are not given are 0."""
-        found, places = np.zeros((count, self.model.nu)), versions.inputs_of(self.model, self.model.nu)[0][self._driven]
-        given = control[:, : len(places)]
-        found[:, places[: given.shape[1]]] = given
-        return found
-
     def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
         if self._batch is None or self._batch.nsim != len(q):
             self._batch = versions.batch(self.model, len(q))
@@ -96,7 +89,7 @@ class MujocoModel(MujocoQuantities):
         self._batch.bind("qvel")[:, velocities] = v
         self._batch.bind("qfrc_applied")[:, velocities] = tau
         if driving:
-            self._batch.bind("ctrl")[:] = self.controls(len(q), driving[0])
+            self._batch.bind("ctrl")[:] = placed_controls(self.model, self.driven, len(q), driving[0])
         if not self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONSTRAINT:
             # A solver that starts from the last answer would make this one depend on it.
             self._batch.bind("qacc_warmstart")[:] = 0.0
@@ -185,7 +178,8 @@ class MujocoModel(MujocoQuantities):
         weightless.model = copy.copy(self.model)
         weightless.model.opt.gravity[:] = 0.0
         gravity, passive, applied = np.empty((3, len(q), self.model.nv))
-        for state, data in enumerate(self._placed(q, v, tau, self.controls(len(q), driving[0]) if driving else None)):
+        control = placed_controls(self.model, self.driven, len(q), driving[0]) if driving else None
+        for state, data in enumerate(self._placed(q, v, tau, control)):
             applied[state], passive[state] = data.qfrc_applied, data.qfrc_passive + data.qfrc_constraint + data.qfrc_actuator
             data.qvel[:] = 0.0
             mujoco.mj_forward(self.model, data)
@@ -196,7 +190,7 @@ class MujocoModel(MujocoQuantities):
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array, *driving: Array) -> str:
         """See ``harness.hard.worst_cases``."""
         qpos, qvel, applied, expected = (values[0].tolist() for values in self.own(q[None], v[None], tau[None], certified[None]))
-        controls = f"; d.ctrl[:] = {self.controls(1, driving[0][None])[0].tolist()}" if driving else ""
+        controls = f"; d.ctrl[:] = {placed_controls(self.model, self.driven, 1, driving[0][None])[0].tolist()}" if driving else ""
         read = f"m = mujoco.MjModel.from_xml_string({source})"
         if self._building is not None:
             # The reader of URDF passes over springs, armatures and more; they are set in its spec.
