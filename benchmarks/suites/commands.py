@@ -39,6 +39,20 @@ FIRST_CHECKS, MOST_OF_A_FIRST = ("arm_3r", "cart_double_pendulum", "gyroscope_gi
 # Every mechanism in all quick quantities: 83 to 95 s where the imports take 0.8.
 WHOLE, MOST_OF_THE_WHOLE = "check", 130.0
 ROUNDS = 5
+# The same with engines called by the workers themselves: one engine may then change what another is told.
+CALLED_HERE = """
+import sys
+from functools import partialmethod
+
+from harness.library import Library
+
+Library.__init__ = partialmethod(Library.__init__, calls_engines_here=True)
+from harness.cli import main
+
+sys.argv[0] = "harness"
+main()
+"""
+MOST_OF_ISOLATION = 1.05
 
 
 def benchmarks() -> Iterator[Benchmark]:
@@ -48,6 +62,9 @@ def benchmarks() -> Iterator[Benchmark]:
     for name in FIRST_CHECKS:
         yield Benchmark(f"commands/first check {name}", partial(first, name), BESIDE, MOST_OF_A_FIRST, ROUNDS, warm=False)
     yield Benchmark(name_of(WHOLE), partial(warm, WHOLE), BESIDE, MOST_OF_THE_WHOLE, rounds=1)
+    yield Benchmark(
+        f"commands/isolation of {WHOLE}", isolated, "engines called by the workers themselves", MOST_OF_ISOLATION, ROUNDS, warm=False
+    )
 
 
 def name_of(command: str) -> str:
@@ -73,6 +90,16 @@ def warm(command: str) -> tuple[Measure, Measure]:
             return cost(command, folder)
 
     return measure, imports
+
+
+def isolated() -> tuple[Measure, Measure]:
+    """CPU seconds of a check of everything, with engines in processes of their own and without."""
+
+    def measure(*python: str) -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            return cpu_seconds(*python, WHOLE, cwd=Path(folder), PYTHONPATH=str(Path.cwd()))
+
+    return partial(measure, "-m", "harness"), partial(measure, "-c", CALLED_HERE)
 
 
 def first(name: str) -> tuple[Measure, Measure]:

@@ -13,6 +13,7 @@ import pytest
 import toy_engine
 from support import InThisProcess, cross_checked, engine_source, harness, harness_in_a_process
 
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.faults.bench import FaultBench
 from harness.engines import (
@@ -20,6 +21,7 @@ from harness.engines import (
     Call,
     Calls,
     InvalidAnswer,
+    Subject,
     Terms,
     Unsupported,
     describe_engines,
@@ -36,6 +38,8 @@ from harness.files.model_file import ModelFile, read_model
 from harness.hard.worst_cases import ranked
 from harness.library import Library
 from harness.study import sentence
+from harness.truth.sampling import sample
+from harness.verdict import Verdict
 from harness.workers import Workers
 
 VERSIONS = {
@@ -123,6 +127,18 @@ def test_several_calls_are_one_request_and_each_has_arguments_and_seconds_of_its
     assert of_two > 0 and of_one > 0
     with pytest.raises(InvalidAnswer, match=r"shape \(7, 1\) of float64; expected an array of shape \(7, 2\)"):
         timed_answers_of(model, [Calls((motion._replace(shape=(7, 2)),))])
+
+
+def test_the_judgement_of_a_loop_is_one_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What its constraints leave open is asked for beside the accelerations."""
+    assignment = Assignment.of(Library.built_in(), "four_bar", Subject("mujoco", "mjcf"))
+    states = sample(assignment.mechanism, 8, 0)
+    certified = assignment.truth.evaluate(states)
+    load_audited(assignment)
+    requests, ask = [], Interpreter.ask
+    monkeypatch.setattr(Interpreter, "ask", lambda self, *request: requests.append(request[0]) or ask(self, *request))  # type: ignore[func-returns-value]
+    assert assignment.judge(states, certified).are_all(Verdict.AGREES)
+    assert requests == ["answer_each"]
 
 
 def test_a_method_that_is_kept_keeps_its_model(library: Library, bar: ModelFile) -> None:
