@@ -159,7 +159,9 @@ class FileCampaign:
         if isinstance(suspect, MovedClamp):
             own = [sentence.startswith(f"{suspect.name}: the engine holds {suspect.held} in it") for sentence in record.rest]
             fault = replace(fault, named=own[:1] == [True], in_class=any(own), explained=any(" the engine " in one for one in record.rest))
-            return replace(fault, diagnosed=size, answer=record.rest[0], seconds=time.perf_counter() - started)
+            # What it holds is all that was planted: its numbers are those of the file.
+            right = True if fault.named else None
+            return replace(fault, diagnosed=size, right_value=right, answer=record.rest[0], seconds=time.perf_counter() - started)
         named = [match for sentence in record.rest if (match := _NAMED.fullmatch(sentence))]
         places = [match["name"] == suspect.name for match in named]
         planted = float(suspect.number) + size * suspect.scale

@@ -51,8 +51,12 @@ def moved_clamps(robot: Robot) -> Iterator[MovedClamp]:
     """Those of a robot whose ranges can hold something else, each alone."""
     read = [one for one in robot.actuators if not one.why_not and one.place is not None]
     for one in read:
-        if one.control_range is not None and one.force_range is None and not one.has_activation and not _is_its_control(one):
-            yield _of_actuators(robot, one, "ctrlrange", "the force", {one.number: one.control_range}, replace(one, control_range=None))
+        if one.control_range is not None and one.force_range is None and not one.has_activation:
+            free = replace(one, control_range=None)
+            if not _is_its_control(one):
+                yield _of_actuators(robot, one, "ctrlrange", "the force", {one.number: one.control_range}, free)
+            if (behind := _before_the_gear(robot, one, one.control_range)) is not None:
+                yield _of_actuators(robot, one, "ctrlrange", "what is behind the gear", {one.number: behind}, free)
         if one.force_range is not None and (behind := _before_the_gear(robot, one, one.force_range)) is not None:
             yield _of_actuators(robot, one, "forcerange", "what is behind the gear", {one.number: behind}, one)
     for joint, bounds in robot.force_limits:

@@ -34,6 +34,7 @@ def campaign(path: Path, settings: CampaignSettings = SETTINGS) -> list[Fault]:
 def test_faults_of_actuators_and_equalities_are_red_and_named_first_with_the_right_number() -> None:
     faults = campaign(DRIVEN)
     kinds = {"gear", "ctrlrange", "kp", "kv", "dampratio", "forcerange", "actrange", "actuatorfrcrange", "polycoef", "solref", "solimp"}
+    kinds.add(planted.ORDER_OF_CLAMPS)
     assert {fault.kind for fault in faults} == kinds
     assert broken_bars(faults) == []
     judged = [fault for fault in faults if fault.judged]
@@ -62,6 +63,7 @@ CLAMPED = """<mujoco>
     <motor joint="one" gear="-5"/>
     <position joint="two" kp="24" gear="1.5" forcerange="-5 6"/>
     <velocity joint="two" kv="3" ctrlrange="-1 1"/>
+    <motor joint="two" gear="3" ctrlrange="-1 1"/>
   </actuator>
 </mujoco>
 """
@@ -71,13 +73,14 @@ CLAMPED = """<mujoco>
 def test_a_range_that_holds_another_quantity_is_red_and_named_first(tmp_path: Path) -> None:
     (path := tmp_path / "clamped.xml").write_text(CLAMPED)
     faults = campaign(path, replace(SETTINGS, kinds=(planted.ORDER_OF_CLAMPS,), diagnosed=None))
-    held = {fault.where[0][2]: fault.statement for fault in faults}
-    assert held == {
-        "forcerange": "holds what is behind the gear",
-        "ctrlrange": "holds the force",
-        "actuatorfrcrange": "holds what each actuator does",
+    assert {(fault.where[0][0], fault.where[0][2], fault.statement) for fault in faults} == {
+        (11, "forcerange", "holds what is behind the gear"),
+        (12, "ctrlrange", "holds the force"),
+        (13, "ctrlrange", "holds what is behind the gear"),
+        (4, "actuatorfrcrange", "holds what each actuator does"),
     }
     assert broken_bars(faults) == [] and all(fault.live and fault.caught_by == "check" and fault.named for fault in faults)
+    assert all(fault.right_value for fault in faults)
     [behind] = [fault.answer for fault in faults if fault.where[0][2] == "forcerange"]
     assert behind.startswith("clamped.xml:11: position forcerange: the engine holds what is behind the gear in it, which leaves ")
 
