@@ -8,7 +8,7 @@ Source: MuJoCo documentation, Computation, section Parameters; MuJoCo 4.0, engin
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from harness.files.rules import InverseWeight
 from harness.files.tree import WORLD, Body, Tree
 from harness.programs.evaluation import mass_matrix
 from harness.programs.terms import Term, Vector, cross
+from harness.storage import Kept
 from harness.trees import recursion
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Rigid, Spatial, joined, spatial
@@ -50,9 +51,22 @@ def inverse_weights_of(
     Raises:
         ValueError: as ``inverse_weights``.
     """
+    wanted = list(dict.fromkeys(wanted))
+    # A tree that touches in many ways is asked about the same bodies each time. The tree is kept with them: no other has its identity.
+    _, known = _KNOWN.get((id(tree), fuses), lambda: (tree, {}))
+    missing = [one for one in wanted if one.kind == "tendon" or one not in known]
+    if missing:
+        known |= _worked_out(tree, missing, fuses, tendons)
+    return {one: known[one] for one in wanted}
+
+
+_KNOWN: Kept[tuple[Tree, dict[InverseWeight, float]]] = Kept(16)
+
+
+def _worked_out(tree: Tree, wanted: Sequence[InverseWeight], fuses: bool, tendons: Iterable[Tendon]) -> dict[InverseWeight, float]:
     import flint
 
-    tree, wanted = bounded(tree), list(dict.fromkeys(wanted))
+    tree = bounded(tree)
     nodes = standing(untied(tree, [joint.name for joint in tree.joints]))
     at_zero = _AtZero(in_world(nodes), fuses, {one.name: one for one in tendons})
     bodies = {body.name: body for body in tree.bodies}
