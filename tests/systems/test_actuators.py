@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import flint
+import numpy as np
 import pytest
 import sympy as sp
 from catalogue import BUILT_IN, CALLED_HERE, SYSTEM_FEATURES
@@ -55,6 +56,31 @@ def test_the_geared_motor_moves_as_its_closed_form() -> None:
             assert abs(float(error)) <= EXACT * max(1.0, abs(float(wanted)))
 
 
+def test_the_servos_are_linear_within_their_ranges_and_saturated_beyond() -> None:
+    """M qdd + h is (k_p (u - q1) - k_d q1', k_v (w - q2')), with u in -1 to 0.9, w in -4 to 3, and torques of -40 to 50 and -6 to 5 N m."""
+    q, v, u = (
+        np.array([[0.2, 0.5], [1.0, 0.5], [0.2, -0.4]]),
+        np.array([[0.5, 1.0], [2.0, 1.0], [0.0, -1.0]]),
+        [[0.4, 2.0], [-3.0, 9.0], [2.0, -9.0]],
+    )
+    torques = np.array(
+        [[60 * (0.4 - 0.2) - 4 * 0.5, 1.5 * (2.0 - 1.0)], [-40.0, 1.5 * (3.0 - 1.0)], [60 * (0.9 - 0.2), 1.5 * (-4.0 + 1.0)]]
+    )
+    arm = harness.load("servo_arm")
+    driven, free = arm.accelerations(q, v, control=u).value, arm.accelerations(q, v, control=np.zeros((3, 2))).value
+    of_rest = np.array([[60 * (0 - 0.2) - 4 * 0.5, -1.5], [-40.0, -1.5], [60 * (0 - 0.2), 1.5]])
+    moved = np.einsum("nij,nj->ni", arm.mass_matrix(q).value, driven - free)
+    assert np.abs(moved - (torques - of_rest)).max() < 1e-12
+
+
+def test_the_tendon_pulls_by_its_moment_arms_and_never_pushes() -> None:
+    q, v = np.tile([0.4, 0.7], (4, 1)), np.tile([1.0, -2.0], (4, 1))
+    finger = harness.load("tendon_finger")
+    found = finger.accelerations(q, v, control=[[0.0], [5.0], [-3.0], [50.0]]).value
+    pulled = np.einsum("nij,nj->ni", finger.mass_matrix(q).value, found - found[0])
+    assert np.abs(pulled - np.array([[0.0], [5.0], [0.0], [20.0]]) * [0.012, 0.008]).max() < 1e-14
+
+
 DRIVEN = [name for name in BUILT_IN.system_names() if "System actuators" in SYSTEM_FEATURES[name]]
 
 
@@ -94,9 +120,14 @@ FAULTS = {
     "gear": ("geared_motor", 'gear="50"', 'gear="49.9"', "50"),
     "rotor": ("geared_motor", 'armature="0.5"', 'armature="0.49"', "0.5"),
     "control range": ("geared_motor", 'ctrlrange="-0.3 0.3"', 'ctrlrange="-0.3 0.31"', "-0.3 0.3"),
+    "gain": ("servo_arm", 'kp="60"', 'kp="60.1"', "60"),
+    "damping": ("servo_arm", 'kv="4"', 'kv="4.01"', "4"),
+    "force range": ("servo_arm", 'forcerange="-6 5"', 'forcerange="-6 5.1"', "-6 5"),
+    "moment arm": ("tendon_finger", 'coef="0.012"', 'coef="0.0121"', "0.012"),
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_number_of_an_actuator_is_red_and_named(name: str) -> None:
     system, old, new, value = FAULTS[name]
