@@ -73,7 +73,7 @@ class FileCampaign:
         self.planted |= {ORDER_OF_CLAMPS: [*here]} if here else {}
         for kind in settings.kinds:
             if kind not in self.planted:
-                raise InvalidRequest(f"no number of {path} is a {kind!r}; {nearest(kind, self.planted)}")
+                raise InvalidRequest(f"{path} has nothing of the kind {kind!r} to be planted; {nearest(kind, self.planted)}")
 
     def faults(self, note: Callable[[str], None]) -> Iterator[Fault]:
         """Every fault of the kinds asked for, kind by kind."""

@@ -157,7 +157,7 @@ def test_a_file_without_any_and_a_kind_that_it_does_not_have_are_told(tmp_path: 
     (path := tmp_path / "without.xml").write_text(without)
     with pytest.raises(InvalidModel, match="no actuators, dry friction, limits or equalities that are judged"):
         FileCampaign(path, SETTINGS)
-    with pytest.raises(InvalidRequest, match=r"no number of .*driven\.xml is a 'gears'; did you mean 'gear'"):
+    with pytest.raises(InvalidRequest, match=r"driven\.xml has nothing of the kind 'gears' to be planted; did you mean 'gear'"):
         FileCampaign(DRIVEN, replace(SETTINGS, kinds=("gears",)))
 
 
