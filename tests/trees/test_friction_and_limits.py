@@ -461,6 +461,17 @@ def test_which_forces_are_near_a_bound_is_decided_by_what_roundings_do(monkeypat
     assert np.array_equal(mechanism.across(states, parameters, UNIT_ROUNDOFF), found, equal_nan=True)
 
 
+def test_sides_that_are_exchanged_after_the_last_look_are_proved_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What a force was on its former side fits the next one always."""
+    robot = read_robot(written(tmp_path, a='frictionloss="2"', b='frictionloss="3"'))
+    mechanism = documented(robot)
+    states = sample(mechanism, STATES, SEED)
+    expected = mechanism.parameters_at(states)
+    monkeypatch.setattr(zones, "_BLOCKS", 1)
+    monkeypatch.setattr(zones, "_SINGLE", 0)
+    np.testing.assert_array_equal(mechanism.parameters_at(states), expected)
+
+
 def test_a_limit_that_rounding_reaches_is_undecided(tmp_path: Path) -> None:
     """Its damping sets in at once; where it would push nothing, either way is the same."""
     path = tmp_path / "one.xml"
