@@ -11,15 +11,14 @@ import pytest
 import sympy as sp
 from catalogue import BUILT_IN, CALLED_HERE, SYSTEM_FEATURES
 from sympy.physics.mechanics import dynamicsymbols
+from wrong_numbers import assert_red_and_named, with_change
 
 import harness
 from harness import TIME, Actuator, System
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.diagnosis.faults.bench import FaultBench
-from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject
 from harness.errors import InvalidModel
-from harness.explain.result import Finding
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.mechanisms.driven import driven
 from harness.programs.mechanisms.mechanism import Mechanism, controls_of, smooth
@@ -110,12 +109,6 @@ def test_states_have_controls_within_their_ranges_and_beyond() -> None:
             assert all(count > 16 for count in ((own < low).sum(), ((own > low) & (own < high)).sum(), (own > high).sum()))
 
 
-def with_change(name: str, subject: Subject, old: str, new: str) -> Assignment:
-    own = Assignment.of(CALLED_HERE, name, subject)
-    assert own.model is not None and own.model.text.count(old) == 1
-    return replace(own, model=own.model.with_text(own.model.text.replace(old, new)))
-
-
 FAULTS = {
     "gear": ("geared_motor", 'gear="50"', 'gear="49.9"', "50"),
     "rotor": ("geared_motor", 'armature="0.5"', 'armature="0.49"', "0.5"),
@@ -131,12 +124,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_number_of_an_actuator_is_red_and_named(name: str) -> None:
     system, old, new, value = FAULTS[name]
-    assignment = with_change(system, MUJOCO, old, new)
-    states = sample(assignment.mechanism, 64, 1)
-    assert "disagrees" in assignment.judge(states).verdicts
-    found = diagnose_subject(assignment, Scope(seed=1, evaluations=400), lambda stage: None).model
-    assert found is not None and found.finding == Finding.EXPLAINED and found.first is not None
-    assert value in found.first_line and old.split("=")[0] in found.first_line
+    assert_red_and_named(with_change(system, MUJOCO, old, new), 64, old.split("=")[0], value)
 
 
 def test_faults_are_planted_in_a_model_with_actuators() -> None:

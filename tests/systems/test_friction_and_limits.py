@@ -12,16 +12,15 @@ import pytest
 import sympy as sp
 from catalogue import BUILT_IN, CALLED_HERE
 from sympy.physics.mechanics import dynamicsymbols
+from wrong_numbers import assert_red_and_named, with_change
 
 import harness
 from harness import TIME, System
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.diagnosis.faults.bench import FaultBench
-from harness.diagnosis.subject import Scope, diagnose_subject
 from harness.engines import Subject
 from harness.errors import InvalidModel
-from harness.explain.result import Finding
 from harness.files.model_file import parse_model, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -86,12 +85,6 @@ def test_where_half_an_ulp_of_an_angle_decides_whether_a_stop_pushes_nothing_is_
     assert found.certified.tolist() == [False, True]
 
 
-def with_change(name: str, subject: Subject, old: str, new: str) -> Assignment:
-    own = Assignment.of(CALLED_HERE, name, subject)
-    assert own.model is not None and own.model.text.count(old) == 1
-    return replace(own, model=own.model.with_text(own.model.text.replace(old, new)))
-
-
 FAULTS = {
     "friction": ("dry_pendulum", MUJOCO, 'frictionloss="6.5"', 'frictionloss="6.4"', "6.5"),
     "friction of a URDF": ("dry_pendulum", Subject("mujoco", "urdf"), 'friction="6.5"', 'friction="6.6"', "6.5"),
@@ -102,13 +95,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_number_of_friction_or_of_a_stop_is_red_and_named(name: str) -> None:
     system, subject, old, new, value = FAULTS[name]
-    assignment = with_change(system, subject, old, new)
-    truth = assignment.truth
-    states = truth.asked_at(sample(assignment.mechanism, 32, 1))
-    assert "disagrees" in assignment.judge(states, truth.evaluate(states)).verdicts
-    found = diagnose_subject(assignment, Scope(seed=1, evaluations=400), lambda stage: None).model
-    assert found is not None and found.finding == Finding.EXPLAINED and found.first is not None
-    assert value in found.first_line and old.split("=")[0] in found.first_line
+    assert_red_and_named(with_change(system, subject, old, new), 32, old.split("=")[0], value)
 
 
 def test_faults_are_planted_in_a_model_with_dry_friction() -> None:
