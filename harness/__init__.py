@@ -21,6 +21,7 @@ Hold engines, model files, or your own program against that truth:
     harness.diagnose("double_pendulum", mjcf="mine.xml")     # which line is wrong, and the value that explains it
     harness.compare("double_pendulum", q, v, accelerations)  # backward errors and verdicts of anybody's answers
     harness.compare("robot.urdf", "robot.xml")               # engines on a robot's files, readings, and what differs
+    harness.drift("isaac.xml", "mine.xml", control=f)        # why a controlled robot moves otherwise in the second file
 
 Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``, loops and
 rolling a ``Constraint``, motors and servos an ``Actuator``. ``harness.load(SYSTEM)`` needs no files. The command line is
@@ -36,6 +37,7 @@ from harness.version import __version__
 
 if TYPE_CHECKING:
     from harness.api import check, compare, diagnose, load, mechanisms
+    from harness.api.drifting import drift
     from harness.lagrange.actuator import Actuator
     from harness.lagrange.constraint import Constraint
     from harness.lagrange.euler_angles import Attitude, body_rates, rotation
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "harness.api": ("check", "compare", "diagnose", "load", "mechanisms"),
+    "harness.api.drifting": ("drift",),
     "harness.lagrange.actuator": ("Actuator",),
     "harness.lagrange.constraint": ("Constraint",),
     "harness.lagrange.euler_angles": ("Attitude", "body_rates", "rotation"),
@@ -69,6 +72,7 @@ __all__ = [
     "check",
     "compare",
     "diagnose",
+    "drift",
     "load",
     "mechanisms",
     "rotation",

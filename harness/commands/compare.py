@@ -40,7 +40,11 @@ class CompareOptions:
     states: Annotated[int, states_option(64, "file")]
     steps: Annotated[
         int | None,
-        click.option("--steps", type=click.IntRange(min=1), help="Compare the motions of two engines after so many steps instead."),
+        click.option(
+            "--steps",
+            type=click.IntRange(min=1),
+            help="Compare the motions of two engines after so many steps instead. With controls and contacts: harness drift.",
+        ),
     ]
     by: Annotated[
         tuple[str, ...],
@@ -79,6 +83,7 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
     With --steps two engines, or two integrators, move the robot from one start. Prints how much of the
     gap between them is due to the equations that they read, to the integrator and to the step length,
     and what rounding has in it. An engine without integrators is stepped by its accelerations.
+    Nothing drives the robot then, and nothing is in its way; harness drift moves it with all that is on.
 
     \b
     Examples:

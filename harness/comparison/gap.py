@@ -5,9 +5,7 @@ Proofs and sources: docs/inside/numerics.md, "The gap between two motions".
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.comparison.shares import EnergyNorm, exchanges
 from harness.engines.coordinates import multiplied
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.request import AskedJoint, by_joint
@@ -76,18 +75,21 @@ def gap_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequenc
         def coordinates(of: End) -> Array:
             return np.array([*_displacement(origin[0], of[0], attitudes), *(a - b for a, b in zip(of[1], origin[1], strict=True))])
 
-        at = {chosen: coordinates(end(chosen)) for chosen in itertools.product((first, second), repeat=len(CAUSES))}
+        subsets = range(1 << len(CAUSES))
+        at = {bits: coordinates(end([second if bits >> place & 1 else first for place in range(len(CAUSES))])) for bits in subsets}
         reached = [coordinates(([*map(flint.arb, motion.q.tolist())], [*map(flint.arb, motion.v.tolist())])) for motion in (first, second)]
-        exchanges = {cause: _exchanges(at, place, second) for place, cause in enumerate(CAUSES)}
-        rounding = [_floats(-reached[0]), _floats(reached[1] - at[(second,) * len(CAUSES)])]
+        terms = {
+            cause: [(weight, _floats(change)) for weight, change in exchanges(at, place, len(CAUSES))] for place, cause in enumerate(CAUSES)
+        }
+        rounding = [_floats(-reached[0]), _floats(reached[1] - at[subsets[-1]])]
         gap = _floats(reached[1] - reached[0])
         travelled = _floats(-coordinates((q.tolist(), v.tolist())))
-    norm = _Norm(first, [float(ball) for ball in origin[0]], v)
+    norm = _norm(first, [float(ball) for ball in origin[0]], len(v))
     found = []
-    for cause, weighted in exchanges.items():
+    for cause, weighted in terms.items():
         mean = np.sum([weight * change for weight, change in weighted], axis=0)
-        found.append(norm.share(cause, mean, gap, [change for _, change in weighted]))
-    found += [norm.share(f"{which} engine beside its rule", part, gap) for which, part in zip(("first", "second"), rounding, strict=True)]
+        found.append(_share(norm, cause, mean, gap, [change for _, change in weighted]))
+    found += [_share(norm, f"{which} engine beside its rule", part, gap) for which, part in zip(("first", "second"), rounding, strict=True)]
     speed = norm.sizes(np.concatenate([np.zeros(len(v)), [float(ball) for ball in origin[1]]]))[1]
     of_positions, of_velocities = norm.sizes(gap)
     return Gap(
@@ -100,18 +102,6 @@ def gap_of(first: Motion, second: Motion, q: Array, v: Array, attitudes: Sequenc
         speed=speed,
         shares=tuple(found),
     )
-
-
-def _exchanges(at: Mapping[tuple[Motion, ...], Array], place: int, second: Motion) -> list[tuple[float, Array]]:
-    """Shapley terms: the effect of exchanging one cause for each subset of the others, with its weight."""
-    found = []
-    for chosen, before in at.items():
-        if chosen[place] is not second:
-            after = at[(*chosen[:place], second, *chosen[place + 1 :])]
-            count = sum(one is second for one in chosen)
-            weight = math.factorial(count) * math.factorial(len(CAUSES) - count - 1) / math.factorial(len(CAUSES))
-            found.append((weight, _floats(after - before)))
-    return found
 
 
 def _floats(balls: Array) -> Array:
@@ -148,37 +138,28 @@ def _turn(start: Sequence[Any], end: Sequence[Any]) -> list[Any]:
     return [factor * x for x in vector]
 
 
-class _Norm:
-    """The kinetic-energy norm at the end of a motion."""
+def _norm(motion: Motion, q: Sequence[float], nv: int) -> EnergyNorm:
+    """The norm at the end of a motion."""
+    inputs = [*q, *[0.0] * (2 * nv + 1), *map(float, motion.forces.parameters)]
+    entries = values(motion.forces.program, np.array(inputs)[:, None])["mass"][:, 0]
+    mass = np.zeros((nv, nv))
+    for (i, j), entry in zip(upper_triangle(nv), entries, strict=True):
+        mass[i, j] = mass[j, i] = entry
+    return EnergyNorm(mass)
 
-    def __init__(self, motion: Motion, q: Sequence[float], v: Array) -> None:
-        program, nv = motion.forces.program, len(v)
-        inputs = [*q, *[0.0] * (2 * nv + 1), *map(float, motion.forces.parameters)]
-        entries = values(program, np.array(inputs)[:, None])["mass"][:, 0]
-        self._mass = np.zeros((nv, nv))
-        for (i, j), entry in zip(upper_triangle(nv), entries, strict=True):
-            self._mass[i, j] = self._mass[j, i] = entry
 
-    def product(self, one: Array, other: Array) -> Array:
-        """Scalar products of positions and of velocities, (2,)."""
-        return np.array([a @ self._mass @ b for a, b in zip(np.split(one, 2), np.split(other, 2), strict=True)])
-
-    def sizes(self, vector: Array) -> list[float]:
-        return [float(size) for size in np.sqrt(self.product(vector, vector))]
-
-    def share(self, name: str, vector: Array, gap: Array, alternatives: Sequence[Array] = ()) -> Share:
-        """The part of a vector along the gap; ``alternatives`` stand for the same in other orders."""
-        whole = self.product(gap, gap)
-        parts = [np.divide(self.product(of, gap), whole, out=np.zeros(2), where=whole != 0) for of in (vector, *alternatives)]
-        (positions, velocities), (of_positions, of_velocities) = parts[0].tolist(), self.sizes(vector)
-        return Share(
-            name=name,
-            positions=positions,
-            velocities=velocities,
-            of_positions=of_positions,
-            of_velocities=of_velocities,
-            by_order=float(np.ptp(parts[1:], axis=0).max()) if alternatives else 0.0,
-        )
+def _share(norm: EnergyNorm, name: str, vector: Array, gap: Array, alternatives: Sequence[Array] = ()) -> Share:
+    """The part of a vector along the gap; ``alternatives`` stand for the same in other orders."""
+    parts = [norm.part(of, gap) for of in (vector, *alternatives)]
+    (positions, velocities), (of_positions, of_velocities) = parts[0].tolist(), norm.sizes(vector)
+    return Share(
+        name=name,
+        positions=positions,
+        velocities=velocities,
+        of_positions=of_positions,
+        of_velocities=of_velocities,
+        by_order=float(np.ptp(parts[1:], axis=0).max()) if alternatives else 0.0,
+    )
 
 
 # Steps from an engine's accelerations

@@ -4,7 +4,7 @@ An engine file defines ``ENGINE``, an object with the attributes of ``Engine``, 
 it wraps only inside its methods, so that finding engines costs nothing. A library's own engine files are run by worker
 processes alone; what the harness itself has to know of them is ``engine_files``.
 
-Knows no equation. May use ``files`` and what is below it.
+Knows no equation. May use ``results`` and what is below it.
 
 Start with ``Engine`` and ``Model``, the protocol, then with ``adapters``, one for each engine; ``elsewhere`` runs those in environments of
 their own.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 from weakref import WeakKeyDictionary
 
 from harness.arithmetic import SAFE_LINKING, KeptArithmetic
-from harness.engines.interface import CompiledNumber, InvalidAnswer, NotOffered, Unsupported
+from harness.engines.interface import CompiledNumber, InvalidAnswer, MovesFiles, NotOffered, Unsupported
 from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import Ending, EngineAnswers, EngineQuestion, Refused, Request, by_joint
@@ -57,7 +57,7 @@ class Subject:
         return Subject(split_name(self.engine)[0], self.format)
 
 
-class Engine:
+class Engine(MovesFiles):
     """The ``ENGINE`` of an engine file derives from this class.
 
     Attributes:

@@ -57,10 +57,10 @@ def _panel(x: Array, panel: tuple[str, Lines], x_label: str, place: tuple[float,
     def up(value: float) -> float:
         return bottom - (value - low) / (high - low) * (bottom - top)
 
-    for value in _round_numbers(low, high):
+    for value in round_numbers(low, high):
         yield f'<path class="grid" d="M{left:g} {up(value):.1f}H{right:g}"/>'
         yield f'<text text-anchor="end" x="{left - 6:g}" y="{up(value) + 4:.1f}">{value:g}</text>'
-    for value in _round_numbers(float(x[0]), float(x[-1])):
+    for value in round_numbers(float(x[0]), float(x[-1])):
         yield f'<path class="grid" d="M{across(value):.1f} {top:g}V{bottom:g}"/>'
         yield f'<text text-anchor="middle" x="{across(value):.1f}" y="{bottom + 16:g}">{value:g}</text>'
     yield f'<text text-anchor="end" x="{right:g}" y="{bottom + 32:g}">{escape(x_label)}</text>'
@@ -74,7 +74,7 @@ def _panel(x: Array, panel: tuple[str, Lines], x_label: str, place: tuple[float,
         yield f'<text x="{right + _KEY:g}" y="{y:g}">{escape(name)}</text>'
 
 
-def _round_numbers(low: float, high: float) -> list[float]:
+def round_numbers(low: float, high: float) -> list[float]:
     """Multiples of 1, 2 or 5 times a power of ten between two ends, at most about ``_LABELS``."""
     least = (high - low) / _LABELS
     power = 10.0 ** math.floor(math.log10(least))

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from harness.diagnosis.faults.summary import Campaign
-from harness.results import atlas, benchmark, comparison, cross_check, gap, night
+from harness.results import atlas, benchmark, comparison, cross_check, drift, gap, night
 from harness.results.run import Run
 from harness.results.site import Site
 from pages.made import Made, literal, table
@@ -19,6 +19,7 @@ SECTION = "Reference"
 DOCUMENTS: Mapping[str, type[Any]] = {
     "harness compare, survey": comparison.FilesComparison,
     "harness compare --steps": gap.Gaps,
+    "harness drift": drift.Drifts,
     "harness check, report": cross_check.CrossCheckResult,
     "harness bench": benchmark.Benchmark,
     "harness atlas": atlas.Atlas,

@@ -41,6 +41,7 @@ from harness.workers.program import is_worker
 if TYPE_CHECKING:
     from harness.engines import Model
     from harness.engines.loaded_file import LoadedFile
+    from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, MovedFile
     from harness.files.mjcf.inertias import CompiledMesh, Number
     from harness.programs.mechanisms.mechanism import Mechanism
 
@@ -260,6 +261,16 @@ class EngineElsewhere:
         """See ``harness.engines.Engine``."""
         found: Mapping[Number, CompiledMesh] = self.evaluate("compiled_meshes", path)
         return found
+
+    def held_numbers(self, file: MovedFile) -> HeldNumbers:
+        """See ``harness.engines.Engine``."""
+        held: HeldNumbers = self.evaluate("held_numbers", file)
+        return held
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; all motions in one request."""
+        moved: Moved = self.evaluate("moved", request)
+        return moved
 
     def evaluate(self, method: str, *arguments: Any) -> Any:
         """What a method of the engine file's ``ENGINE`` returns there, or raises."""

@@ -27,6 +27,7 @@ from harness.files.model_file import ModelFile, document_of
 if TYPE_CHECKING:
     from harness.engines.adapters.mujoco.model import MujocoModel
     from harness.engines.adapters.mujoco.robot import MujocoFile
+    from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, MovedFile
     from harness.files.mjcf.inertias import CompiledMesh, Number
 
 
@@ -83,6 +84,16 @@ class MujocoEngine(Engine):
         from harness.engines.adapters.mujoco.meshes import compiled_meshes
 
         return compiled_meshes(path)
+
+    def held_numbers(self, file: MovedFile) -> HeldNumbers:
+        from harness.engines.adapters.mujoco.moving import held_numbers
+
+        return held_numbers(file)
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        from harness.engines.adapters.mujoco.moving import moved
+
+        return moved(request)
 
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MujocoModel:
         from harness.engines.adapters.mujoco.model import load

@@ -42,7 +42,7 @@ _LEFT_OUT = frozenset(
 )
 _VECTORS = frozenset({"pos", "ipos", "axis", "gravity", "wind", "magnetic"})
 _COUNTED = frozenset({"contype", "conaffinity", "condim", "dim", "priority"})
-_WORDS = {
+WORDS = {
     "jnt_type": ("mjtJoint", "mjJNT_"),
     "geom_type": ("mjtGeom", "mjGEOM_"),
     "eq_type": ("mjtEq", "mjEQ_"),
@@ -66,7 +66,7 @@ def compiled(model: Any, driven: Sequence[int] = ()) -> Iterator[CompiledNumber]
             if array == "body_inertia":
                 turns = rotations(model.body_iquat)
                 values = (turns * values[:, None]) @ turns.transpose(0, 2, 1)
-            if array in _WORDS or values.dtype.kind != "i" or name in _COUNTED:
+            if array in WORDS or values.dtype.kind != "i" or name in _COUNTED:
                 yield from _of_objects(model, array, values, driven)
     for name in sorted(name for name in dir(model.opt) if not name.startswith("_")):
         setting = getattr(model.opt, name)
@@ -79,7 +79,7 @@ def _of_objects(model: Any, array: str, values: Array, driven: Sequence[int]) ->
     may_drive = bool(driven) and name in _FELT_DRIVEN.get(prefix, "").split()
     # Of several inputs of an actuator there are more rows than actuators.
     acting = driven if prefix == "actuator" and len(values) == len(model.actuator_trntype) else range(len(values) * (prefix == "jnt"))
-    owner = _owners(model, prefix, len(values))
+    owner = owners(model, prefix, len(values))
     for number, row in enumerate(values):
         is_passed_over = prefix == "geom" and not (model.geom_contype[number] or model.geom_conaffinity[number])
         # The world has neither mass nor place.
@@ -91,8 +91,8 @@ def _of_objects(model: Any, array: str, values: Array, driven: Sequence[int]) ->
 def _number(quantity: str, owner: str, values: Array) -> CompiledNumber:
     prefix, _, name = quantity.partition("_")
     is_felt = name in _FELT.get(prefix, "").split() or quantity == "qpos0"
-    if quantity in _WORDS:
-        return CompiledNumber(quantity, owner, tuple(_word(*_WORDS[quantity], int(value)) for value in values), felt=is_felt)
+    if quantity in WORDS:
+        return CompiledNumber(quantity, owner, tuple(_word(*WORDS[quantity], int(value)) for value in values), felt=is_felt)
     if quantity in _SWITCHES:
         return CompiledNumber(quantity, owner, (_switches(*_SWITCHES[quantity], int(values[0])),), felt=is_felt)
     if quantity == "body_inertia":
@@ -101,7 +101,7 @@ def _number(quantity: str, owner: str, values: Array) -> CompiledNumber:
     return CompiledNumber(quantity, owner, tuple(values.astype(float).tolist()), parts, is_felt)
 
 
-def _owners(model: Any, prefix: str, count: int) -> Callable[[int], str]:
+def owners(model: Any, prefix: str, count: int) -> Callable[[int], str]:
     """The name of the object that a row of an array of that prefix belongs to."""
     joints = [(model.joint(number).name or f"joint {number}", number) for number in range(model.njnt)]
     if prefix in ("dof", "qpos0", "qpos"):

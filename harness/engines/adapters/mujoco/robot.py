@@ -48,8 +48,8 @@ _PARTS = {JointKind.PLANAR: 3}
 
 def read(request: Request) -> MujocoFile:
     """A file as its user loads it, or aided; see ``harness.engines.Engine``."""
-    with _refusals():
-        model, notes = _plain(request) if request.aid is None else _aided(request, request.aid)
+    with refusals():
+        model, notes = plain_model(request) if request.aid is None else _aided(request, request.aid)
         if request.held is not None:
             let_act(model, _places(model, request.joints), request.held)
     return MujocoFile(model, request, notes)
@@ -57,12 +57,12 @@ def read(request: Request) -> MujocoFile:
 
 def compiled_numbers(request: Request) -> tuple[CompiledNumber, ...]:
     """See ``harness.engines.Engine.compiled``."""
-    with _refusals():
-        return tuple(compiled(_plain(request)[0], request.driven))
+    with refusals():
+        return tuple(compiled(plain_model(request)[0], request.driven))
 
 
 @contextmanager
-def _refusals() -> Iterator[None]:
+def refusals() -> Iterator[None]:
     """Raises Refused of what MuJoCo says of a file, and MemoryError as ``versions.compiling``."""
     # The default handler writes a log file into the current directory.
     mujoco.set_mju_user_warning(lambda message: None)
@@ -106,7 +106,7 @@ def _floating(request: Request) -> str:
     return text_of(root)
 
 
-def _plain(request: Request) -> tuple[Any, list[str]]:
+def plain_model(request: Request) -> tuple[Any, list[str]]:
     """The model as MuJoCo compiles it; without meshes where it finds them not."""
     try:
         with compiling():
@@ -138,7 +138,7 @@ def _without_files(spec: Any) -> Any:
 def _aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
     """The model with the inertias of the file written into it; a URDF's links stay apart and have no geoms."""
     if request.format == "mjcf":
-        model, notes = _plain(request)
+        model, notes = plain_model(request)
         model.opt.gravity[:] = aid.gravity
         return model, notes
     spec = _spec(request, at_the_top=True)

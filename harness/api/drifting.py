@@ -1,0 +1,111 @@
+"""Drift of two simulated motions, as scripts and notebooks get it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+
+from harness import workers as processes
+from harness.drifts.control import read_control
+from harness.drifts.plan import DriftSettings, MovingSide
+from harness.drifts.study import DriftStudy, drift_here, prepare
+from harness.engines.moving import Control
+from harness.results.drift import DriftRecord, Drifts
+from harness.study import complete
+
+if TYPE_CHECKING:
+    from harness.arrays import Array
+    from harness.show.drawing import Drawing
+
+# (t, q, v) -> controls by the names of actuators, or in their order.
+ControlFunction = Callable[[float, "Array", "Array"], Any]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FoundDrift(DriftRecord):
+    """A drift that prints as ``harness drift`` does."""
+
+    def plot(self) -> Drawing:
+        """The gap over time, stacked by cause."""
+        from harness.show.drift import draw_drift
+
+        return draw_drift(self)
+
+    def __repr__(self) -> str:
+        from harness.report.drift import drift_sections
+
+        return "\n\n".join(map(str, drift_sections(Drifts(drifts=[self]))))
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.sentence}</p>{self.plot().svg}"
+
+
+class MovedAlike(TypedDict, total=False):
+    """How both sides of a drift are moved.
+
+    Attributes:
+        seconds: how long, 1 by default. start: {joint: (positions, velocities)} of those that start elsewhere than in the first keyframe
+            of the first file.
+        delay: until a control acts, in both sides [s]. decimation: steps from one control to the next.
+        seed: of sampled orders and of rounding. workers: processes; one per CPU for None.
+    """
+
+    seconds: float
+    start: Mapping[str, tuple[Sequence[float], Sequence[float]]]
+    delay: tuple[float, float]
+    decimation: tuple[int, int]
+    seed: int
+    workers: int | None
+
+
+def drift(
+    first: str | Path,
+    second: str | Path | None = None,
+    *,
+    by: str | Sequence[str] = "mujoco",
+    control: ControlFunction | str | Path | None = None,
+    **moved: Unpack[MovedAlike],
+) -> FoundDrift:
+    """Why a robot that is controlled alike moves otherwise in the second file, or by the second of ``by``, than in the first.
+
+    Args:
+        second: None for the first file again. by: as "mujoco@3.13.0/RK4@0.001", for both sides or one each.
+        control: the path of a table, or a function (t, q, v) -> controls by the names of actuators, or in their order; q and v are over
+            ``joints`` of what is returned, a rotation as (w, x, y, z). It is called in this process, each ``decimation`` steps.
+        moved: those of ``harness.api.drifting.MovedAlike``.
+
+    Raises:
+        harness.errors.InvalidInput: a file cannot be read.
+        harness.errors.InvalidRequest: sides of other joints, no such engine, control or start, or a file that an engine refuses.
+
+    Examples:
+        >>> import harness
+        >>> arm = harness.Library.built_in().model_path("servo_arm", "mjcf")
+        >>> found = harness.drift(arm, by=("mujoco/Euler", "mujoco/implicitfast"), start={"elbow": ([0.5], [0.0])}, seconds=0.1)
+        >>> found.ranked[0].name
+        'integrator'
+    """
+    texts = (by, by) if isinstance(by, str) else tuple(by)
+    paths = (Path(first), Path(first if second is None else second))
+    timing = moved.get("delay", (0.0, 0.0)), moved.get("decimation", (1, 1))
+    one, other = (
+        replace(MovingSide(path).by(text), delay=late, decimation=steps)
+        for path, text, late, steps in zip(paths, texts, *timing, strict=True)
+    )
+    settings = DriftSettings((one, other), moved.get("seconds", 1.0), None, moved.get("start", {}), moved.get("seed", 0))
+    if callable(control):
+        # The actuators are those of both files, which the engines know.
+        names = tuple(prepare(settings, here=True).plan.request.control.names)
+        return _found(drift_here(replace(settings, control=Control.calling(control, names))))
+    study = DriftStudy(replace(settings, control=None if control is None else read_control(Path(control))))
+    with processes.Workers(moved.get("workers"), time_limit=600.0) as pool:
+        found: Drifts = complete(study, pool)
+    for problem in study.problems:
+        raise problem
+    return _found(found.drifts[0])
+
+
+def _found(drift: DriftRecord) -> FoundDrift:
+    return FoundDrift(**vars(drift))

@@ -1,0 +1,132 @@
+"""``harness drift``."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import click
+
+from harness.commands import ROBOT
+from harness.commands.frame.bracket import Bracket, computing
+from harness.commands.frame.options import takes
+from harness.commands.frame.pages import tell
+
+SECTION = ROBOT
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriftOptions:
+    """Drift that is asked for."""
+
+    first: Annotated[Path, click.argument("first", metavar="A", type=click.Path(path_type=Path))]
+    second: Annotated[Path | None, click.argument("second", required=False, metavar="[B]", type=click.Path(path_type=Path))]
+    by: Annotated[
+        tuple[str, ...],
+        click.option(
+            "--by",
+            multiple=True,
+            metavar="ENGINE[@VERSION][/INTEGRATOR[@SECONDS]]",
+            help="Who moves A, and who B; once for both, or twice. SECONDS is the step length. By default mujoco, as the file says.",
+        ),
+    ]
+    seconds: Annotated[
+        float, click.option("--seconds", type=click.FloatRange(min=0, min_open=True), default=1.0, help="How long they move.")
+    ]
+    control: Annotated[
+        Path | None,
+        click.option(
+            "--control",
+            type=click.Path(path_type=Path),
+            help="Table of controls, CSV, npz or Parquet: a column time [s], and one for each actuator. By default those of A's keyframe.",
+        ),
+    ]
+    start: Annotated[
+        str,
+        click.option(
+            "--start", default="", metavar="JSON", help="{JOINT: [positions, velocities], ...} of joints that start elsewhere than A."
+        ),
+    ]
+    delay: Annotated[
+        tuple[float, float],
+        click.option(
+            "--delay", nargs=2, type=click.FloatRange(min=0), default=(0.0, 0.0), help="Seconds until a control acts, in A and in B."
+        ),
+    ]
+    decimation: Annotated[
+        tuple[int, int],
+        click.option(
+            "--decimation", nargs=2, type=click.IntRange(min=1), default=(1, 1), help="Steps from one control to the next, in A and B."
+        ),
+    ]
+    picture: Annotated[
+        str | None,
+        click.option("--picture", type=click.Path(dir_okay=False), help="Draw the gap over time, stacked by cause, to this SVG file."),
+    ]
+
+
+@click.command("drift")
+@takes(DriftOptions)
+@computing(time_limit=600.0, library=False, detail=True)
+def command(bracket: Bracket, asked: DriftOptions) -> None:
+    """Say why a robot moves otherwise in B than in A.
+
+    A and B are files, MJCF or URDF, or one file that is moved by two engines, versions, integrators or
+    step lengths, or with another delay of its controls. Both move from one start under one control with
+    everything on that the files say: contacts, limits, friction and actuators.
+    Begins with what the gap is due to, with its lines and what to set for B to move as A. Each cause
+    that differs is exchanged between A and B in every subset of the others; its share is the mean of what
+    that does, so that all shares sum to the gap. Where rounding alone would make as much, none is claimed.
+    The exit status is 0 where a drift was found and explained, and where both move alike.
+
+    \b
+    Examples:
+      harness drift isaac.xml mine.xml
+      harness drift a.xml b.xml --control policy.csv --seconds 0.5
+      harness drift robot.xml --by mujoco/Euler --by mujoco/implicitfast
+      harness drift robot.xml --by mujoco@3.13.0 --by mujoco@4.0.0
+      harness drift robot.xml --delay 0 0.002 --control policy.csv
+      harness drift a.xml b.xml --picture drift.svg --json drift.json
+    """
+    from harness.drifts.control import read_control
+    from harness.drifts.plan import DriftSettings, MovingSide
+    from harness.drifts.study import DriftStudy
+    from harness.report.drift import drift_sections
+
+    if len(asked.by) > 2:
+        raise click.UsageError("--by is given once for both sides, or twice")
+    paths = (asked.first, asked.second or asked.first)
+    by = (asked.by * 2)[:2] or ("mujoco",) * 2
+    sides = [MovingSide(path).by(text) for path, text in zip(paths, by, strict=True)]
+    first, second = (
+        replace(side, delay=delay, decimation=steps) for side, delay, steps in zip(sides, asked.delay, asked.decimation, strict=True)
+    )
+    control = None if asked.control is None else read_control(asked.control)
+    study = DriftStudy(DriftSettings((first, second), asked.seconds, control, _start(asked.start), bracket.seed))
+    bracket.begin(1, "drift")
+    found = tell(bracket, study, drift_sections, lambda found: found.summary)
+    if asked.picture is not None and found.drifts:
+        from harness.commands.frame.terminal import say
+        from harness.show.drift import draw_drift
+
+        draw_drift(found.drifts[0]).save(asked.picture)
+        say("", f"picture: {asked.picture}")
+    bracket.finish(study.problems, study.crashed, bool(found.drifts))
+
+
+def _start(text: str) -> dict[str, tuple[list[float], list[float]]]:
+    """Raises click.BadParameter where a text is none."""
+    if not text:
+        return {}
+    try:
+        found = json.loads(text)
+        return {name: (_listed(q), _listed(v)) for name, (q, v) in found.items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        expected = 'expected {joint: [positions, velocities]}, as {"elbow": [0.5, 0], "ball": [[1, 0, 0, 0], [0, 0, 0]]}'
+        raise click.BadParameter(f"{text!r}: {expected}", param_hint="--start") from error
+
+
+def _listed(part: Any) -> list[float]:
+    return [float(number) for number in (part if isinstance(part, list) else [part])]

@@ -1,0 +1,64 @@
+"""Controls of actuators from a table: CSV, npz or Parquet, a column for the time and one for each actuator."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+from pathlib import Path
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines.moving import Control
+from harness.errors import InvalidRequest
+
+TIME = "time"
+
+
+def read_control(path: Path) -> Control:
+    """The controls of a table, whose column ``time`` [s] increases; the others are called as actuators are.
+
+    Raises:
+        InvalidRequest: there is no such file, or it is none.
+    """
+    readers = {".csv": _csv, ".npz": _npz, ".parquet": _parquet}
+    if path.suffix.lower() not in readers:
+        raise InvalidRequest(f"{path}: expected a table of controls, {', '.join(readers)}")
+    try:
+        columns = readers[path.suffix.lower()](path)
+    except (OSError, ValueError) as error:
+        raise InvalidRequest(f"{path}: cannot be read as a table of numbers: {error}") from error
+    if TIME not in columns or len(columns) < 2:
+        raise InvalidRequest(f"{path} has the columns {', '.join(columns) or 'none'}; expected {TIME} and one for each actuator")
+    times = columns.pop(TIME)
+    if times.ndim != 1 or not len(times) or any(column.shape != times.shape for column in columns.values()):
+        raise InvalidRequest(f"{path} has columns of several lengths; expected one number in each for each time")
+    if not all(np.isfinite(column).all() for column in (times, *columns.values())):
+        raise InvalidRequest(f"{path} holds a number that is not finite")
+    if (np.diff(times) <= 0).any():
+        row = int(np.argmax(np.diff(times) <= 0)) + 2
+        raise InvalidRequest(f"{path}: the time of row {row} is not later than that before it; sort the rows")
+    return Control(tuple(columns), times, np.column_stack(list(columns.values())))
+
+
+def _csv(path: Path) -> dict[str, Array]:
+    with path.open(newline="", encoding="utf-8") as file:
+        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]
+    if any(len(row) != len(header) for row in rows):
+        raise ValueError(f"a row has another number of cells than the header, which has {len(header)}")
+    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(header))
+    return dict(zip(header, values.T, strict=True))
+
+
+def _npz(path: Path) -> dict[str, Array]:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
+
+
+def _parquet(path: Path) -> dict[str, Array]:
+    try:
+        parquet = importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise InvalidRequest(f"{path}: Parquet is read by pyarrow, which is not installed; install it, or write a CSV") from error
+    table = parquet.read_table(path)
+    return {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in table.column_names}

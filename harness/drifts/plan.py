@@ -1,0 +1,252 @@
+"""The causes by which two sides differ, and the motions that divide their gap."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.comparison.shares import Chosen, along, sampled_orders
+from harness.engines.moving import Control, HeldNumbers, MotionsRequest, MovedFile, NumberKey, SimulatedFile, Timing
+from harness.errors import InvalidRequest
+from harness.files.joint_kinds import JointKind
+from harness.files.reading import format_of
+from harness.results.cause import DriftCause
+
+# So many causes are exchanged in all subsets; of more, so many orders and their reverses are sampled.
+MOST_EXACT, PAIRS_OF_ORDERS = 10, 40
+# Recorded times, and those of them that a table tells.
+RECORDED, TOLD = 50, 5
+# Seeds of the motions that are rounded anew in each step, of each side.
+ROUNDINGS = (1, 2, 3)
+_FORM = re.compile(r"(?P<engine>[^/@]+(?:@[^/@]+)?)(?:/(?P<integrator>[^/@]*)(?:@(?P<length>[^/@]+))?)?")
+
+
+@dataclass(frozen=True)
+class MovingSide:
+    """One side of a drift: a file, who moves it, and when controls come.
+
+    Attributes:
+        engine: its name, or NAME@VERSION of an environment. integrator, length: "" and None for those of the file.
+        delay: until a control acts [s]. decimation: steps from one control to the next.
+    """
+
+    path: Path
+    engine: str = "mujoco"
+    integrator: str = ""
+    length: float | None = None
+    delay: float = 0.0
+    decimation: int = 1
+
+    def by(self, text: str) -> MovingSide:
+        """The same by ENGINE[@VERSION][/INTEGRATOR][@SECONDS].
+
+        Raises:
+            InvalidRequest: the text is none.
+        """
+        form = _FORM.fullmatch(text)
+        try:
+            length = float(form["length"]) if form and form["length"] else None
+        except ValueError:
+            form = None
+        if form is None or (length is not None and not 0 < length < math.inf):
+            raise InvalidRequest(f"{text!r}: expected ENGINE[@VERSION][/INTEGRATOR[@SECONDS]], as mujoco@3.13.0 or mujoco/RK4@0.001")
+        return replace(self, engine=form["engine"], integrator=form["integrator"] or "", length=length)
+
+    @property
+    def file(self) -> MovedFile:
+        return MovedFile(self.path.resolve(), format_of(self.path), self.integrator, self.length)
+
+    def timing(self, length: float) -> Timing:
+        return Timing(self.decimation * length if self.decimation > 1 else 0.0, self.delay)
+
+
+@dataclass(frozen=True, eq=False)
+class DriftSettings:
+    """Two sides, moved for ``seconds`` from one start under one control.
+
+    Attributes:
+        control: None for that of the first side's first keyframe, else 0.
+        start: {joint: [its positions, its velocities]} of joints that start elsewhere than in the first side's first keyframe.
+    """
+
+    sides: tuple[MovingSide, MovingSide]
+    seconds: float = 1.0
+    control: Control | None = None
+    start: Mapping[str, tuple[Sequence[float], Sequence[float]]] = field(default_factory=dict)
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class HeldSides:
+    """What the engines hold: each side's of its own file, and the first side's of the second file."""
+
+    first: HeldNumbers
+    second: HeldNumbers
+    second_by_first: HeldNumbers
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The motions of a drift.
+
+    Attributes:
+        request: what all have in common. kinds: of the joints. times: recorded [s]. causes: that differ, in the order of the bits.
+        motions: of the first side's engine, each with the numbers of the second side for the chosen causes. own: of the second side.
+        rounded: of both sides, rounded anew. orders: sampled ones; none where all subsets are moved.
+    """
+
+    request: MotionsRequest
+    kinds: tuple[JointKind, ...]
+    times: Array
+    causes: tuple[DriftCause, ...]
+    motions: Mapping[Chosen, SimulatedFile]
+    own: SimulatedFile
+    rounded: tuple[Sequence[SimulatedFile], Sequence[SimulatedFile]]
+    orders: Sequence[tuple[int, ...]]
+    differing: Mapping[DriftCause, Sequence[NumberKey]]
+
+
+def aligned(numbers: HeldNumbers, to: HeldNumbers) -> HeldNumbers:
+    """The same with each number under the cause of its like in ``to``."""
+    places = {key: cause for cause, own in to.by_cause.items() for key in own}
+    found: dict[DriftCause, dict[NumberKey, Array]] = {cause: {} for cause in DriftCause}
+    for cause, own in numbers.by_cause.items():
+        for key, value in own.items():
+            found[places.get(key, cause)][key] = value
+    return replace(numbers, by_cause=found)
+
+
+def plan_of(settings: DriftSettings, held: HeldSides) -> Plan:
+    """The plan of a drift.
+
+    Raises:
+        InvalidRequest: the sides move other joints, the start is none of theirs, or their steps end together nowhere.
+    """
+    first, second = settings.sides
+    kinds, (q, v) = _joints(settings, held), _start(settings, held.first)
+    differing = _differing(settings, held)
+    causes = tuple(cause for cause in DriftCause if cause in differing)
+    lengths = (held.first.length, held.second.length)
+    times = _times(settings.seconds, lengths)
+    counts = tuple(tuple(round(time / length) for time in times) for length in lengths)
+    timings = tuple(side.timing(length) for side, length in zip(settings.sides, lengths, strict=True))
+    every = (1 << len(causes)) - 1
+
+    def motion(chosen: Chosen) -> SimulatedFile:
+        exchanged = [cause for place, cause in enumerate(causes) if chosen >> place & 1]
+        is_base = DriftCause.TREE in exchanged or (chosen == every and bool(causes))
+        base = held.second_by_first if is_base else held.first
+        over: dict[NumberKey, Array] = {}
+        for cause in DriftCause:
+            wanted = held.second if cause in exchanged else held.first if cause in causes else base
+            over |= {
+                key: wanted[cause][key] for key in base[cause] if key in wanted[cause] and _differ(wanted[cause][key], base[cause][key])
+            }
+        timing = Timing(
+            timings[DriftCause.DECIMATION in exchanged].period,
+            timings[DriftCause.DELAY in exchanged].delay,
+        )
+        return SimulatedFile((second if is_base else first).file, over, timing, counts[DriftCause.STEP in exchanged])
+
+    orders = sampled_orders(len(causes), PAIRS_OF_ORDERS, settings.seed) if len(causes) > MOST_EXACT else []
+    subsets = {chosen | bit for order in orders for place, chosen in along(order) for bit in (0, 1 << place)} or range(every + 1)
+    motions = {chosen: motion(chosen) for chosen in sorted(subsets)}
+    own = SimulatedFile(second.file, {}, timings[1], counts[1])
+    # Of a side's steps, the file is the same where engines differ.
+    rounded = tuple([replace(one, rounding=seed + settings.seed) for seed in ROUNDINGS] for one in (motions[0], own))
+    control = settings.control or Control.constant({name: held.first.control[name] for name in _driven(held)})
+    if lacking := [name for name in control.names if name not in _driven(held)]:
+        expected = ", ".join(_driven(held)) or "none, for no actuator is in both"
+        raise InvalidRequest(f"no actuator of both sides is called {lacking[0]!r}, which is controlled; expected {expected}")
+    request = MotionsRequest((), tuple(held.first.joints), q, v, control)
+    return Plan(request, kinds, times, causes, motions, own, (rounded[0], rounded[1]), orders, differing)
+
+
+def told_places(times: Array) -> list[int]:
+    """The places of the times that a table tells, evenly up to the end."""
+    return sorted({round((number + 1) * len(times) / TOLD) - 1 for number in range(TOLD) if (number + 1) * len(times) >= TOLD / 2})
+
+
+def _joints(settings: DriftSettings, held: HeldSides) -> tuple[JointKind, ...]:
+    names = [side.path.name for side in settings.sides]
+    for other in (held.second_by_first, held.second):
+        for one, its_like, name in ((held.first, other, names[0]), (other, held.first, names[1])):
+            if alone := [joint for joint in one.joints if joint not in its_like.joints]:
+                raise InvalidRequest(f"{name} alone moves joint {alone[0]!r}; a drift is of two sides that move the same joints, by name")
+        if changed := [joint for joint, kind in held.first.joints.items() if other.joints[joint] != kind]:
+            raise InvalidRequest(f"joint {changed[0]!r} is of another kind in {names[1]} than in {names[0]}; expected the same")
+    if not held.first.joints:
+        raise InvalidRequest(f"{names[0]} has no joint that moves")
+    return tuple(held.first.joints.values())
+
+
+def _start(settings: DriftSettings, held: HeldNumbers) -> tuple[Array, Array]:
+    q, v = held.q.copy(), held.v.copy()
+    if unknown := [name for name in settings.start if name not in held.joints]:
+        raise InvalidRequest(f"the start has joint {unknown[0]!r}; expected some of {', '.join(held.joints)}")
+    positions = velocities = 0
+    for name, kind in held.joints.items():
+        nq, nv = kind.sizes
+        if name in settings.start:
+            given = [np.atleast_1d(np.array(part, dtype=np.float64)) for part in settings.start[name]]
+            if [part.shape for part in given] != [(nq,), (nv,)] or not all(np.isfinite(part).all() for part in given):
+                raise InvalidRequest(f"the start of joint {name!r} is {settings.start[name]}; expected {nq} positions and {nv} velocities")
+            q[positions : positions + nq], v[velocities : velocities + nv] = given
+        positions, velocities = positions + nq, velocities + nv
+    return q, v
+
+
+def _driven(held: HeldSides) -> list[str]:
+    """Actuators of both sides."""
+    return [name for name in held.first.control if name in held.second.control and name in held.second_by_first.control]
+
+
+def _differing(settings: DriftSettings, held: HeldSides) -> dict[DriftCause, list[NumberKey]]:
+    """Each cause that differs, with the numbers of the engine by which it does."""
+    found = {cause: [key for key in held.first[cause] if _is_other(held, cause, key)] for cause in DriftCause}
+    for cause in DriftCause:
+        # What one file alone holds comes with its tree, whose numbers are laid over no other.
+        found[DriftCause.TREE] += sorted(held.first[cause].keys() ^ held.second_by_first[cause].keys())
+    timings = [side.timing(numbers.length) for side, numbers in zip(settings.sides, (held.first, held.second), strict=True)]
+    of_sides = {DriftCause.DELAY: timings[0].delay != timings[1].delay, DriftCause.DECIMATION: timings[0].period != timings[1].period}
+    return {cause: keys for cause, keys in found.items() if keys or of_sides.get(cause, False)}
+
+
+def _is_other(held: HeldSides, cause: DriftCause, key: NumberKey) -> bool:
+    return key in held.second[cause] and _differ(held.first[cause][key], held.second[cause][key])
+
+
+def _differ(one: Array, other: Array) -> bool:
+    # Of other versions a row may have other columns behind those that both have.
+    count = min(len(one), len(other))
+    return not np.array_equal(one[:count], other[:count], equal_nan=True)
+
+
+def _times(seconds: float, lengths: tuple[float, float]) -> Array:
+    """Recorded times, at which steps of both sides end.
+
+    Raises:
+        InvalidRequest: there is none within ``seconds``.
+    """
+    one, other = (Fraction(repr(length)) for length in lengths)
+    period = Fraction(math.lcm(one.numerator * other.denominator, other.numerator * one.denominator), one.denominator * other.denominator)
+    most = int(Fraction(repr(seconds)) / period + Fraction(1, 10**9))
+    if most < 1:
+        lengths_text = " and ".join(f"{length:g} s" for length in dict.fromkeys(lengths))
+        raise InvalidRequest(f"steps of {lengths_text} do not end together within {seconds:g} s; expected {float(period):g} s at least")
+    return np.array(
+        [float(count * period) for count in sorted({round(most * number / RECORDED) for number in range(1, RECORDED + 1)} - {0})]
+    )
+
+
+def chunks(motions: Sequence[SimulatedFile], most: int) -> Iterator[Sequence[SimulatedFile]]:
+    """Motions in runs of at most so many, of which each is a task."""
+    for start in range(0, len(motions), most):
+        yield motions[start : start + most]

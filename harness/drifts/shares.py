@@ -1,0 +1,148 @@
+"""The division of a gap among its causes, from the motions of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.comparison.shares import Chosen, EnergyNorm, along, exchanges
+from harness.drifts.plan import Plan
+from harness.engines.coordinates import multiplied
+from harness.files.joint_kinds import JointKind
+from harness.results.cause import DriftCause
+from harness.results.drift import ENGINE, FELT_ROUNDING, CauseShare, DriftRecord, DriftSide, SideDifference
+
+# A recorded motion: q (k, nq) and v (k, nv).
+Track = tuple[Array, Array]
+
+
+def drift_of(
+    plan: Plan,
+    tracks: Mapping[Chosen, Track],
+    own: Track,
+    rounded: tuple[Sequence[Track], Sequence[Track]],
+    mass: Array,
+    about: tuple[tuple[DriftSide, DriftSide], Mapping[DriftCause, Sequence[SideDifference]], list[int]],
+) -> DriftRecord:
+    """The record of a drift; ``mass`` of the first motion, (k, nv, nv); ``about``: the sides, what differs, and the times that are told.
+
+    Times from which any motion breaks down are left out.
+    """
+    sides, differences, told = about
+    motions = [*tracks.values(), own, *rounded[0], *rounded[1]]
+    size = min(_sound(track) for track in motions)
+    origin = tracks[0]
+    at = {chosen: displacements(plan.kinds, origin, track)[:size] for chosen, track in tracks.items()}
+    gap = displacements(plan.kinds, origin, own)[:size]
+    norms = [EnergyNorm(each) for each in mass[:size]]
+    sizes = np.array([norm.sizes(each) for norm, each in zip(norms, gap, strict=True)]).reshape(size, 2)
+    start = tuple(np.tile(each, (size, 1)) for each in (plan.request.q, plan.request.v))
+    way = displacements(plan.kinds, (start[0], start[1]), (origin[0][:size], origin[1][:size]))
+    noise = np.zeros(size)
+    for base, others in zip((origin, own), rounded, strict=True):
+        for other in others:
+            moved = displacements(plan.kinds, base, other)[:size]
+            noise = np.maximum(noise, [norm.sizes(each)[0] for norm, each in zip(norms, moved, strict=True)])
+    # What rounding has made once stays possible.
+    noise = np.maximum.accumulate(noise)
+    drowned = np.flatnonzero((noise >= FELT_ROUNDING * sizes[:, 0]) & (sizes[:, 0] > 0))
+    # Beyond a first time of rounding, shares hang on chance.
+    clear = int(drowned[0]) if len(drowned) else size
+    products = np.array([norm.product(each, each) for norm, each in zip(norms, gap, strict=True)]).reshape(size, 2)
+    shares = []
+    for name, terms in _terms(plan, at, gap).items():
+        # (terms, k, 2): scalar products of what an exchange does, or the orders of a pair do, with the gap.
+        along_gap = np.array([[norm.product(*each) for norm, *each in zip(norms, term, gap, strict=True)] for _, term in terms])
+        weights = np.array([weight for weight, _ in terms])
+        parts, wholes = _ratio(along_gap, products), _ratio(along_gap[:, :clear].sum(axis=1), products[:clear].sum(axis=0))
+        mean, whole = np.tensordot(weights, parts, 1), weights @ wholes
+        positions, velocities = (
+            [float(part[half]) if place < clear and products[place, half] else None for place, part in enumerate(mean)] for half in (0, 1)
+        )
+        shares.append(
+            CauseShare(
+                name=name,
+                whole=float(whole[0]) if products[:clear, 0].any() else None,
+                whole_velocities=float(whole[1]) if products[:clear, 1].any() else None,
+                whole_error=float(_error(plan, wholes[:, 0])),
+                positions=positions,
+                velocities=velocities,
+                error=np.broadcast_to(_error(plan, parts[:, :, 0]), size).tolist(),
+                differences=tuple(differences.get(DriftCause(name), ())) if name != ENGINE else (),
+            )
+        )
+    return DriftRecord(
+        first=sides[0],
+        second=sides[1],
+        joints=list(plan.request.joints),
+        times=plan.times[:size].tolist(),
+        told=[place for place in told if place < size],
+        of_positions=sizes[:, 0].tolist(),
+        of_velocities=sizes[:, 1].tolist(),
+        moved=[norm.sizes(each)[0] for norm, each in zip(norms, way, strict=True)],
+        rounding=noise.tolist(),
+        horizon=float(plan.times[clear]) if clear < size else None,
+        shares=tuple(shares),
+        motions=len(motions),
+        orders=len(plan.orders),
+    )
+
+
+def _ratio(parts: Array, whole: Array) -> Array:
+    return np.divide(parts, whole, out=np.zeros_like(parts), where=whole > 0)
+
+
+def _error(plan: Plan, parts: Array) -> Array:
+    """Standard error of the mean over pairs of orders; 0 where no order is sampled."""
+    sampled = bool(plan.orders) and len(parts) > 1
+    return parts.std(axis=0, ddof=1) / np.sqrt(len(parts)) if sampled else np.zeros(parts.shape[1:])
+
+
+def _terms(plan: Plan, at: Mapping[Chosen, Array], gap: Array) -> dict[str, list[tuple[float, Array]]]:
+    """Vectors (k, 2 nv) with weights, whose sum is the share of each cause; of sampled orders, a vector for each pair of orders."""
+    count = len(plan.causes)
+    if plan.orders:
+        pairs = [plan.orders[place : place + 2] for place in range(0, len(plan.orders), 2)]
+        sampled: list[list[tuple[float, Array]]] = [[] for _ in plan.causes]
+        for pair in pairs:
+            sums = [np.zeros_like(gap) for _ in plan.causes]
+            for order in pair:
+                for place, chosen in along(order):
+                    sums[place] += (at[chosen | 1 << place] - at[chosen]) / len(pair)
+            for place, vector in enumerate(sums):
+                sampled[place].append((1 / len(pairs), vector))
+        found = dict(zip(plan.causes, sampled, strict=True))
+    else:
+        found = {cause: exchanges(at, place, count) for place, cause in enumerate(plan.causes)}
+    return {**{cause.value: terms for cause, terms in found.items()}, ENGINE: [(1.0, gap - at[(1 << count) - 1])]}
+
+
+def _sound(track: Track) -> int:
+    """Number of recorded times before the motion breaks down."""
+    broken = np.flatnonzero(~np.isfinite(np.hstack(track)).all(axis=1))
+    return int(broken[0]) if len(broken) else len(track[0])
+
+
+def displacements(kinds: Sequence[JointKind], start: Track, end: Track) -> Array:
+    """(k, 2 nv) from states to others: of positions, a rotation as its vector in the body's frame, and of velocities."""
+    found, place = [], 0
+    for kind in kinds:
+        nq = kind.positions
+        one, other = (track[0][:, place : place + nq] for track in (start, end))
+        place += nq
+        if kind.has_attitude:
+            found += [other[:, :-4] - one[:, :-4], _turns(one[:, -4:], other[:, -4:])]
+        else:
+            found.append(other - one)
+    return np.hstack([*found, end[1] - start[1]])
+
+
+def _turns(start: Array, end: Array) -> Array:
+    """(k, 3) rotation vectors from unit quaternions to others."""
+    turn = multiplied(start * [1, -1, -1, -1], end)
+    turn *= np.where(turn[:, :1] < 0, -1.0, 1.0)
+    sine = np.linalg.norm(turn[:, 1:], axis=1, keepdims=True)
+    angle = 2 * np.arctan2(sine, turn[:, :1])
+    return np.asarray(turn[:, 1:] * np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0))

@@ -1,0 +1,168 @@
+"""A drift as a study for worker processes: what both sides hold, all motions of the plan, and the shares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from harness.comparison.robot_library import RobotLibrary
+from harness.drifts.lines import differences_of
+from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, Plan, aligned, chunks, plan_of, told_places
+from harness.drifts.shares import Track, drift_of
+from harness.engines import Engine, NotOffered, installed_version, load_engine
+from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, SimulatedFile
+from harness.engines.request import Refused
+from harness.errors import InvalidInput, InvalidRequest, not_installed
+from harness.results.comparison import names_apart
+from harness.results.drift import DriftRecord, Drifts, DriftSide
+from harness.study import Inquiry, Part, Study, ask, call
+from harness.workers import Outcome, Task
+
+# Motions of a task: a request to another process costs what a step does.
+_OF_A_TASK = 64
+
+
+class DriftStudy(Study):
+    """The gap between two motions, and what it is due to."""
+
+    title, steps = "drift", 3
+
+    def __init__(self, settings: DriftSettings) -> None:
+        super().__init__(Drifts())
+        self.settings = settings
+
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._drift()]
+
+    def _drift(self) -> Inquiry[None]:
+        prepared = yield from ask(call, prepare, self.settings)
+        if self._fails(prepared):
+            return
+        made: PreparedDrift = prepared.value
+        yield Part("what both sides hold", Drifts())
+        outcomes = yield [Task(None, call, (moved, engine, request)) for engine, request in made.requests(_OF_A_TASK)]
+        # Each is told once, whatever the number of tasks that it stopped.
+        failed = [self._fails(outcome) for outcome in outcomes]
+        if any(failed):
+            return
+        yield Part("motions", Drifts())
+        yield self.kept("shares", Drifts(drifts=[made.drift([outcome.value for outcome in outcomes])]))
+
+    def _fails(self, outcome: Outcome) -> bool:
+        failure = self.failure(outcome)
+        if failure and not isinstance(outcome.exception, InvalidInput):
+            self.report(outcome.exception if isinstance(outcome.exception, InvalidRequest) else InvalidRequest(failure))
+        return bool(failure)
+
+
+def drift_here(settings: DriftSettings) -> DriftRecord:
+    """The same in this process, for a control that is a function.
+
+    Raises:
+        InvalidRequest: as ``prepare``.
+    """
+    made = prepare(settings, here=True)
+    return made.drift([moved(engine, request, here=True) for engine, request in made.requests(_OF_A_TASK)])
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedDrift:
+    """A drift before its motions are computed."""
+
+    settings: DriftSettings
+    held: HeldSides
+    plan: Plan
+    versions: tuple[str, str]
+
+    def requests(self, most: int) -> list[tuple[str, MotionsRequest]]:
+        """The engines with what each is asked for; the first motion is that of the first side."""
+        (first, second), plan = self.settings.sides, self.plan
+        asked: tuple[tuple[str, Sequence[SimulatedFile]], ...] = (
+            (first.engine, [*plan.motions.values(), *plan.rounded[0]]),
+            (second.engine, [plan.own, *plan.rounded[1]]),
+        )
+        return [(engine, replace(plan.request, motions=part)) for engine, motions in asked for part in chunks(motions, most)]
+
+    def drift(self, answers: Sequence[Moved]) -> DriftRecord:
+        """The record, of the answers to ``requests``."""
+        plan, sides = self.plan, self.settings.sides
+        tracks: list[Track] = [(q, v) for answer in answers for q, v in zip(answer.q, answer.v, strict=True)]
+        count, rounded = len(plan.motions), len(plan.rounded[0])
+        return drift_of(
+            plan,
+            dict(zip(plan.motions, tracks, strict=False)),
+            tracks[count + rounded],
+            (tracks[count : count + rounded], tracks[count + rounded + 1 :]),
+            answers[0].mass,
+            (self._sides(), differences_of(sides, self.held, plan), told_places(plan.times)),
+        )
+
+    def _sides(self) -> tuple[DriftSide, DriftSide]:
+        found = []
+        for side, held, label, version in zip(
+            self.settings.sides, (self.held.first, self.held.second), _labels(self.settings.sides), self.versions, strict=True
+        ):
+            timing = side.timing(held.length)
+            made = DriftSide(
+                path=str(side.path),
+                label=label,
+                engine=side.engine,
+                version=version,
+                integrator=held.integrator,
+                length=held.length,
+                period=timing.period,
+                delay=timing.delay,
+            )
+            found.append(made)
+        return found[0], found[1]
+
+
+def _labels(sides: tuple[MovingSide, MovingSide]) -> list[str]:
+    """What tells the sides apart: their files; of one file, as the command names its arguments."""
+    if sides[0].path != sides[1].path:
+        return list(names_apart([str(side.path) for side in sides]).values())
+    return ["A", "B"]
+
+
+# Tasks for worker processes.
+
+
+def prepare(settings: DriftSettings, here: bool = False) -> PreparedDrift:
+    """Both sides as their engines hold them, and the plan of motions; ``here``: the engine is called in this process.
+
+    Raises:
+        InvalidInput: a file cannot be read. InvalidRequest: an engine is not installed or refuses a file, or as ``plan_of``.
+    """
+    first, second = settings.sides
+    engines = [_engine(side.engine, here) for side in settings.sides]
+    own = [_held(engine, side) for engine, side in zip(engines, settings.sides, strict=True)]
+    other = own[1] if second.engine == first.engine else _held(engines[0], replace(second, engine=first.engine))
+    held = HeldSides(own[0], aligned(own[1], own[0]), aligned(other, own[0]))
+    versions = [installed_version(engine) or "" for engine in engines]
+    return PreparedDrift(settings, held, plan_of(settings, held), (versions[0], versions[1]))
+
+
+def moved(engine: str, request: MotionsRequest, here: bool = False) -> Moved:
+    """The motions of a request.
+
+    Raises:
+        InvalidRequest: the engine refuses a file, or the control is none.
+    """
+    try:
+        return _engine(engine, here).moved(request)
+    except (Refused, NotOffered, ValueError) as refusal:
+        raise InvalidRequest(f"{engine}: {refusal}") from refusal
+
+
+def _engine(name: str, here: bool) -> Engine:
+    found = load_engine(replace(RobotLibrary.without_files(), calls_engines_here=here), name)
+    if installed_version(found) is None:
+        raise InvalidRequest(f"{not_installed(found.requires[1])}; harness engines add {name}")
+    return found
+
+
+def _held(engine: Engine, side: MovingSide) -> HeldNumbers:
+    try:
+        return engine.held_numbers(side.file)
+    except (Refused, NotOffered, ValueError) as refusal:
+        raise InvalidRequest(f"{side.engine} does not move {side.path}: {refusal}") from refusal

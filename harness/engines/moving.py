@@ -1,0 +1,161 @@
+"""Whole motions of users' files by an engine, with everything on that the file says, as plain data that goes to another process.
+
+What an engine holds of a file is told by causes, each number with the engine's name of its array and the name of its owner, so that the
+numbers of another file, version or engine can be laid over them before the file is moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.files.joint_kinds import JointKind
+from harness.results.cause import DriftCause
+
+# An array of the engine, and the owner of a row of it.
+NumberKey = tuple[str, str]
+Numbers = Mapping[NumberKey, Array]
+# Rounding of a time that is a multiple of a period, relative.
+_ALIKE = 1e-9
+
+
+@dataclass(frozen=True)
+class MovedFile:
+    """A file to be moved, by an integrator of the engine and with a step length [s]; "" and None for those of the file.
+
+    ``format``: "urdf" or "mjcf".
+    """
+
+    path: Path
+    format: str
+    integrator: str = ""
+    length: float | None = None
+
+
+@dataclass(frozen=True)
+class HeldNumbers:
+    """What an engine holds of a file, and where the file starts.
+
+    Attributes:
+        by_cause: each number, as an array of what stands in its row.
+        joints: name to kind, in the order of the engine. q, v: (nq,), (nv,) of its first keyframe, or of its reference configuration.
+        length: of a step [s]. integrator: the engine's name of it.
+        words: of an array that holds values of an enumeration, their names.
+        control: of each actuator, by the same.
+    """
+
+    by_cause: Mapping[DriftCause, Numbers]
+    joints: Mapping[str, JointKind]
+    q: Array
+    v: Array
+    control: Mapping[str, float]
+    length: float
+    integrator: str
+    words: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+
+    def __getitem__(self, cause: DriftCause) -> Numbers:
+        return self.by_cause.get(cause, {})
+
+
+@dataclass(frozen=True, eq=False)
+class Control:
+    """Controls of actuators over time, each held until the next.
+
+    Attributes:
+        names: of actuators; the others have 0. times: (n,) [s], increasing. values: (n, names).
+        function: instead of both, (t, q, v) to the controls by name, or in the order of ``names``; q and v as an engine has them.
+    """
+
+    names: tuple[str, ...]
+    times: Array
+    values: Array
+    function: Callable[[float, Array, Array], Any] | None = None
+
+    @classmethod
+    def constant(cls, values: Mapping[str, float]) -> Control:
+        return cls(tuple(values), np.zeros(1), np.array([list(values.values())]))
+
+    @classmethod
+    def calling(cls, function: Callable[[float, Array, Array], Any], names: Sequence[str]) -> Control:
+        return cls(tuple(names), np.zeros(0), np.zeros((0, len(names))), function)
+
+    def held_at(self, times: Array) -> Array:
+        """(n, names) at times; before the first one it has the first."""
+        # A time that is a sum of steps misses that of the table by a rounding.
+        rows = np.searchsorted(self.times, times + _ALIKE * np.maximum(times, _ALIKE), side="right") - 1
+        return np.asarray(self.values[np.maximum(rows, 0)])
+
+    def called(self, time: float, q: Array, v: Array) -> Array:
+        """(names,) of the function at a state.
+
+        Raises:
+            ValueError: it returns something else.
+        """
+        assert self.function is not None
+        found = self.function(time, q, v)
+        if isinstance(found, Mapping):
+            if unknown := found.keys() - set(self.names):
+                raise ValueError(f"the control has {sorted(unknown)[0]!r}, which no actuator is called; expected {', '.join(self.names)}")
+            found = [found.get(name, 0.0) for name in self.names]
+        values = np.asarray(found, dtype=np.float64)
+        if values.shape != (len(self.names),) or not np.isfinite(values).all():
+            raise ValueError(f"the control returns {values}; expected {len(self.names)} finite numbers")
+        return values
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When controls are computed and when they act: each ``period`` [s], 0 for each step, and ``delay`` [s] later."""
+
+    period: float = 0.0
+    delay: float = 0.0
+
+    def asked_at(self, times: Array) -> Array:
+        """The time of which the control acts, for each time; the first one acts before any has arrived."""
+        late = np.maximum(times - self.delay, 0.0)
+        return late if not self.period else np.floor(late / self.period + _ALIKE) * self.period
+
+
+@dataclass(frozen=True)
+class SimulatedFile:
+    """One motion of a file.
+
+    Attributes:
+        over: the numbers that are laid over those of the file. timing: of its controls.
+        counts: of steps, increasing, after each of which q and v are recorded.
+        rounding: a seed; after each step every number of the state is moved by up to half an ulp, as another order of sums moves it. 0: no.
+    """
+
+    file: MovedFile
+    over: Numbers
+    timing: Timing
+    counts: tuple[int, ...]
+    rounding: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class MotionsRequest:
+    """Several motions from one start, q (nq,) and v (nv,) over ``joints`` in this order, under one control."""
+
+    motions: Sequence[SimulatedFile]
+    joints: tuple[str, ...]
+    q: Array
+    v: Array
+    control: Control
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Recorded states of several motions, (m, k, nq) and (m, k, nv) over the joints of the request, NaN from where one breaks down.
+
+    ``mass``: M of the first one at its states, (k, nv, nv).
+    """
+
+    q: Array
+    v: Array
+    mass: Array

@@ -1,0 +1,29 @@
+"""A drift in sections, for the terminal; it computes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from harness.report.comparison import Section
+from harness.results.detail import Detail
+from harness.results.drift import Drifts
+from harness.results.table import counted
+
+# Lines of what differs, where not all is asked for.
+_MOST_LINES = 12
+
+
+def drift_sections(found: Drifts, detail: Detail = Detail.BRIEF) -> Iterator[Section]:
+    """What the gap is due to, by the time, and what differs."""
+    for drift in found.drifts:
+        yield Section(drift.sentence, is_answer=True)
+        yield Section("The sides", [drift.first.title, drift.second.title])
+        table, others = drift.table(detail)
+        how = f"{counted(drift.orders, 'sampled order')} of the causes" if drift.orders else "every subset of the causes"
+        note = f"{counted(drift.motions, 'motion')}, with {how} exchanged; positions in the kinetic-energy norm."
+        yield Section("What the gap in positions is made of", [table, note, *filter(None, [others])])
+        lines = drift.lines
+        if detail == Detail.BRIEF and len(lines) > _MOST_LINES:
+            lines = [*lines[:_MOST_LINES], f"{len(lines) - _MOST_LINES} more (--all)"]
+        if lines:
+            yield Section("What differs", lines)

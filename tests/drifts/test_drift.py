@@ -1,0 +1,199 @@
+"""Drift of two sides: what a user reads, sampled orders, versions that compile otherwise, rounding, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drifting import CART, HOPPER, SCALED, planted
+from support import InThisProcess, harness
+
+import harness as api
+from harness.comparison.shares import exchanges, sampled_orders
+from harness.drifts import plan as plans
+from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, plan_of
+from harness.drifts.study import DriftStudy, PreparedDrift, drift_here, moved, prepare
+from harness.engines.moving import NumberKey
+from harness.errors import InvalidRequest
+from harness.results.cause import DriftCause
+from harness.results.drift import ENGINE, DriftRecord
+from harness.study import run_study
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "a.xml").write_text(CART)
+    (tmp_path / "b.xml").write_text(planted("cart", [DriftCause.GEAR], [DriftCause.DAMPING]))
+    return tmp_path
+
+
+def sides(folder: Path, first: str = "a.xml", second: str = "b.xml") -> tuple[MovingSide, MovingSide]:
+    return MovingSide(folder / first), MovingSide(folder / second)
+
+
+def test_a_user_reads_the_cause_first(folder: Path) -> None:
+    done = harness("drift", "a.xml", "b.xml", "--seconds", "0.1", "--json", "found.json", "--picture", "gap.svg", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    first = done.stdout.splitlines()[0]
+    assert first.startswith("b.xml has another gear than a.xml: 100 % of the gap over 0.1 s (b.xml line 19: gear ")
+    assert first.endswith('Set gear="1.5", gear="1.2" in b.xml.')
+    document = json.loads((folder / "found.json").read_text())
+    assert document["summary"] == first
+    [found] = document["drifts"]
+    assert {share["name"] for share in found["shares"]} == {DriftCause.GEAR, DriftCause.DAMPING, ENGINE}
+    assert (folder / "gap.svg").read_text().startswith("<svg")
+
+
+def test_the_study_finds_what_is_found_here(folder: Path) -> None:
+    settings = DriftSettings(sides(folder), 0.1)
+    study = DriftStudy(settings)
+    list(run_study(study, InThisProcess(1)))
+    assert study.problems == []
+    [found] = study.result().drifts
+    assert found == drift_here(settings)
+
+
+def test_a_function_controls_in_python(folder: Path) -> None:
+    found = api.drift(folder / "a.xml", folder / "b.xml", control=lambda t, q, v: {"drive": -q[0]}, seconds=0.08)
+    assert found.ranked[0].name == DriftCause.GEAR
+    assert "another gear" in repr(found)
+    assert found.plot().svg.startswith("<svg")
+    alike = api.drift(folder / "a.xml", by=("mujoco", "mujoco/rk4@0.004"), control=lambda t, q, v: [t, -v[1]], seconds=0.08)
+    assert alike.sentence == "A and B move alike to the last digit for 0.08 s."
+
+
+def test_sampled_orders_are_near_the_exact_shares(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "b.xml").write_text(planted("cart", [DriftCause.GEAR, DriftCause.DAMPING, DriftCause.FRICTION, DriftCause.ARMATURE]))
+    settings = DriftSettings(sides(folder), 0.1)
+    exact = {share.name: share for share in drift_here(settings).shares}
+    monkeypatch.setattr(plans, "MOST_EXACT", 3)
+    found = drift_here(settings)
+    assert found.orders == 2 * plans.PAIRS_OF_ORDERS
+    assert sum(share.whole or 0.0 for share in found.shares) == pytest.approx(1.0, abs=1e-10)
+    for share in found.shares:
+        assert abs((share.whole or 0.0) - (exact[share.name].whole or 0.0)) <= 5 * share.whole_error + 1e-12
+    assert any(share.whole_error for share in found.shares)
+
+
+def test_shapley_values_of_a_known_game() -> None:
+    """Two gloves on the left and one on the right: 1/6, 1/6 and 2/3 (Shapley's example)."""
+    values = {chosen: float(chosen & 4 and chosen & 3 != 0) for chosen in range(8)}
+    assert [sum(weight * change for weight, change in exchanges(values, place, 3)) for place in range(3)] == pytest.approx(
+        [1 / 6, 1 / 6, 2 / 3]
+    )
+    orders = sampled_orders(4, 3, 0)
+    assert all(one[::-1] == other for one, other in zip(orders[::2], orders[1::2], strict=True))
+    assert all(sorted(order) == [0, 1, 2, 3] for order in orders)
+
+
+def otherwise(held: HeldSides, cause: DriftCause, key: NumberKey, factor: float) -> HeldSides:
+    """The same where the second side's version compiles a number otherwise."""
+    changed = {**held.second[cause], key: held.second[cause][key] * factor}
+    return replace(held, second=replace(held.second, by_cause={**held.second.by_cause, cause: changed}))
+
+
+def test_a_version_that_compiles_a_gain_otherwise(tmp_path: Path) -> None:
+    """As MuJoCo did before 3.15 with ``dampratio``: one file, of which the second engine makes another number."""
+    path = tmp_path / "a.xml"
+    path.write_text(HOPPER.replace('kp="20" kv="0.6"', 'kp="20" dampratio="0.7"'))
+    settings = DriftSettings((MovingSide(path), replace(MovingSide(path), engine="other")), 0.2)
+    beside = replace(settings, sides=(MovingSide(path), MovingSide(path)))
+    held = otherwise(prepare(beside).held, DriftCause.DERIVATIVE_GAIN, ("actuator_biasprm:2", "knee_drive"), 1.4)
+    made = PreparedDrift(settings, held, plan_of(settings, held), ("4", "3"))
+    assert made.plan.causes == (DriftCause.DERIVATIVE_GAIN,)
+    # The other version moves its own file as this one does with its number.
+    [every] = [motion for chosen, motion in made.plan.motions.items() if chosen]
+    assert set(every.over) == {("actuator_biasprm:2", "knee_drive")}
+    answers = [
+        moved(
+            "mujoco",
+            replace(request, motions=[replace(one, over=every.over) for one in request.motions] if engine == "other" else request.motions),
+        )
+        for engine, request in made.requests(64)
+    ]
+    found = made.drift(answers)
+    assert found.ranked[0].name == DriftCause.DERIVATIVE_GAIN and found.ranked[0].whole == pytest.approx(1.0, abs=1e-12)
+    [difference] = found.ranked[0].differences
+    assert difference.what == "dampratio" and difference.first_place == difference.second_place == "line 22"
+    assert float(difference.second) == pytest.approx(1.4 * float(difference.first))
+
+
+DOUBLE = """<mujoco><option timestep="0.01"/><worldbody>
+<body><joint name="one" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/>
+<body pos="0 0 -1"><joint name="two" axis="0 1 0" armature="1e-3"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/></body>
+</body></worldbody><keyframe><key qpos="3 0.5"/></keyframe></mujoco>"""
+
+
+def test_no_share_is_claimed_where_rounding_is_as_large(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(DOUBLE)
+    (tmp_path / "b.xml").write_text(DOUBLE.replace('armature="1e-3"', 'armature="1.0000000001e-3"'))
+    found = drift_here(DriftSettings(sides(tmp_path), 0.5))
+    assert found.horizon is not None
+    claimed = [time for time, *parts in zip(found.times, *(share.positions for share in found.shares), strict=True) if None not in parts]
+    assert all(time < found.horizon for time in claimed)
+    assert "no share is claimed" in found.sentence
+    far = drift_here(DriftSettings(sides(tmp_path, "a.xml", "a.xml"), 0.1))
+    assert not any(far.of_positions) and any(far.rounding)
+
+
+def test_chaos_reaches_a_gap_that_is_felt_at_first(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(DOUBLE)
+    (tmp_path / "b.xml").write_text(DOUBLE.replace('armature="1e-3"', 'armature="1.0001e-3"'))
+    found = drift_here(DriftSettings(sides(tmp_path), 1.0))
+    assert found.horizon is None and found.ranked[0].name == DriftCause.ARMATURE
+    assert found.rounding[-1] < 1e-6 * found.of_positions[-1]
+
+
+REFUSED = {
+    "other joints": (("b.xml", CART.replace('"pin"', '"hinge"')), {}, "a.xml alone moves joint 'pin'"),
+    "other kinds": (("b.xml", CART.replace('name="pin"', 'name="pin" type="slide"')), {}, "joint 'pin' is of another kind in b.xml"),
+    "no such start": (("b.xml", CART), {"start": {"wrist": ([0.0], [0.0])}}, "the start has joint 'wrist'"),
+    "no length": (("b.xml", CART.replace("0.004", "0.003")), {"seconds": 0.005}, "do not end together within 0.005 s; expected 0.012 s"),
+    "no model": (("b.xml", CART.replace("mass=", "weight=")), {}, "mujoco does not move .*b.xml: .*weight"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_sides_that_cannot_be_held_against_each_other(folder: Path, name: str) -> None:
+    (file, text), further, said = REFUSED[name]
+    (folder / file).write_text(text)
+    with pytest.raises(InvalidRequest, match=said):
+        drift_here(DriftSettings(**{"sides": sides(folder), "seconds": 0.1, **further}))  # type: ignore[arg-type]
+
+
+def test_engines_that_exchange_no_numbers_are_refused(folder: Path) -> None:
+    done = harness("drift", "a.xml", "--by", "mujoco", "--by", "pinocchio", cwd=folder)
+    assert done.returncode == 2
+    assert "pinocchio does not move a.xml" in done.stderr
+
+
+@pytest.mark.parametrize("text", ["mujoco/RK4@fast", "mujoco/RK4@-1", "/RK4", "a/b/c"])
+def test_a_side_that_is_no_engine_is_refused(folder: Path, text: str) -> None:
+    with pytest.raises(InvalidRequest, match="expected ENGINE"):
+        MovingSide(folder / "a.xml").by(text)
+
+
+def test_a_body_of_one_file_alone_comes_with_its_tree(folder: Path) -> None:
+    gripper = '<body name="gripper" pos="0 0 -0.2"><inertial pos="0 0 0" mass="0.2" diaginertia="1e-4 1e-4 1e-4"/></body>'
+    text = CART.replace('<inertial pos="0.02 0 -0.1"', f'{gripper}<inertial pos="0.02 0 -0.1"')
+    text = text.replace('damping="0.05"', 'damping="0.06"')
+    (folder / "b.xml").write_text(text)
+    found: DriftRecord = drift_here(DriftSettings(sides(folder), 0.2))
+    assert [share.name for share in found.ranked[:2]] == [DriftCause.TREE, DriftCause.DAMPING]
+    assert any(one.owner == "body gripper" for one in found.ranked[0].differences)
+    left = next(share for share in found.shares if share.name == ENGINE)
+    assert left.positions == [0.0] * len(found.times)
+
+
+def test_times_are_steps_of_both_sides(folder: Path) -> None:
+    one, other = sides(folder)
+    found = drift_here(DriftSettings((one, other.by("mujoco/@0.003")), 0.1))
+    assert all(abs(time / 0.012 - round(time / 0.012)) < 1e-12 for time in found.times)
+    assert np.all(np.diff(found.times) > 0) and found.times[-1] == pytest.approx(0.096)
+
+
+def test_every_cause_of_the_robots_can_be_planted() -> None:
+    assert {DriftCause.GAIN, DriftCause.GEAR, DriftCause.CONTACT_LAW, DriftCause.STEP} <= SCALED.keys()
