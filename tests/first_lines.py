@@ -53,6 +53,26 @@ class User:
 
 HEAVIER = r'<mass value="7"/>', '<mass value="7.7"/>'
 BUNDLED_FILES = {name: BUNDLED / name for name in ("arm.urdf", "arm.xml", "quadruped.urdf", "quadruped.xml", "gripper.urdf")}
+# An arm with servos in one simulator's file, and in another's, which left the gain of the velocity out; and a table of controls.
+SERVOS = (
+    r"</mujoco>",
+    "".join(
+        [
+            "  <actuator>\n",
+            *(
+                f'    <position name="{name}" joint="{joint}" kp="300" kv="5.13" forcerange="-90 90"/>\n'
+                for name, joint in (("shoulder", "shoulder_pitch"), ("elbow", "elbow_pitch"))
+            ),
+            "  </actuator>\n</mujoco>",
+        ]
+    ),
+)
+CONTROLLED_FILES = {
+    "arm.xml": BUNDLED / "arm.xml",
+    "isaac.xml": Edit("arm.xml", *SERVOS),
+    "mine.xml": Edit("isaac.xml", r' kv="5.13"', ""),
+    "policy.csv": Edit("arm.xml", r"\A(?s:.+)\Z", "time,shoulder,elbow\n0,0.6,-0.4\n0.1,-0.3,0.5\n"),
+}
 USERS = {
     "owner": User(
         "Owner of a robot, with the files of this repository",
@@ -79,6 +99,19 @@ USERS = {
             "heavier.xml": Edit("arm.xml", r'mass="7"', 'mass="7.7"'),
             "broken.urdf": Edit("arm.urdf", r"</robot>", ""),
         },
+    ),
+    "controller": User(
+        "Somebody whose policy works in one simulator and not in the other",
+        (
+            "drift isaac.xml mine.xml --control policy.csv --seconds 0.3",
+            "drift mine.xml --control policy.csv --delay 0 0.004 --seconds 0.3",
+            "drift mine.xml --by mujoco/Euler --by mujoco/RK4@0.004 --seconds 0.2",
+            "drift isaac.xml isaac.xml --seconds 0.2",
+            "drift isaac.xml arm.xml",
+            "drift isaac.xml mine.xml --control missing.csv",
+            "drift isaac.xml --by mujoco --by pinocchio",
+        ),
+        CONTROLLED_FILES,
     ),
     "maintainer": User(
         "Maintainer who upgrades an engine",

@@ -26,6 +26,8 @@ def read_control(path: Path) -> Control:
         raise InvalidRequest(f"{path}: expected a table of controls, {', '.join(readers)}")
     try:
         columns = readers[path.suffix.lower()](path)
+    except FileNotFoundError as error:
+        raise InvalidRequest(f"{path}: there is no such table of controls") from error
     except (OSError, ValueError) as error:
         raise InvalidRequest(f"{path}: cannot be read as a table of numbers: {error}") from error
     if TIME not in columns or len(columns) < 2:

@@ -159,9 +159,14 @@ def _difference(
         return None
     values = [numbers[cause].get(key) if cause in numbers.by_cause else None for numbers in held]
     if any(value is None for value in values):
-        there = ["stands in the file" if any(key in numbers for numbers in one.by_cause.values()) else "none" for one in held]
-        owned = _named(prefix, owner)
-        return None if name != _FIRST.get(prefix) else SideDifference(owner=owned, what="is", first=there[0], second=there[1])
+        if name != _FIRST.get(prefix):
+            return None
+        has = [any(key in numbers for numbers in one.by_cause.values()) for one in held]
+        texts = ["present" if there else "absent" for there in has]
+        lines = [file.written(prefix, owner, array)[0] if there else "" for file, there in zip(files, has, strict=True)]
+        return SideDifference(
+            owner="", what=_named(prefix, owner), first=texts[0], second=texts[1], first_place=lines[0], second_place=lines[1]
+        )
     places = [file.written(prefix, owner, array) for file in files]
     compiled = [_compiled(array, value, numbers) for value, numbers in zip(values, held, strict=True)]
     texts = [text or own for (_, _, text), own in zip(places, compiled, strict=True)]

@@ -16,6 +16,7 @@ NAMED, MOST_NAMED = 0.05, 3
 # Rounding from this part of the gap on leaves no share to be claimed.
 FELT_ROUNDING = 0.01
 _MOST_OWNERS = 3
+_PLURAL = (DriftCause.TREE, DriftCause.SPRINGS, DriftCause.LIMITS, DriftCause.EQUALITIES, DriftCause.FRICTION, DriftCause.DAMPING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +132,10 @@ class DriftRecord:
         named = [share for share in self.ranked if (share.whole or 0.0) >= NAMED][:MOST_NAMED] or self.ranked[:1]
         over = f"of the gap over {self.explained:g} s"
         told = [_clause(share, (one, other), "" if place else over) for place, share in enumerate(named)]
+        if taking := [share for share in self.ranked if (share.whole or 0.0) <= -NAMED]:
+            told.append(
+                f"{'Other' if taking[-1].name in _PLURAL else 'Another'} {taking[-1].name} takes {_words(-(taking[-1].whole or 0.0))} back."
+            )
         if self.horizon is not None:
             told.append(f"From {self.horizon:g} s on rounding alone would make {FELT_ROUNDING:.0%} of the gap; no share is claimed there.")
         return " ".join(told)
@@ -170,7 +175,7 @@ def _clause(share: CauseShare, labels: tuple[str, str], over: str) -> str:
     elif absent[0]:
         what = f"{other} has {_with_article(share.name)} and {one} has none"
     else:
-        what = f"{other} has another {share.name} than {one}"
+        what = f"{other} has {'other' if share.name in _PLURAL else 'another'} {share.name} than {one}"
     where = f" ({_where(differences, labels)})" if differences else ""
     remedies = list(dict.fromkeys(difference.remedy for difference in differences if difference.remedy))
     remedy = f" Set {first_of(remedies, _MOST_OWNERS)} in {other}." if remedies else ""
@@ -203,11 +208,7 @@ def _differences(share: CauseShare, labels: tuple[str, str]) -> list[str]:
 
 
 def _with_article(name: str) -> str:
-    return (
-        name
-        if name.endswith("s") or name in (DriftCause.FRICTION, DriftCause.DAMPING, DriftCause.GAIN)
-        else f"{'an' if name[0] in 'aeio' else 'a'} {name}"
-    )
+    return name if name in (*_PLURAL, DriftCause.GAIN) else f"{'an' if name[0] in 'aeio' else 'a'} {name}"
 
 
 def _words(part: float) -> str:

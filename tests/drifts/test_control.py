@@ -65,7 +65,7 @@ def test_what_is_no_table_is_refused(tmp_path: Path, name: str, text: str, said:
 
 
 def test_a_table_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidRequest, match="No such file"):
+    with pytest.raises(InvalidRequest, match="there is no such table of controls"):
         read_control(tmp_path / "none.csv")
 
 

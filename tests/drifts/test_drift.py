@@ -183,7 +183,7 @@ def test_a_body_of_one_file_alone_comes_with_its_tree(folder: Path) -> None:
     (folder / "b.xml").write_text(text)
     found: DriftRecord = drift_here(DriftSettings(sides(folder), 0.2))
     assert [share.name for share in found.ranked[:2]] == [DriftCause.TREE, DriftCause.DAMPING]
-    assert any(one.owner == "body gripper" for one in found.ranked[0].differences)
+    assert any(one.what == "body gripper" for one in found.ranked[0].differences)
     left = next(share for share in found.shares if share.name == ENGINE)
     assert left.positions == [0.0] * len(found.times)
 
