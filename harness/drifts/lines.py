@@ -172,7 +172,7 @@ def _difference(
     texts = [text or own for (_, _, text), own in zip(places, compiled, strict=True)]
     if texts[0] == texts[1]:
         # The files say the same, of which engines make other numbers.
-        texts = compiled
+        texts = [f"{text}, compiled as {own}" if text and text != own else own for text, own in zip(texts, compiled, strict=True)]
     attributes = [attribute for _, attribute, text in places if text]
     what = attributes[0] if attributes else places[0][1]
     is_set_by_side = prefix == "opt" and any(getattr(side, {"timestep": "length"}.get(name, name), None) for side in sides)

@@ -47,25 +47,26 @@ def drift_of(
             noise = np.maximum(noise, [norm.sizes(each)[0] for norm, each in zip(norms, moved, strict=True)])
     # What rounding has made once stays possible.
     noise = np.maximum.accumulate(noise)
-    drowned = np.flatnonzero((noise >= FELT_ROUNDING * sizes[:, 0]) & (sizes[:, 0] > 0))
-    # Beyond a first time of rounding, shares hang on chance.
-    clear = int(drowned[0]) if len(drowned) else size
+    # Before a difference acts, as behind the limit of a force, the gap is rounding too.
+    clear = noise < FELT_ROUNDING * sizes[:, 0]
+    beside = np.flatnonzero(clear | (sizes[:, 0] == 0))
+    end = int(beside[-1]) + 1 if len(beside) else 0
     products = np.array([norm.product(each, each) for norm, each in zip(norms, gap, strict=True)]).reshape(size, 2)
     shares = []
     for name, terms in _terms(plan, at, gap).items():
         # (terms, k, 2): scalar products of what an exchange does, or the orders of a pair do, with the gap.
         along_gap = np.array([[norm.product(*each) for norm, *each in zip(norms, term, gap, strict=True)] for _, term in terms])
         weights = np.array([weight for weight, _ in terms])
-        parts, wholes = _ratio(along_gap, products), _ratio(along_gap[:, :clear].sum(axis=1), products[:clear].sum(axis=0))
+        parts, wholes = _ratio(along_gap, products), _ratio(along_gap[:, clear].sum(axis=1), products[clear].sum(axis=0))
         mean, whole = np.tensordot(weights, parts, 1), weights @ wholes
         positions, velocities = (
-            [float(part[half]) if place < clear and products[place, half] else None for place, part in enumerate(mean)] for half in (0, 1)
+            [float(part[half]) if clear[place] and products[place, half] else None for place, part in enumerate(mean)] for half in (0, 1)
         )
         shares.append(
             CauseShare(
                 name=name,
-                whole=float(whole[0]) if products[:clear, 0].any() else None,
-                whole_velocities=float(whole[1]) if products[:clear, 1].any() else None,
+                whole=float(whole[0]) if products[clear, 0].any() else None,
+                whole_velocities=float(whole[1]) if products[clear, 1].any() else None,
                 whole_error=float(_error(plan, wholes[:, 0])),
                 positions=positions,
                 velocities=velocities,
@@ -83,7 +84,7 @@ def drift_of(
         of_velocities=sizes[:, 1].tolist(),
         moved=[norm.sizes(each)[0] for norm, each in zip(norms, way, strict=True)],
         rounding=noise.tolist(),
-        horizon=float(plan.times[clear]) if clear < size else None,
+        horizon=float(plan.times[end]) if end < size else None,
         shares=tuple(shares),
         motions=len(motions),
         orders=len(plan.orders),

@@ -70,9 +70,9 @@ class CauseShare:
     """The share that a cause has of the gap at each time: the parts of all of them sum to 1.
 
     Attributes:
-        name: a ``DriftCause``, or what is left to the engine. positions, velocities: the parts; None from the horizon on, and without gap.
+        name: a ``DriftCause``, or what is left to the engine. positions, velocities: the parts; None where rounding is felt.
         error: standard error of ``positions`` where orders were sampled, 0 where all subsets were moved.
-        whole: the part of the mean square of the gap in positions over all times before the horizon; None without a gap.
+        whole: the part of the mean square of the gap in positions over all times at which it is not; None without any.
         whole_velocities: the same in velocities. whole_error: standard error of ``whole``.
     """
 
@@ -92,9 +92,10 @@ class DriftRecord:
 
     Attributes:
         times: [s]. told: the places among them that a table tells. joints: that move in both.
-        of_positions, of_velocities: sizes of the gap, in the kinetic-energy norm of the first side. moved: how far that is from its start.
-        rounding: what accumulated rounding makes of ``of_positions``. horizon: the first time from which it is ``FELT_ROUNDING`` of the
-            gap, None where it never is. motions: how many were simulated. orders: how many were sampled; 0 where all subsets were moved.
+        of_positions, of_velocities: sizes of the gap, in the kinetic-energy norm of the first side.
+        moved: how far that is from its start. rounding: what accumulated rounding makes of ``of_positions``.
+        horizon: the time from which that is at least ``FELT_ROUNDING`` of the gap to the end, None where it is not at the end.
+        motions: how many were simulated. orders: how many were sampled; 0 where all subsets were moved.
     """
 
     first: DriftSide
