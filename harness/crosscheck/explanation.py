@@ -139,7 +139,7 @@ def explain_difference(assignment: Assignment, seed: int) -> str:
         return ""
     states = diagnostic_states(assignment.mechanism, seed, STATES_OF_QUANTITIES)
     engine, truth = load_engine(assignment.library, assignment.subject.engine), assignment.truth
-    watched = watch(engine, assignment.mechanism, model, states, truth.answers)
+    watched = watch(engine, assignment.mechanism, model, states, truth.asks)
     found = []
     for one in explaining_numbers(watched, truth.evaluate(states))[:NAMED]:
         how = f" {one.statement}" if one.statement else ""

@@ -33,7 +33,16 @@ from harness.crosscheck.loading import (
     why_no_model,
 )
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.stages import NOT_OFFERED, Answers, ask_one_by_one, compare_all, measure_componentwise, readings_and_refusal
+from harness.crosscheck.stages import (
+    NOT_OFFERED,
+    TOGETHER,
+    Answers,
+    ask_one_by_one,
+    compare_all,
+    compare_each,
+    measure_componentwise,
+    readings_and_refusal,
+)
 from harness.crosscheck.superfluous import find_superfluous
 from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.errors import InvalidInput, InvalidRequest, is_out_of_memory
@@ -235,7 +244,7 @@ class CrossCheck(Study):
             return
         seconds, compilation_seconds, answers = found
         for pair in pairs:
-            if pair.key in answers:
+            if pair.key in answers and not pair.failure:
                 self._take(pair, answers[pair.key], states)
         system.seconds.append(seconds)
         system.compilation_seconds = max(system.compilation_seconds or 0.0, compilation_seconds)
@@ -259,14 +268,22 @@ class CrossCheck(Study):
         """The value of one task for several pairs; without those that it dies of, which fail. None where nobody is left.
 
         Where its process dies, the culprit is the one that the task's note names, and the state it died at is looked for. Where there is
-        none, all fail.
+        none, all fail. Of several that the note names each is asked by itself, and all of them fail where it does not die again.
         """
+        died: dict[str, str] = {}
         while pairs:
             outcome = yield from ask(function, [pair.assignment for pair in pairs], *rest, affinity=system.name)
             failure = self.failure(outcome)
             if not failure:
+                for pair in map(system.pairs.__getitem__, died):
+                    pair.fail(f"{died[pair.key]}, when it was asked for several quantities in one request, and not when for each")
+                    self.crashes.add((system.name, str(pair.subject)))
                 return outcome.value
             note = json.loads(outcome.crash.note) if outcome.crash is not None and outcome.crash.note else {}
+            if TOGETHER in note:
+                function, died = compare_each, dict.fromkeys(note[TOGETHER], failure)
+                continue
+            died = {}
             culprit = system.pairs.get(note.get("subject", ""))
             if outcome.crash is not None:
                 self.crashes.add((system.name, None if culprit is None else str(culprit.subject)))

@@ -9,6 +9,7 @@ that it says is evidence about a model, so that such answers are an error and no
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import time
@@ -26,7 +27,19 @@ from harness.crosscheck.assignment import (
     reference_kernel_of,
     why_left_out,
 )
-from harness.engines import InvalidAnswer, Misread, Model, NotOffered, Unsupported, accelerations, load_engine, timed_answers_of
+from harness.engines import (
+    Calls,
+    InvalidAnswer,
+    Misread,
+    Model,
+    NotOffered,
+    Unsupported,
+    accelerations,
+    asks_in_one_request,
+    load_engine,
+    require_offered,
+    timed_answers_of,
+)
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
@@ -43,6 +56,8 @@ from harness.verdict import Verdict
 NOT_OFFERED = "not offered: "
 # Why a further quantity of such a subject is another one.
 MISREAD = "its reader makes another mechanism of the file, and its accelerations are those of that"
+# Of a note, names those that are asked in one request.
+TOGETHER = "together"
 # Timings of a batch: the least where these take that long, else the most.
 LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
 # A longer call is timed once; one that is shorter is set up for the size of its batch by a call before.
@@ -114,11 +129,62 @@ class Truths:
         return self._known[truth.key]
 
 
+# What a subject answered at a batch of states, with its seconds.
+Answered = tuple[Array, float]
+
+
 def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -> tuple[float, float, dict[str, Answers]]:
     """Seconds per certified state, seconds of compilation, and by ``Assignment.title`` what was answered at ``states``.
 
-    All assignments are of one mechanism. The note names the one that is being asked.
+    All assignments are of one mechanism. The note names the one that is being asked, or all that are asked together.
     """
+    return _compared(assignments, states, note, in_one_request=True)
+
+
+def compare_each(assignments: Sequence[Assignment], states: States, note: Note) -> tuple[float, float, dict[str, Answers]]:
+    """``compare_all``, each asked by itself: where a process dies of several, the note names one."""
+    return _compared(assignments, states, note, in_one_request=False)
+
+
+def _asked_together(assignments: Sequence[Assignment], states: States, note: Note) -> dict[str, Answered]:
+    """By ``Assignment.title``, answers that came in one request for all quantities of a model in another process.
+
+    Those of a model that fails in one of them are asked one by one.
+    """
+    models: dict[int, Model] = {}
+    asked: dict[int, dict[str, tuple[Calls, Calls]]] = {}
+    for assignment in assignments:
+        note(json.dumps({"subject": assignment.title}))
+        # It is raised where the assignment is asked by itself.
+        with contextlib.suppress(Exception):
+            model, truth = load_audited(assignment), assignment.truth
+            if asks_in_one_request(model):
+                models[id(model)] = model
+                asked.setdefault(id(model), {})[assignment.title] = _warmed_up(truth, model, truth.asked_at(states))
+    answered: dict[str, Answered] = {}
+    for model_id, own in asked.items():
+        if len(own) > 1:
+            note(json.dumps({TOGETHER: list(own)}))
+            with contextlib.suppress(Exception):
+                found = timed_answers_of(models[model_id], [calls for pair in own.values() for calls in pair])
+                answered |= dict(zip(own, found[1::2], strict=True))
+    return answered
+
+
+def _warmed_up(truth: Truth, model: Model, states: States) -> tuple[Calls, Calls]:
+    """What is asked at ``states``, behind the same at one state: what is compiled or allocated on first use is not charged to the engine.
+
+    Raises:
+        NotOffered: the model does not offer it.
+    """
+    found = truth.asks(model, states[:1]), truth.asks(model, states)
+    require_offered(model, found)
+    return found
+
+
+def _compared(
+    assignments: Sequence[Assignment], states: States, note: Note, in_one_request: bool
+) -> tuple[float, float, dict[str, Answers]]:
     truths, answers = Truths(states), dict[str, Answers]()
     for assignment in assignments:
         if assignment.asked.is_default:
@@ -130,21 +196,25 @@ def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -
             # Before anybody is asked, who would be blamed for a death.
             for one in filter(None, (truth, truth.rigid)):
                 truths.of(one)
+    together = _asked_together(assignments, states, note) if in_one_request else {}
     for assignment in assignments:
         if assignment.title not in answers:
             note(json.dumps({"subject": assignment.title}))
-            answers[assignment.title] = ask(assignment, states, truths)
+            answers[assignment.title] = ask(assignment, states, truths, together.get(assignment.title))
     return truths.seconds, truths.compilation_seconds, answers
 
 
-def ask(assignment: Assignment, states: States, truths: Truths) -> Answers:
-    """The subject's answers at ``states``, timed, held against each other and compared with the truth there."""
+def ask(assignment: Assignment, states: States, truths: Truths, before: Answered | None = None) -> Answers:
+    """The subject's answers at ``states``, timed, held against each other and compared with the truth there.
+
+    ``before``: what it has answered there already.
+    """
     quantity = assignment.asked
     try:
         model = load_audited(assignment)
         truth, closed = assignment.truth, states
         certified, states = truths.of(truth), truth.asked_at(states)
-        answers, seconds = timed_answers(truth, model, states, again=quantity.is_asked_again)
+        answers, seconds = timed_answers(truth, model, states, quantity.is_asked_again, before)
         if quantity.is_asked_again:
             require_repeatable(truth, model, states, answers, certified)
         comparison, of_solver = truth.judge(certified, states, answers[0], model), ""
@@ -232,15 +302,20 @@ def declared_precision(assignment: Assignment) -> str:
     return f"computes in {name}: judged in data roundoffs of 2^-{bits}, at states rounded to {name}"
 
 
-def timed_answers(truth: Truth, model: Model, states: States, again: bool = True) -> tuple[list[Array], list[float]]:
-    """The answers at ``states`` of each call, and seconds per state of each timing; of one call without ``again``."""
-    asked = truth.asks(model, states)
-    # What is compiled or allocated on first use is not charged to the engine.
-    found = timed_answers_of(model, [truth.asks(model, states[:1]), asked])[1:]
-    _, first = found[0]
-    if again and first <= REPEATED_BELOW_SECONDS:
+def timed_answers(
+    truth: Truth, model: Model, states: States, again: bool = True, before: Answered | None = None
+) -> tuple[list[Array], list[float]]:
+    """The answers at ``states`` of each call, and seconds per state of each timing; of one call without ``again``.
+
+    ``before``: the answer to the first call, where it is there already.
+    """
+    first, asked = _warmed_up(truth, model, states)
+    found = [before or timed_answers_of(model, [first, asked])[1]]
+    _, seconds_of_first = found[0]
+    if again and seconds_of_first <= REPEATED_BELOW_SECONDS:
         # The call before has set the engine up for the size of the batch.
-        found += timed_answers_of(model, [asked] * (LEAST_TIMINGS if first * LEAST_TIMINGS > ENOUGH_SECONDS else MOST_TIMINGS))
+        count = LEAST_TIMINGS if seconds_of_first * LEAST_TIMINGS > ENOUGH_SECONDS else MOST_TIMINGS
+        found += timed_answers_of(model, [asked] * count)
     answers, seconds = zip(*found, strict=True)
     return list(answers), [one / len(states) for one in seconds[1:] or seconds]
 

@@ -52,20 +52,29 @@ def timed_answers_of(model: Model, several: Sequence[Calls]) -> list[tuple[Any, 
         InvalidAnswer: it is no array of that shape of floating-point numbers, or other arithmetic is left behind.
         NotOffered: the model has no such method.
     """
+    require_offered(model, several)
     calls = [call for asked in several for call in asked.each]
-    for call in calls:
-        if not hasattr(model, call.method):
-            raise NotOffered(f"the engine offers no {call.method.replace('_', ' ')}")
-    given = [call._replace(arguments=tuple(map(_copied, call.arguments))) for call in calls]
     # Of its class: what stands before a model, and answers some of its methods otherwise, hands on all that it does not know.
     at_once = getattr(type(model), "answer_each", answer_each)
-    answers = iter(at_once(model, given) if given else [])
+    answers = iter(at_once(model, calls) if calls else [])
     found = []
     for asked in several:
         own = [next(answers) for _ in asked.each]
         checked = [_require_floats(call, answer) for call, (answer, _) in zip(asked.each, own, strict=True)]
         found.append((asked.formed(checked), sum(seconds for _, seconds in own)))
     return found
+
+
+def require_offered(model: Model, several: Sequence[Calls]) -> None:
+    """Raises NotOffered where the model has no method of that name."""
+    for call in (call for asked in several for call in asked.each):
+        if not hasattr(model, call.method):
+            raise NotOffered(f"the engine offers no {call.method.replace('_', ' ')}")
+
+
+def asks_in_one_request(model: Model) -> bool:
+    """Whether a request to a model costs a way to another process and back."""
+    return hasattr(type(model), "answer_each")
 
 
 def asked_accelerations(model: Model, states: States) -> Calls:
@@ -98,8 +107,14 @@ def gaps_of(model: Model, states: States) -> Mapping[str, Array]:
 
 def accelerations_and_gaps(model: Model, states: States) -> tuple[Array, Mapping[str, Array]]:
     """``accelerations`` and ``gaps_of``, asked for in one request."""
-    (answers, _), (gaps, _) = timed_answers_of(model, [asked_accelerations(model, states), _asked_gaps(model, states)])
-    return answers, gaps
+    found: tuple[Array, Mapping[str, Array]] = timed_answers_of(model, [asked_accelerations_and_gaps(model, states)])[0][0]
+    return found
+
+
+def asked_accelerations_and_gaps(model: Model, states: States) -> Calls:
+    """The calls of both."""
+    motion, gaps = asked_accelerations(model, states), _asked_gaps(model, states)
+    return Calls(motion.each + gaps.each, lambda answers: (motion.formed(answers[:1]), gaps.formed(answers[1:])))
 
 
 def _asked_gaps(model: Model, states: States) -> Calls:
@@ -109,15 +124,15 @@ def _asked_gaps(model: Model, states: States) -> Calls:
     return Calls(calls, lambda answers: {name: rows[name] for rows in answers for name in sorted(rows)})
 
 
-def loaded_and_asked(
-    engine: Engine, model: ModelFile, joints: Sequence[str], gravity: float, states: States
-) -> tuple[Array, Mapping[str, Array]]:
-    """``accelerations`` of a file and its ``gaps_of``, for ``engine.run``: a changed file of hundreds is loaded to be asked once.
+def loaded_and_asked(engine: Engine, model: ModelFile, joints: Sequence[str], gravity: float, calls: Sequence[Call]) -> list[Any]:
+    """What a file answers to each call, for ``engine.run``: a changed file of hundreds is loaded to be asked once.
 
     Raises:
-        ValueError: the engine refuses the model. harness.engines.Unsupported: it cannot express it.
+        ValueError: the engine refuses the model. harness.engines.Unsupported: it cannot express it. Others as ``timed_answers_of``.
     """
-    return accelerations_and_gaps(load_keeping_arithmetic(engine, model, joints, gravity), states)
+    loaded = load_keeping_arithmetic(engine, model, joints, gravity)
+    found: list[Any] = timed_answers_of(loaded, [Calls(tuple(calls), list)])[0][0]
+    return found
 
 
 def factorises_mass_matrix(model: Model) -> bool:
@@ -126,14 +141,16 @@ def factorises_mass_matrix(model: Model) -> bool:
 
 
 def answer_each(model: Model, calls: Sequence[Call]) -> list[tuple[Any, float]]:
-    """What each call of a model in this process returns, and its seconds."""
-    found = []
+    """What each call of a model in this process returns, and its seconds; equal answers in a row are one object."""
+    found: list[tuple[Any, float]] = []
     for call in calls:
-        method = getattr(model, call.method)
+        method, arguments = getattr(model, call.method), tuple(map(_copied, call.arguments))
         started = time.perf_counter()
-        answer = called(call.method, method, call.arguments)
+        answer = called(call.method, method, arguments)
         seconds = time.perf_counter() - started
-        found.append((_copied(getattr(answer, call.part) if call.part else answer), seconds))
+        answer = _copied(getattr(answer, call.part) if call.part else answer)
+        # A timing is of one call several times, whose answers are handed over once.
+        found.append((found[-1][0] if found and _is_same(found[-1][0], answer) else answer, seconds))
     return found
 
 
@@ -152,6 +169,12 @@ def called(method: str, function: Callable[..., Any], arguments: Sequence[Any]) 
 
 def _copied(value: Any) -> Any:
     return np.array(value) if isinstance(value, np.ndarray) else value
+
+
+def _is_same(before: Any, answer: Any) -> bool:
+    """Whether both are arrays of the same bits."""
+    arrays = isinstance(before, np.ndarray) and isinstance(answer, np.ndarray) and not answer.dtype.hasobject
+    return arrays and (before.shape, before.dtype) == (answer.shape, answer.dtype) and before.tobytes() == answer.tobytes()
 
 
 def _require_floats(call: Call, answer: Any) -> Any:

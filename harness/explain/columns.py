@@ -18,11 +18,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines import Engine, Model, Unsupported, loaded_and_asked
+from harness.engines import Calls, Engine, Model, Unsupported, asked_accelerations_and_gaps, loaded_and_asked
 from harness.explain.changes import NUMBER, Change
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import TextPlace, Watch
@@ -51,29 +52,27 @@ def watch(
     mechanism: Mechanism,
     model: ModelFile,
     states: States,
-    answers: Callable[[Model, States], Array] | None = None,
+    asks: Callable[[Model, States], Calls] | None = None,
     declared: Callable[[ModelFile], Array] | None = None,
 ) -> Watch:
-    """The ``answers`` of an engine at ``states``, accelerations with gaps by default; what the model holds is not audited.
+    """The answers of an engine at ``states`` to what it is asked, accelerations with gaps by default; no model is audited.
 
     From those of a changed model is taken by how much the law that it has ``declared`` moves their truth, (n, nv).
 
     Raises:
         ValueError: the engine refuses the model as it is; harness.engines.Unsupported: it cannot express it.
     """
+    calls = (asks or asked_accelerations_and_gaps)(engine.load(model, mechanism.joints, mechanism.gravity), states)
 
     def answer(changed: ModelFile) -> Array:
-        about = changed, mechanism.joints, mechanism.gravity
         try:
-            if answers is None:
-                accelerations, gaps = engine.run(loaded_and_asked, *about, states)
-                found = with_gaps(accelerations, gaps, states, mechanism)
-            else:
-                found = answers(engine.load(*about), states)
+            answers = engine.run(loaded_and_asked, changed, mechanism.joints, mechanism.gravity, calls.each)
         except Unsupported as reason:
-            if changed is model:
-                raise
             raise ValueError(str(reason)) from reason
+        found: Any = calls.formed(answers)
+        if asks is None:
+            accelerations, gaps = found
+            found = with_gaps(accelerations, gaps, states, mechanism)
         return found if declared is None else beside_law(found, declared(changed))
 
     return Watch(model, answer, mechanism.nv)

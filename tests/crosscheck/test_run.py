@@ -16,7 +16,7 @@ from support import InThisProcess, changed_engine, completed, cross_checked, mak
 
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.stages import compare_all
+from harness.crosscheck.stages import compare_all, compare_each
 from harness.crosscheck.superfluous import find_superfluous
 from harness.engines.files import engine_files
 from harness.errors import InvalidInput
@@ -152,6 +152,30 @@ def test_what_ends_the_certification_is_nobodys_engine(
     records, study = cross_checked(Settings(library=BUILT_IN, names=["bar_pendulum"], states=40, examples=None), Dying())
     assert {record.message for record in records} == {f"the reference failed: {message}"}
     assert (study.crashes, study.faults) == (crashes, faults)
+
+
+@pytest.mark.parametrize("dies_again", [True, False])
+def test_a_death_among_quantities_that_are_asked_together_is_that_of_the_one_that_dies_alone(dies_again: bool) -> None:
+    quantities = ["energy", "gravity", "reactions"]
+    titles = ["mujoco/mjcf energy", "mujoco/mjcf gravity"]
+    death, seen = "crashed by signal 11 (SIGSEGV)", list[Any]()
+
+    class Dying(InThisProcess):
+        def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:
+            for outcome in super().run(tasks, further):
+                function = outcome.task.function
+                seen.append(function)
+                notes = {compare_all: {"together": titles}} | ({compare_each: {"subject": titles[0]}} if dies_again else {})
+                note = notes.get(function) if seen.count(function) == 1 else None
+                yield Outcome(outcome.task, crash=Crash(death, json.dumps(note), "")) if note else outcome
+
+    settings = Settings(library=BUILT_IN, names=["bar_pendulum"], subjects=["mujoco/mjcf"], states=40, examples=None)
+    study = CrossCheck(settings, quantities)
+    records = completed(study, Dying()).records
+    wrong = {record.quantity: record.message for record in records if record.verdict != "agrees"}
+    together = f"{death}, when it was asked for several quantities in one request, and not when for each"
+    assert wrong == ({"energy": death} if dies_again else dict.fromkeys(quantities[:2], together))
+    assert len(records) == 3 and study.crashes == {("bar_pendulum", "mujoco/mjcf")}
 
 
 class CutOff(InThisProcess):

@@ -5,7 +5,7 @@ engine is run by one of this Python's: whatever it does to its process, no other
 an engine runs out of memory, or raises what its bindings do not know, that process ends too, and the next question is another one's.
 
 Its cost, measured: 0.2 s to start beside the import of the engine, 0.2 ms of CPU a request on both sides together, 0.2 ms a model that
-is loaded. Checks of all mechanisms, on two workers and with a warm cache, spend 4.5 % of their CPU on it, by what asking and answering
+is loaded. Checks of all mechanisms, on two workers and with a warm cache, spend 3.9 % of their CPU on it, by what asking and answering
 takes beside the calls themselves; ``benchmarks``, ``commands/isolation of check``, measures checks with and without in turns.
 
 No library does this: execnet hides the exit status and standard error of a process, which name its death; see ``harness.workers.local``.
