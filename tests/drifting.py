@@ -104,8 +104,9 @@ SCALED = {
     DriftCause.STEP: (r'timestep="([\d.]+)"', 4.0),
     DriftCause.CONTACT_LAW: (r'solref="([\d.]+) 1"', 4.0),
 }
-# A change of each that is there beside the planted one.
-SMALL = 1.001
+# A change of each that is there beside the planted one; and beside two, of which one may be felt a ten-thousandth as much as the other,
+# as another implicit integrator is beside a force range of 40 %.
+SMALL, SMALLEST = 1.001, 1.000001
 INTEGRATORS = {"arm": ('integrator="implicitfast"', 'integrator="Euler"'), "hopper": ("<option ", '<option integrator="RK4" ')}
 INTEGRATORS["cart"] = ('integrator="RK4"', 'integrator="Euler"')
 
@@ -127,7 +128,7 @@ def scaled(text: str, cause: DriftCause, factor: float) -> str:
     return changed
 
 
-def planted(robot: str, causes: Collection[DriftCause], small: Collection[DriftCause] = ()) -> str:
+def planted(robot: str, causes: Collection[DriftCause], small: Collection[DriftCause] = (), by: float = SMALL) -> str:
     """The file of a robot with large changes of some causes and small ones of others, as far as it has those."""
     text = ROBOTS[robot]
     for cause in causes:
@@ -138,5 +139,5 @@ def planted(robot: str, causes: Collection[DriftCause], small: Collection[DriftC
             text = scaled(text, cause, SCALED[cause][1])
     for cause in small:
         if cause not in causes and re.search(SCALED[cause][0], text):
-            text = scaled(text, cause, SMALL)
+            text = scaled(text, cause, by)
     return text
