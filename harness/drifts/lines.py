@@ -172,12 +172,14 @@ def _difference(
     texts = [text or own for (_, _, text), own in zip(places, compiled, strict=True)]
     if texts[0] == texts[1]:
         # The files say the same, of which engines make other numbers.
-        texts = [f"{text}, compiled as {own}" if text and text != own else own for text, own in zip(texts, compiled, strict=True)]
+        says = [text if prefix not in ("opt", "flag") else "" for text in texts]
+        texts = [f"{text}, compiled as {own}" if text and text != own else own for text, own in zip(says, compiled, strict=True)]
     attributes = [attribute for _, attribute, text in places if text]
     what = attributes[0] if attributes else places[0][1]
     is_set_by_side = prefix == "opt" and any(getattr(side, {"timestep": "length"}.get(name, name), None) for side in sides)
-    says = bool(places[0][2]) or not places[1][2]
-    remedy = "" if is_set_by_side or sides[0].path == sides[1].path or not says else f'{what}="{texts[0]}"'
+    # A switch that no file says is the engine's, which applies no more.
+    can_be_said = bool(places[0][2]) or not places[1][2] if prefix != "flag" else bool(places[1][2])
+    remedy = "" if is_set_by_side or sides[0].path == sides[1].path or not can_be_said else f'{what}="{texts[0]}"'
     return SideDifference(
         owner=_named(prefix, owner),
         what=what,

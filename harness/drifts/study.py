@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from harness.comparison.robot_library import RobotLibrary
 from harness.drifts.lines import differences_of
 from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, Plan, aligned, chunks, plan_of, told_places
 from harness.drifts.shares import Track, drift_of
+from harness.drifts.stepped import stepped, without_what_is_not_applied
 from harness.engines import Engine, NotOffered, installed_version, load_engine
 from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, SimulatedFile
 from harness.engines.request import Refused
@@ -135,9 +137,21 @@ def prepare(settings: DriftSettings, here: bool = False) -> PreparedDrift:
     """
     first, second = settings.sides
     engines = [_engine(side.engine, here) for side in settings.sides]
-    own = [_held(engine, side) for engine, side in zip(engines, settings.sides, strict=True)]
-    other = own[1] if second.engine == first.engine else _held(engines[0], replace(second, engine=first.engine))
-    held = HeldSides(own[0], aligned(own[1], own[0]), aligned(other, own[0]))
+    try:
+        own = _held(engines[0], first)
+    except NotOffered as refusal:
+        turned = "name it second, beside mujoco as the first"
+        raise InvalidRequest(f"{first.engine} moves no first side, whose numbers are exchanged; {turned}") from refusal
+    try:
+        its_own = _held(engines[1], second)
+        other = its_own if second.engine == first.engine else _held(engines[0], second)
+    except NotOffered:
+        # The first engine holds what the second one, which exchanges no numbers, applies of it.
+        other = _held(engines[0], second)
+        its_own = _refusing(second, without_what_is_not_applied, engines[1], second, other)
+        second = replace(second, length=other.length)
+        settings = replace(settings, sides=(first, second))
+    held = HeldSides(own, aligned(its_own, own), aligned(other, own))
     versions = [installed_version(engine) or "" for engine in engines]
     return PreparedDrift(settings, held, plan_of(settings, held), (versions[0], versions[1]))
 
@@ -148,9 +162,13 @@ def moved(engine: str, request: MotionsRequest, here: bool = False) -> Moved:
     Raises:
         InvalidRequest: the engine refuses a file, or the control is none.
     """
+    found = _engine(engine, here)
     try:
-        return _engine(engine, here).moved(request)
-    except (Refused, NotOffered, ValueError) as refusal:
+        try:
+            return found.moved(request)
+        except NotOffered:
+            return stepped(found, request)
+    except (Refused, ValueError) as refusal:
         raise InvalidRequest(f"{engine}: {refusal}") from refusal
 
 
@@ -162,7 +180,13 @@ def _engine(name: str, here: bool) -> Engine:
 
 
 def _held(engine: Engine, side: MovingSide) -> HeldNumbers:
+    """Raises NotOffered of an engine that exchanges no numbers, and InvalidRequest where it refuses the file."""
+    held: HeldNumbers = _refusing(side, engine.held_numbers, side.file)
+    return held
+
+
+def _refusing(side: MovingSide, function: Callable[..., Any], *arguments: Any) -> Any:
     try:
-        return engine.held_numbers(side.file)
-    except (Refused, NotOffered, ValueError) as refusal:
+        return function(*arguments)
+    except (Refused, ValueError) as refusal:
         raise InvalidRequest(f"{side.engine} does not move {side.path}: {refusal}") from refusal

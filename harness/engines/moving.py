@@ -45,6 +45,8 @@ class HeldNumbers:
         by_cause: each number, as an array of what stands in its row.
         joints: name to kind, in the order of the engine. q, v: (nq,), (nv,) of its first keyframe, or of its reference configuration.
         length: of a step [s]. integrator: the engine's name of it.
+        switches: of a cause that acts in the file, the number that is 0 where nothing of it does.
+        rules: of integrators that users write by an engine's accelerations, the numbers by which this engine takes their steps.
         words: of an array that holds values of an enumeration, their names.
         control: of each actuator, by the same.
     """
@@ -57,6 +59,8 @@ class HeldNumbers:
     length: float
     integrator: str
     words: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    switches: Mapping[DriftCause, NumberKey] = field(default_factory=dict)
+    rules: Mapping[str, Numbers] = field(default_factory=dict)
 
     def __getitem__(self, cause: DriftCause) -> Numbers:
         return self.by_cause.get(cause, {})

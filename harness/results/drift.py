@@ -16,6 +16,8 @@ NAMED, MOST_NAMED = 0.05, 3
 # Rounding from this part of the gap on leaves no share to be claimed.
 FELT_ROUNDING = 0.01
 _MOST_OWNERS = 3
+# Causes that are off as a whole, by the names of their switches.
+_SWITCHED = {"actuation": "actuators", "contact": "contacts"}
 _PLURAL = (DriftCause.TREE, DriftCause.SPRINGS, DriftCause.LIMITS, DriftCause.EQUALITIES, DriftCause.FRICTION, DriftCause.DAMPING)
 
 
@@ -168,13 +170,16 @@ def _clause(share: CauseShare, labels: tuple[str, str], over: str) -> str:
     one, other = labels
     differences = share.differences
     size = " ".join(filter(None, [_words(share.whole or 0.0), over]))
-    absent = [all(difference.is_absent[side] for difference in differences) and bool(differences) for side in range(2)]
+    switched = [difference for difference in differences if {difference.first, difference.second} == {"on", "off"}]
+    absent = [all(difference.is_absent[side] for difference in switched or differences) and bool(differences) for side in range(2)]
+    differences = (*switched, *(one for one in differences if one not in switched))
+    name = _SWITCHED.get(switched[0].what, share.name) if switched else share.name
     if share.name == ENGINE:
         return f"What no number of the files says is left to the engines: {size}."
     if absent[1]:
-        what = f"{other} has no {share.name}"
+        what = f"{other} has no {name}"
     elif absent[0]:
-        what = f"{other} has {_with_article(share.name)} and {one} has none"
+        what = f"{other} has {_with_article(name)} and {one} has none"
     else:
         what = f"{other} has {'other' if share.name in _PLURAL else 'another'} {share.name} than {one}"
     where = f" ({_where(differences, labels)})" if differences else ""
@@ -209,7 +214,7 @@ def _differences(share: CauseShare, labels: tuple[str, str]) -> list[str]:
 
 
 def _with_article(name: str) -> str:
-    return name if name in (*_PLURAL, DriftCause.GAIN) else f"{'an' if name[0] in 'aeio' else 'a'} {name}"
+    return name if name in (*_PLURAL, *_SWITCHED.values(), DriftCause.GAIN) else f"{'an' if name[0] in 'aeio' else 'a'} {name}"
 
 
 def _words(part: float) -> str:

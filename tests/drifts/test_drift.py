@@ -166,10 +166,28 @@ def test_sides_that_cannot_be_held_against_each_other(folder: Path, name: str) -
         drift_here(DriftSettings(**{"sides": sides(folder), "seconds": 0.1, **further}))  # type: ignore[arg-type]
 
 
-def test_engines_that_exchange_no_numbers_are_refused(folder: Path) -> None:
-    done = harness("drift", "a.xml", "--by", "mujoco", "--by", "pinocchio", cwd=folder)
-    assert done.returncode == 2
-    assert "pinocchio does not move a.xml" in done.stderr
+PENDULUM = """<mujoco><compiler angle="radian"/><option timestep="0.002" integrator="implicit"/><worldbody>
+<body name="upper"><joint name="one" axis="0 1 0" frictionloss="0.2" damping="0.1"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/>
+<body name="lower" pos="0 0 -1"><joint name="two" axis="0 1 0" range="-0.5 0.5"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/></body>
+</body></worldbody><actuator><position joint="two" kp="5" kv="1"/></actuator><keyframe><key qpos="0.3 0.4" ctrl="1"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("rule", ["", "/RK4@0.001"])
+def test_what_another_engine_does_not_apply_is_all_of_the_gap(tmp_path: Path, rule: str) -> None:
+    """Pinocchio's own steps are MuJoCo's by the same rule without what Pinocchio leaves out, but for rounding."""
+    (tmp_path / "a.xml").write_text(PENDULUM)
+    one = MovingSide(tmp_path / "a.xml")
+    found = drift_here(DriftSettings((one, one.by(f"pinocchio{rule}")), 0.2))
+    shares = {share.name: share for share in found.shares}
+    applied = {DriftCause.FRICTION, DriftCause.LIMITS, DriftCause.GAIN, DriftCause.DAMPING, DriftCause.INTEGRATOR, ENGINE}
+    assert shares.keys() - {DriftCause.STEP} == applied
+    assert abs(shares[ENGINE].whole or 0.0) < 1e-10 < abs(shares[DriftCause.FRICTION].whole or 0.0)
+    assert found.sentence.startswith("B has no actuators: ")
+
+
+def test_an_engine_that_exchanges_no_numbers_is_the_second(folder: Path) -> None:
+    with pytest.raises(InvalidRequest, match="pinocchio moves no first side"):
+        drift_here(DriftSettings((MovingSide(folder / "a.xml", "pinocchio"), MovingSide(folder / "b.xml")), 0.1))
 
 
 @pytest.mark.parametrize("text", ["mujoco/RK4@fast", "mujoco/RK4@-1", "/RK4", "a/b/c"])

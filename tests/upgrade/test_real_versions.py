@@ -68,6 +68,19 @@ def test_a_damping_ratio_means_something_else_from_3_15_on(tmp_path: Path) -> No
     assert "1 actuator, line 4; " in done.stdout and "not compared" not in done.stdout
 
 
+def test_a_drift_between_versions_is_due_to_the_law_of_an_actuator(tmp_path: Path) -> None:
+    for version in ("3.14.0", "3.15.0"):
+        if version not in [one.version for one in find_environments("mujoco")]:
+            assert harness("engines", "add", f"mujoco=={version}").returncode == 0
+    (tmp_path / "servo.xml").write_text(SERVO)
+    by = ["--by", "mujoco@3.14.0", "--by", "mujoco@3.15.0", "--start", '{"shoulder": [0.5, 0]}', "--seconds", "0.5"]
+    done = harness("drift", "servo.xml", *by, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert re.match(
+        r"B has another derivative gain than A: 100 % of the gap over 0\.5 s \(B line 4: dampratio 1, compiled as ", done.stdout
+    )
+
+
 def test_a_bisection_names_the_version_and_the_line_of_a_damping_ratio(tmp_path: Path) -> None:
     (tmp_path / "servo.xml").write_text(SERVO)
     done = harness_in_a_process("upgrade", "mujoco", "--bisect", "3.13.0..4.0.0", "servo.xml", "--states", "60", cwd=tmp_path)

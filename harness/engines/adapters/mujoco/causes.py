@@ -147,6 +147,28 @@ def _lay_row(model: Any, places: dict[str, dict[str, int]], name: str, owner: st
         getattr(model, shortcut)[row] = 0
 
 
+def switches_of(model: Any) -> dict[DriftCause, NumberKey]:
+    """The switch of each cause that acts in a model."""
+    acting = {
+        DriftCause.FRICTION: ("frictionloss", np.any(model.dof_frictionloss) or np.any(model.tendon_frictionloss)),
+        DriftCause.LIMITS: ("limit", np.any(model.jnt_limited) or np.any(model.tendon_limited)),
+        DriftCause.EQUALITIES: ("equality", np.any(model.eq_active0)),
+        DriftCause.GAIN: ("actuation", model.nu > 0),
+        DriftCause.CONTACT_GEOMETRY: ("contact", np.any(model.geom_contype) or model.npair > 0),
+        DriftCause.DAMPING: ("damper", np.any(model.dof_damping) or np.any(model.tendon_damping)),
+        DriftCause.SPRINGS: ("spring", np.any(model.jnt_stiffness) or np.any(model.tendon_stiffness)),
+    }
+    known = {switch for _, switch, _ in _switches()}
+    return {cause: (f"flag_{switch}", "") for cause, (switch, acts) in acting.items() if acts and switch in known}
+
+
+def rules() -> dict[str, Numbers]:
+    """The numbers of rules that users write by accelerations: Euler's, whose dampers are explicit, and RK4."""
+    number = {word: place for place, word in words()["opt_integrator"].items()}
+    chosen = {name: np.array([float(number[name.upper()])]) for name in ("Euler", "RK4")}
+    return {name: {("opt_integrator", ""): value, ("flag_eulerdamp", ""): np.zeros(1)} for name, value in chosen.items()}
+
+
 def words() -> dict[str, Mapping[int, str]]:
     """Values of settings that are enumerations, by their numbers."""
     found: dict[str, Mapping[int, str]] = {}

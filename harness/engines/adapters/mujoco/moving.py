@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.adapters.mujoco.causes import lay_over, numbers_by_cause, words
+from harness.engines.adapters.mujoco.causes import lay_over, numbers_by_cause, rules, switches_of, words
 from harness.engines.adapters.mujoco.model import sizes_of
 from harness.engines.adapters.mujoco.robot import plain_model, refusals
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix, inputs_of
@@ -42,6 +42,8 @@ def held_numbers(file: MovedFile) -> HeldNumbers:
         float(model.opt.timestep),
         words()["opt_integrator"][int(model.opt.integrator)],
         words(),
+        switches_of(model),
+        rules(),
     )
 
 
