@@ -120,10 +120,11 @@ class PreparedDrift:
 
 
 def _labels(sides: tuple[MovingSide, MovingSide]) -> list[str]:
-    """What tells the sides apart: their files; of one file, as the command names its arguments."""
+    """What tells the sides apart: their files; of one file, their engines; of one engine, as the command names its arguments."""
     if sides[0].path != sides[1].path:
         return list(names_apart([str(side.path) for side in sides]).values())
-    return ["A", "B"]
+    engines = [side.engine for side in sides]
+    return engines if engines[0] != engines[1] else ["A", "B"]
 
 
 # Tasks for worker processes.

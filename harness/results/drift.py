@@ -176,7 +176,11 @@ def _clause(share: CauseShare, labels: tuple[str, str], over: str) -> str:
     name = _SWITCHED.get(switched[0].what, share.name) if switched else share.name
     if share.name == ENGINE:
         return f"What no number of the files says is left to the engines: {size}."
-    if absent[1]:
+    alone = [difference for difference in differences if {difference.first, difference.second} == {"present", "absent"}]
+    if alone and share.name == DriftCause.TREE:
+        lacking = other if alone[0].second == "absent" else one
+        what = f"{lacking} has no {first_of([difference.what for difference in alone if difference.first == alone[0].first], _MOST_OWNERS)}"
+    elif absent[1]:
         what = f"{other} has no {name}"
     elif absent[0]:
         what = f"{other} has {_with_article(name)} and {one} has none"

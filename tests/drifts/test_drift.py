@@ -182,7 +182,7 @@ def test_what_another_engine_does_not_apply_is_all_of_the_gap(tmp_path: Path, ru
     applied = {DriftCause.FRICTION, DriftCause.LIMITS, DriftCause.GAIN, DriftCause.DAMPING, DriftCause.INTEGRATOR, ENGINE}
     assert shares.keys() - {DriftCause.STEP} == applied
     assert abs(shares[ENGINE].whole or 0.0) < 1e-10 < abs(shares[DriftCause.FRICTION].whole or 0.0)
-    assert found.sentence.startswith("B has no actuators: ")
+    assert found.sentence.startswith("pinocchio has no actuators: ")
 
 
 def test_an_engine_that_exchanges_no_numbers_is_the_second(folder: Path) -> None:
