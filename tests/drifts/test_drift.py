@@ -167,8 +167,10 @@ def test_sides_that_cannot_be_held_against_each_other(folder: Path, name: str) -
 
 
 PENDULUM = """<mujoco><compiler angle="radian"/><option timestep="0.002" integrator="implicit"/><worldbody>
-<body name="upper"><joint name="one" axis="0 1 0" frictionloss="0.2" damping="0.1"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/>
-<body name="lower" pos="0 0 -1"><joint name="two" axis="0 1 0" range="-0.5 0.5"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/></body>
+<body name="upper"><joint name="one" axis="0 1 0" frictionloss="0.2" damping="0.1"/>
+<inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/>
+<body name="lower" pos="0 0 -1"><joint name="two" axis="0 1 0" range="-0.5 0.5"/>
+<inertial pos="0 0 -0.5" mass="1" diaginertia="0.01 0.01 0.01"/></body>
 </body></worldbody><actuator><position joint="two" kp="5" kv="1"/></actuator><keyframe><key qpos="0.3 0.4" ctrl="1"/></keyframe></mujoco>"""
 
 
