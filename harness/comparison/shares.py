@@ -6,8 +6,7 @@ sampling (2009). Proofs: docs/inside/numerics.md, "The gap between two motions".
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,14 +18,37 @@ Chosen = int
 
 
 def exchanges(values: Mapping[Chosen, Any], place: int, count: int) -> list[tuple[float, Any]]:
-    """Shapley terms of one of ``count`` causes: its marginal effect for each subset of the others, with its weight."""
+    """Shapley terms of one of ``count`` causes: its marginal effect for each subset of the others, with its weight.
+
+    The weight is the part of all orders that exchange the cause after that subset. Orders through a subset without a value are left out;
+    there is one without, see ``leads_through``.
+    """
+    before, after = _orders(values, count)
     found = []
-    for chosen, before in values.items():
-        if not chosen >> place & 1:
-            size = chosen.bit_count()
-            weight = math.factorial(size) * math.factorial(count - size - 1) / math.factorial(count)
-            found.append((weight, values[chosen | 1 << place] - before))
+    for chosen, value in values.items():
+        further = chosen | 1 << place
+        if further != chosen and further in values:
+            weight = before[chosen] * after[further] / before[(1 << count) - 1]
+            found.append((weight, values[further] - value))
     return found
+
+
+def leads_through(values: Collection[Chosen], count: int) -> bool:
+    """Whether some order of ``count`` causes comes through subsets with values alone."""
+    return _orders(values, count)[0].get((1 << count) - 1, 0) > 0
+
+
+def _orders(values: Collection[Chosen], count: int) -> tuple[dict[Chosen, int], dict[Chosen, int]]:
+    """By subset with a value, the number of orders in which its causes come through such ones, and of those of all others behind it."""
+    before, after = {0: 1} if 0 in values else {}, {(1 << count) - 1: 1} if (1 << count) - 1 in values else {}
+    rising = sorted(values, key=int.bit_count)
+    for chosen in rising:
+        if chosen not in before:
+            before[chosen] = sum(before.get(chosen ^ 1 << place, 0) for place in range(count) if chosen >> place & 1)
+    for chosen in reversed(rising):
+        if chosen not in after:
+            after[chosen] = sum(after.get(chosen | 1 << place, 0) for place in range(count) if not chosen >> place & 1)
+    return before, after
 
 
 def sampled_orders(count: int, pairs: int, seed: int) -> list[tuple[int, ...]]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.shares import Chosen, EnergyNorm, along, exchanges
+from harness.comparison.shares import Chosen, EnergyNorm, along, exchanges, leads_through
 from harness.drifts.plan import Plan
 from harness.engines.coordinates import multiplied
 from harness.files.joint_kinds import JointKind
@@ -16,6 +16,8 @@ from harness.results.drift import ENGINE, FELT_ROUNDING, CauseShare, DriftRecord
 
 # A recorded motion: q (k, nq) and v (k, nv).
 Track = tuple[Array, Array]
+# A motion between both sides breaks down where it is farther or faster than they are by this factor: its integrator is unstable there.
+_BREAKS_DOWN = 100.0
 
 
 def drift_of(
@@ -28,15 +30,18 @@ def drift_of(
 ) -> DriftRecord:
     """The record of a drift; ``mass`` of the first motion, (k, nv, nv); ``about``: the sides, what differs, and the times that are told.
 
-    Times from which any motion breaks down are left out.
+    Motions between both sides that break down are left out with all orders that come through them. Where no other order is left, and
+    where a side breaks down, times from which on that happens are.
     """
     sides, differences, told = about
     motions = [*tracks.values(), own, *rounded[0], *rounded[1]]
-    size = min(_sound(track) for track in motions)
+    norms = [EnergyNorm(each) for each in mass]
+    kept = _kept(plan, tracks, own, norms)
+    size = min(_sound(track) for track in (*kept.values(), own, *rounded[0], *rounded[1]))
     origin = tracks[0]
-    at = {chosen: displacements(plan.kinds, origin, track)[:size] for chosen, track in tracks.items()}
+    at = {chosen: displacements(plan.kinds, origin, track)[:size] for chosen, track in kept.items()}
     gap = displacements(plan.kinds, origin, own)[:size]
-    norms = [EnergyNorm(each) for each in mass[:size]]
+    norms = norms[:size]
     sizes = np.array([norm.sizes(each) for norm, each in zip(norms, gap, strict=True)]).reshape(size, 2)
     start = tuple(np.tile(each, (size, 1)) for each in (plan.request.q, plan.request.v))
     way = displacements(plan.kinds, (start[0], start[1]), (origin[0][:size], origin[1][:size]))
@@ -87,8 +92,34 @@ def drift_of(
         horizon=float(plan.times[end]) if end < size else None,
         shares=tuple(shares),
         motions=len(motions),
+        left_out=len(tracks) - len(kept),
         orders=len(plan.orders),
     )
+
+
+def _kept(plan: Plan, tracks: Mapping[Chosen, Track], own: Track, norms: Sequence[EnergyNorm]) -> Mapping[Chosen, Track]:
+    """The motions through which causes are exchanged."""
+    start = tuple(np.tile(each, (len(plan.times), 1)) for each in (plan.request.q, plan.request.v))
+
+    def farthest(track: Track) -> Array:
+        """Of positions and of velocities, from the start."""
+        sound = _sound(track)
+        moved = displacements(plan.kinds, (start[0][:sound], start[1][:sound]), (track[0][:sound], track[1][:sound]))
+        return np.asarray(np.max([norm.sizes(each) for norm, each in zip(norms, moved, strict=False)], axis=0, initial=0.0))
+
+    sides = np.maximum(farthest(tracks[0]), farthest(own))
+    lasting = min(_sound(tracks[0]), _sound(own))
+    kept = {
+        chosen: track
+        for chosen, track in tracks.items()
+        if chosen in (0, (1 << len(plan.causes)) - 1) or (_sound(track) >= lasting and (farthest(track) <= _BREAKS_DOWN * sides).all())
+    }
+    passable = any(_passes(kept, order) for order in plan.orders) if plan.orders else leads_through(kept, len(plan.causes))
+    return kept if passable else tracks
+
+
+def _passes(kept: Collection[Chosen], order: Sequence[int]) -> bool:
+    return all(chosen in kept for _, chosen in along(order))
 
 
 def _ratio(parts: Array, whole: Array) -> Array:
@@ -105,7 +136,8 @@ def _terms(plan: Plan, at: Mapping[Chosen, Array], gap: Array) -> dict[str, list
     """Vectors (k, 2 nv) with weights, whose sum is the share of each cause; of sampled orders, a vector for each pair of orders."""
     count = len(plan.causes)
     if plan.orders:
-        pairs = [plan.orders[place : place + 2] for place in range(0, len(plan.orders), 2)]
+        sound = ([one for one in plan.orders[place : place + 2] if _passes(at, one)] for place in range(0, len(plan.orders), 2))
+        pairs = [pair for pair in sound if pair]
         sampled: list[list[tuple[float, Array]]] = [[] for _ in plan.causes]
         for pair in pairs:
             sums = [np.zeros_like(gap) for _ in plan.causes]

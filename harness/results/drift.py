@@ -97,7 +97,8 @@ class DriftRecord:
         of_positions, of_velocities: sizes of the gap, in the kinetic-energy norm of the first side.
         moved: how far that is from its start. rounding: what accumulated rounding makes of ``of_positions``.
         horizon: the time from which that is at least ``FELT_ROUNDING`` of the gap to the end, None where it is not at the end.
-        motions: how many were simulated. orders: how many were sampled; 0 where all subsets were moved.
+        motions: how many were simulated. left_out: how many of these break down, with all orders of causes that come through them.
+        orders: how many were sampled; 0 where all subsets were moved.
     """
 
     first: DriftSide
@@ -112,6 +113,7 @@ class DriftRecord:
     horizon: float | None
     shares: tuple[CauseShare, ...]
     motions: int
+    left_out: int = 0
     orders: int = 0
 
     @property

@@ -12,7 +12,7 @@ from drifting import ARM, CART, HOPPER, SCALED, planted
 from support import InThisProcess, harness
 
 import harness as api
-from harness.comparison.shares import exchanges, sampled_orders
+from harness.comparison.shares import exchanges, leads_through, sampled_orders
 from harness.drifts import plan as plans
 from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, plan_of
 from harness.drifts.study import DriftStudy, PreparedDrift, drift_here, moved, prepare
@@ -84,6 +84,11 @@ def test_shapley_values_of_a_known_game() -> None:
     assert [sum(weight * change for weight, change in exchanges(values, place, 3)) for place in range(3)] == pytest.approx(
         [1 / 6, 1 / 6, 2 / 3]
     )
+    # Without the subset {0} the orders that begin with it are left out: of six, four.
+    del values[1]
+    left = [sum(weight * change for weight, change in exchanges(values, place, 3)) for place in range(3)]
+    assert left == pytest.approx([0.25, 0.25, 0.5]) and leads_through(values, 3)
+    assert not leads_through({0, 1, 7}, 3) and not leads_through({0, 1, 3}, 3)
     orders = sampled_orders(4, 3, 0)
     assert all(one[::-1] == other for one, other in zip(orders[::2], orders[1::2], strict=True))
     assert all(sorted(order) == [0, 1, 2, 3] for order in orders)
@@ -120,6 +125,32 @@ def test_a_version_that_compiles_a_gain_otherwise(tmp_path: Path) -> None:
     assert difference.what == "dampratio" and difference.first_place == difference.second_place == "line 22"
     first, second = (text.partition("0.7, compiled as ")[2] for text in (difference.first, difference.second))
     assert float(second) == pytest.approx(1.4 * float(first))
+
+
+# Its servo is unstable at this step where no range of forces holds it.
+WRIST = """<mujoco><option timestep="0.002"/><worldbody><body>
+<joint name="wrist" axis="0 1 0"/><inertial pos="0 0 -0.1" mass="0.2" diaginertia="0.0005 0.0005 0.0005"/>
+</body></worldbody>
+<actuator><position name="servo" joint="wrist" kp="20" kv="5.13" forcerange="-3.5 3.5"/></actuator>
+<keyframe><key qpos="0.3" ctrl="0.9"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("most_exact", [10, 1])
+def test_motions_between_both_sides_that_break_down_decide_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_exact: int
+) -> None:
+    """A target engine without derivative gain and with a wide range of forces: with the range alone, the first side is unstable."""
+    monkeypatch.setattr(plans, "MOST_EXACT", most_exact)
+    (tmp_path / "a.xml").write_text(WRIST)
+    (tmp_path / "b.xml").write_text(WRIST.replace('kv="5.13" forcerange="-3.5 3.5"', 'kv="0" forcerange="-1e6 1e6"'))
+    found = drift_here(DriftSettings(sides(tmp_path), 0.4))
+    assert found.left_out == 1 and found.times[-1] == pytest.approx(0.4)
+    shares = {share.name: share.whole or 0.0 for share in found.shares}
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-10)
+    assert all(-0.5 < share < 1.5 for share in shares.values()), shares
+    monkeypatch.setattr("harness.drifts.shares._BREAKS_DOWN", np.inf)
+    unsound = drift_here(DriftSettings(sides(tmp_path), 0.4))
+    assert unsound.times[-1] < 0.4 or max(abs(share.whole or 0.0) for share in unsound.shares) > 10
 
 
 DOUBLE = """<mujoco><option timestep="0.01" integrator="RK4"/><worldbody>
