@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -68,11 +69,14 @@ class _FileLines:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._document: Document = read_any(path, "a model")
+
+    @cached_property
+    def _robot(self) -> Robot | None:
+        """The robot of the file; None of one that engines alone read, of which lines are found all the same."""
         try:
-            self._robot: Robot | None = robot_at(path)
+            return robot_at(self.path)
         except InvalidModel:
-            # Engines read more than the harness does, and it is asked for lines alone.
-            self._robot = None
+            return None
 
     @property
     def is_urdf(self) -> bool:

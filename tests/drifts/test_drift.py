@@ -205,7 +205,7 @@ PENDULUM = """<mujoco><compiler angle="radian"/><option timestep="0.002" integra
 </body></worldbody><actuator><position joint="two" kp="5" kv="1"/></actuator><keyframe><key qpos="0.3 0.4" ctrl="1"/></keyframe></mujoco>"""
 
 
-@pytest.mark.parametrize("rule", ["", "/RK4@0.001"])
+@pytest.mark.parametrize("rule", ["", pytest.param("/RK4@0.001", marks=pytest.mark.ci)])
 def test_what_another_engine_does_not_apply_is_all_of_the_gap(tmp_path: Path, rule: str) -> None:
     """Pinocchio's own steps are MuJoCo's by the same rule without what Pinocchio leaves out, but for rounding."""
     (tmp_path / "a.xml").write_text(PENDULUM)
@@ -260,3 +260,9 @@ def test_a_gap_that_begins_late_is_divided_all_the_same(folder: Path) -> None:
     shares = next(share for share in found.shares if share.name == DriftCause.DERIVATIVE_GAIN)
     assert shares.positions[0] is None and shares.positions[-1] == pytest.approx(1.0)
     assert found.horizon is None and shares.whole == pytest.approx(1.0)
+
+
+def test_a_file_in_which_nothing_moves_is_refused(folder: Path) -> None:
+    (folder / "a.xml").write_text("<mujoco><worldbody><body><geom size='1'/></body></worldbody></mujoco>")
+    with pytest.raises(InvalidRequest, match=r"a\.xml has no joint that moves"):
+        drift_here(DriftSettings(sides(folder, "a.xml", "a.xml"), 0.1))

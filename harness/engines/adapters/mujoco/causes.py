@@ -179,6 +179,8 @@ def words() -> dict[str, Mapping[int, str]]:
 
 
 def _owners(model: Any, array: str, count: int) -> list[str]:
+    if not count:
+        return []
     if array.startswith("wrap"):
         return [f"part {row} of tendons" for row in range(count)]
     owner = owners(model, array.partition("_")[0], count)

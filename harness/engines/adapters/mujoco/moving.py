@@ -49,7 +49,7 @@ def held_numbers(file: MovedFile) -> HeldNumbers:
 
 def moved(request: MotionsRequest) -> Moved:
     """See ``harness.engines.Engine``."""
-    compiled = {motion.file: _compiled(motion.file) for motion in request.motions}
+    compiled = {file: _compiled(file) for file in dict.fromkeys(motion.file for motion in request.motions)}
     found: list[tuple[Array, Array]] = []
     mass: Array = np.empty(0)
     for motion in request.motions:
