@@ -159,7 +159,6 @@ def plan_of(settings: DriftSettings, held: HeldSides) -> Plan:
     subsets = {chosen | bit for order in orders for place, chosen in along(order) for bit in (0, 1 << place)} or range(every + 1)
     motions = {chosen: motion(chosen) for chosen in sorted(subsets)}
     own = SimulatedFile(second.file, {}, timings[1], counts[1])
-    # Of a side's steps, the file is the same where engines differ.
     rounded = tuple([replace(one, rounding=seed + settings.seed) for seed in ROUNDINGS] for one in (motions[0], own))
     control = settings.control or Control.constant({name: held.first.control[name] for name in _driven(held)})
     if lacking := [name for name in control.names if name not in _driven(held)]:

@@ -14,6 +14,7 @@ from harness.drifts.stepped import stepped, without_what_is_not_applied
 from harness.engines import Engine, NotOffered, installed_version, load_engine
 from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, SimulatedFile
 from harness.engines.request import Refused
+from harness.environments import split_name
 from harness.errors import InvalidInput, InvalidRequest, not_installed
 from harness.results.comparison import names_apart
 from harness.results.drift import DriftRecord, Drifts, DriftSide
@@ -174,6 +175,8 @@ def moved(engine: str, request: MotionsRequest, here: bool = False) -> Moved:
 
 
 def _engine(name: str, here: bool) -> Engine:
+    if here and split_name(name)[1]:
+        raise InvalidRequest(f"a control that is a function is for engines beside the harness, and {name} is not; give a table instead")
     found = load_engine(replace(RobotLibrary.without_files(), calls_engines_here=here), name)
     if installed_version(found) is None:
         raise InvalidRequest(f"{not_installed(found.requires[1])}; harness engines add {name}")

@@ -90,7 +90,8 @@ def gap_sections(found: Gaps, detail: Detail = Detail.BRIEF) -> Iterator[Section
         movers = [part for mover in (gap.first, gap.second) for part in (mover.title, *(f"  {reading}" for reading in mover.readings))]
         yield Section("The motions", movers)
         table, others = gap.table(detail)
-        yield Section("What the gap is made of", [*gap.remarks, table, *filter(None, [others])])
+        drift = "harness drift does so with controls, contacts, limits and friction on"
+        yield Section("What the gap is made of", [*gap.remarks, table, *filter(None, [others]), drift])
 
 
 def robot_sections(found: FilesComparison, file: FileRecord) -> Iterator[Section]:

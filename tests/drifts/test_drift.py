@@ -65,6 +65,11 @@ def test_a_function_controls_in_python(folder: Path) -> None:
     assert alike.sentence == "A and B move alike to the last digit for 0.08 s."
 
 
+def test_a_function_controls_no_engine_elsewhere(folder: Path) -> None:
+    with pytest.raises(InvalidRequest, match=r"for engines beside the harness, and mujoco@3\.13\.0 is not; give a table instead"):
+        api.drift(folder / "a.xml", by=("mujoco", "mujoco@3.13.0"), control=lambda t, q, v: {}, seconds=0.08)
+
+
 def test_sampled_orders_are_near_the_exact_shares(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "b.xml").write_text(planted("cart", [DriftCause.GEAR, DriftCause.DAMPING, DriftCause.FRICTION, DriftCause.ARMATURE]))
     settings = DriftSettings(sides(folder), 0.1)
