@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 from harness import workers as processes
 from harness.drifts.control import read_control
 from harness.drifts.plan import DriftSettings, MovingSide
-from harness.drifts.study import DriftStudy, drift_here, prepare
+from harness.drifts.study import DriftStudy, drift_here
 from harness.engines.moving import Control
 from harness.results.drift import DriftRecord, Drifts
 from harness.study import complete
@@ -72,8 +72,9 @@ def drift(
 
     Args:
         second: None for the first file again. by: as "mujoco@3.13.0/RK4@0.001", for both sides or one each.
-        control: the path of a table, or a function (t, q, v) -> controls by the names of actuators, or in their order; q and v are over
-            ``joints`` of what is returned, a rotation as (w, x, y, z). It is called in this process, each ``decimation`` steps.
+        control: the path of a table or of a policy in ONNX, or a function (t, q, v) -> controls by the names of actuators, or in their
+            order; q and v are over ``joints`` of what is returned, a rotation as (w, x, y, z). A function is called in this process,
+            each ``decimation`` steps.
         moved: those of ``harness.api.drifting.MovedAlike``.
 
     Raises:
@@ -96,9 +97,7 @@ def drift(
     )
     settings = DriftSettings((one, other), moved.get("seconds", 1.0), None, moved.get("start", {}), moved.get("seed", 0))
     if callable(control):
-        # The actuators are those of both files, which the engines know.
-        names = tuple(prepare(settings, here=True).plan.request.control.names)
-        return _found(drift_here(replace(settings, control=Control.calling(control, names))))
+        return _found(drift_here(replace(settings, control=Control.calling(control))))
     study = DriftStudy(replace(settings, control=None if control is None else read_control(Path(control))))
     with processes.Workers(moved.get("workers"), time_limit=600.0) as pool:
         found: Drifts = complete(study, pool)

@@ -40,7 +40,8 @@ class DriftOptions:
         click.option(
             "--control",
             type=click.Path(path_type=Path),
-            help="Table of controls, CSV, npz or Parquet: a column time [s], and one for each actuator. By default those of A's keyframe.",
+            help="Table of controls, CSV, npz or Parquet: a column time [s], and one for each actuator; or a policy, ONNX, of q and v. "
+            "By default those of A's keyframe.",
         ),
     ]
     start: Annotated[

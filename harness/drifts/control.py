@@ -1,4 +1,4 @@
-"""Controls of actuators from a table: CSV, npz or Parquet, a column for the time and one for each actuator."""
+"""Controls of actuators from a table: CSV, npz or Parquet, a column for the time and one for each actuator; or from a policy in ONNX."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
+from harness.drifts.policy import OnnxPolicy
 from harness.engines.moving import Control
 from harness.errors import InvalidRequest
 
@@ -16,14 +17,16 @@ TIME = "time"
 
 
 def read_control(path: Path) -> Control:
-    """The controls of a table, whose column ``time`` [s] increases; the others are called as actuators are.
+    """The controls of a table, whose column ``time`` [s] increases, and the others are called as actuators are; or those of a policy.
 
     Raises:
         InvalidRequest: there is no such file, or it is none.
     """
+    if path.suffix.lower() == ".onnx":
+        return Control.calling(OnnxPolicy(path))
     readers = {".csv": _csv, ".npz": _npz, ".parquet": _parquet}
     if path.suffix.lower() not in readers:
-        raise InvalidRequest(f"{path}: expected a table of controls, {', '.join(readers)}")
+        raise InvalidRequest(f"{path}: expected a table of controls, {', '.join(readers)}, or a policy, .onnx")
     try:
         columns = readers[path.suffix.lower()](path)
     except FileNotFoundError as error:

@@ -72,7 +72,8 @@ class Control:
 
     Attributes:
         names: of actuators; the others have 0. times: (n,) [s], increasing. values: (n, names).
-        function: instead of both, (t, q, v) to the controls by name, or in the order of ``names``; q and v as an engine has them.
+        function: instead of both, (t, q, v) to the controls by name, or in the order of ``names``; q and v over the joints of a request.
+            Without names a plan fills in those of all actuators.
     """
 
     names: tuple[str, ...]
@@ -85,7 +86,7 @@ class Control:
         return cls(tuple(values), np.zeros(1), np.array([list(values.values())]))
 
     @classmethod
-    def calling(cls, function: Callable[[float, Array, Array], Any], names: Sequence[str]) -> Control:
+    def calling(cls, function: Callable[[float, Array, Array], Any], names: Sequence[str] = ()) -> Control:
         return cls(tuple(names), np.zeros(0), np.zeros((0, len(names))), function)
 
     def held_at(self, times: Array) -> Array:
@@ -95,19 +96,21 @@ class Control:
         return np.asarray(self.values[np.maximum(rows, 0)])
 
     def called(self, time: float, q: Array, v: Array) -> Array:
-        """(names,) of the function at a state.
+        """(names,) of the function at a state; NaN, by which a motion ends, where that has broken down, or what the function returns later.
 
         Raises:
             ValueError: it returns something else.
         """
         assert self.function is not None
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            return np.full(len(self.names), np.nan)
         found = self.function(time, q, v)
         if isinstance(found, Mapping):
             if unknown := found.keys() - set(self.names):
                 raise ValueError(f"the control has {sorted(unknown)[0]!r}, which no actuator is called; expected {', '.join(self.names)}")
             found = [found.get(name, 0.0) for name in self.names]
         values = np.asarray(found, dtype=np.float64)
-        if values.shape != (len(self.names),) or not np.isfinite(values).all():
+        if values.shape != (len(self.names),) or not (time or np.isfinite(values).all()):
             raise ValueError(f"the control returns {values}; expected {len(self.names)} finite numbers")
         return values
 

@@ -21,7 +21,7 @@ def drift_sections(found: Drifts, detail: Detail = Detail.BRIEF) -> Iterator[Sec
         table, others = drift.table(detail)
         how = f"{counted(drift.orders, 'sampled order')} of the causes" if drift.orders else "every subset of the causes"
         note = f"{counted(drift.motions, 'motion')}, with {how} exchanged; positions in the kinetic-energy norm."
-        broken = f"{counted(drift.left_out, 'motion')} between both sides break down, and orders through them are left out."
+        broken = f"Motions between both sides that break down, left out with all orders through them: {drift.left_out}."
         notes = [note, broken] if drift.left_out else [note]
         yield Section("What the gap in positions is made of", [table, *notes, *filter(None, [others])])
         lines = drift.lines

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
+import re
+import sys
 from collections.abc import Callable
+from dataclasses import replace
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -11,6 +17,7 @@ import numpy as np
 import pytest
 from drifting import CART
 
+import harness
 from harness.drifts.control import read_control
 from harness.engines.adapters.mujoco.moving import moved
 from harness.engines.moving import Control, MotionsRequest, MovedFile, SimulatedFile, Timing
@@ -55,7 +62,7 @@ def test_an_npz_is_the_same_table(tmp_path: Path) -> None:
         ("c.csv", "time,drive\n0,nan\n", "holds a number that is not finite"),
         ("c.csv", "time,drive\n0,fast\n", "cannot be read as a table of numbers"),
         ("c.csv", "", "has the columns none"),
-        ("c.txt", "", "expected a table of controls, .csv, .npz, .parquet"),
+        ("c.txt", "", "expected a table of controls, .csv, .npz, .parquet, or a policy, .onnx"),
     ],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, name: str, text: str, said: str) -> None:
@@ -134,3 +141,93 @@ def test_a_function_that_returns_no_controls_is_refused(cart: Path) -> None:
         control = Control.calling(lambda t, q, v, answer=answer: answer, ("drive", "twist"))
         with pytest.raises(ValueError, match=said):
             moved_by(cart, control, Timing())
+
+
+class Session:
+    """As ``onnxruntime.InferenceSession``: a file holds its inputs, and the only output is the drive for a sum of all that is given."""
+
+    def __init__(self, path: str, options: Any, providers: list[str]) -> None:
+        self.inputs = dict(word.split("=") for word in Path(path).read_text().split())
+
+    def get_inputs(self) -> list[SimpleNamespace]:
+        return [SimpleNamespace(name=name, type=f"tensor({kind})") for name, kind in self.inputs.items()]
+
+    def run(self, outputs: None, given: dict[str, Any]) -> list[Any]:
+        kinds = {"float": np.float32, "double": np.float64}
+        assert {name: value.dtype for name, value in given.items()} == {name: kinds[kind] for name, kind in self.inputs.items()}
+        assert all(value.ndim == 2 and len(value) == 1 for value in given.values())
+        return [np.array([[sum(value.sum() for value in given.values()), 0.5]], dtype=np.float32)]
+
+
+@pytest.fixture
+def onnxruntime(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("onnxruntime")
+    module.InferenceSession, module.SessionOptions = Session, SimpleNamespace  # type: ignore[attr-defined]
+    module.__spec__ = ModuleSpec("onnxruntime", None)
+    monkeypatch.setitem(sys.modules, "onnxruntime", module)
+
+
+@pytest.mark.parametrize("inputs", ["obs=float", "q=float v=float", "v=double q=float"])
+def test_a_policy_is_the_control_that_its_network_makes(cart: Path, tmp_path: Path, onnxruntime: None, inputs: str) -> None:
+    (tmp_path / "policy.onnx").write_text(inputs)
+    policy = read_control(tmp_path / "policy.onnx").function
+    assert policy is not None
+    again = pickle.loads(pickle.dumps(policy))
+    q, v = np.array([0.25, 0.5]), np.array([-1.0, 2.0])
+    assert again(0.1, q, v).tolist() == policy(0.1, q, v).tolist() == [1.75, 0.5]
+    other = tmp_path / "other.xml"
+    other.write_text(CART.replace('gear="1.5"', 'gear="1.4"'))
+
+    def function(t: float, q: Any, v: Any) -> list[float]:
+        return [float(np.float32(np.concatenate([q, v]).astype(np.float32).sum())), 0.5]
+
+    found = harness.drift(cart, other, control=policy, seconds=0.05)
+    if inputs == "obs=float":
+        assert found == harness.drift(cart, other, control=function, seconds=0.05)
+    assert found.ranked[0].name == "gear"
+
+
+@pytest.mark.parametrize(
+    ("inputs", "said"),
+    [
+        ("image=float state=float", "takes image: tensor(float), state: tensor(float); expected inputs among time, q and v"),
+        ("q=int64", "takes q: tensor(int64); expected"),
+        ("nothing", "onnxruntime reads no network there"),
+    ],
+)
+def test_a_policy_of_something_else_is_refused(tmp_path: Path, onnxruntime: None, inputs: str, said: str) -> None:
+    (tmp_path / "policy.onnx").write_text(inputs)
+    with pytest.raises(InvalidRequest, match=re.escape(said)):
+        read_control(tmp_path / "policy.onnx")
+
+
+def test_what_reads_a_policy_is_named_where_it_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(InvalidRequest, match=r"is a policy: .*onnxruntime.*pip install 'rigid-body-harness\[policy\]'"):
+        read_control(tmp_path / "policy.onnx")
+
+
+def test_a_control_that_ends_in_the_middle_ends_the_motion(cart: Path) -> None:
+    """A network in float32 has no answer to a state that has become huge."""
+
+    def function(t: float, q: Any, v: Any) -> list[float]:
+        return [1.0, np.nan if t > 0.049 else 0.0]
+
+    request = MotionsRequest(
+        [SimulatedFile(MovedFile(cart, "mjcf"), {}, Timing(), (5, 10, 15, 20))],
+        JOINTS,
+        np.array([0.0, 0.3, 1.0, 0.0, 0.0, 0.0]),
+        np.zeros(5),
+        Control.calling(function, ("drive", "twist")),
+    )
+    [track] = moved(request).q
+    assert np.isfinite(track).all(axis=1).tolist() == [True, True, False, False]
+    with pytest.raises(ValueError, match="the control returns"):
+        moved(replace(request, control=Control.calling(lambda t, q, v: [np.nan, 0.0], ("drive", "twist"))))
+
+
+def test_a_control_of_a_robot_without_actuators_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "pole.xml"
+    path.write_text(re.sub("<actuator>.*</actuator>", "", CART, flags=re.DOTALL).replace(' ctrl="0.8 1.5"', ""))
+    with pytest.raises(InvalidRequest, match="no actuator is in both sides, so that a control moves nothing"):
+        harness.drift(path, by=("mujoco/Euler", "mujoco/RK4"), control=lambda t, q, v: [])

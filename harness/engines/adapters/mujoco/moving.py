@@ -86,7 +86,8 @@ def _move(model: Any, request: MotionsRequest, motion: SimulatedFile, wants_mass
             if generator is not None:
                 _round(model, data, generator)
         done = until
-        if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+        # The engine takes a control that is none for 0.
+        if not all(np.isfinite(values).all() for values in (data.qpos, data.qvel, driver.given)):
             break
         q[recorded], v[recorded] = data.qpos[positions], data.qvel[velocities]
         if wants_mass:
@@ -98,7 +99,7 @@ def _move(model: Any, request: MotionsRequest, motion: SimulatedFile, wants_mass
 
 
 class _Driver:
-    """The controls of one motion."""
+    """The controls of one motion; ``given`` are those of the last step."""
 
     def __init__(self, model: Any, data: Any, control: Control, motion: SimulatedFile, places: tuple[list[int], list[int]]) -> None:
         self._data, self._control, self._timing, self._places = data, control, motion.timing, places
@@ -110,11 +111,13 @@ class _Driver:
         times = self._timing.asked_at(np.arange(motion.counts[-1], dtype=np.float64) * self._length)
         self._times, self._table = times, control.held_at(times) if control.function is None else None
         self._called: list[tuple[float, Array]] = []
+        self.given = np.zeros(0)
 
     def drive(self, step: int) -> None:
         """Set the controls before a step."""
         if self._columns:
-            self._data.ctrl[self._columns] = self._calculated(step) if self._table is None else self._table[step]
+            self.given = self._calculated(step) if self._table is None else self._table[step]
+            self._data.ctrl[self._columns] = self.given
 
     def _calculated(self, step: int) -> Array:
         """What the function returned at the time of which the control acts by now."""
