@@ -142,7 +142,8 @@ class DriftRecord:
                 f"{'Other' if taking[-1].name in _PLURAL else 'Another'} {taking[-1].name} takes {_words(-(taking[-1].whole or 0.0))} back."
             )
         if self.horizon is not None:
-            told.append(f"From {self.horizon:g} s on rounding alone would make {FELT_ROUNDING:.0%} of the gap; no share is claimed there.")
+            part = _words(FELT_ROUNDING)
+            told.append(f"From {self.horizon:g} s on rounding alone would make {part} of the gap; no share is claimed there.")
         return " ".join(told)
 
     def table(self, detail: Detail = Detail.BRIEF) -> tuple[Table, str]:

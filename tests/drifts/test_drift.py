@@ -182,7 +182,7 @@ def test_chaos_reaches_a_gap_that_is_felt_at_first(tmp_path: Path) -> None:
     assert found.horizon is not None and found.horizon > 2.0
     for share in found.shares:
         assert all((part is None) == (time >= found.horizon) for time, part in zip(found.times, share.positions, strict=True))
-    assert found.sentence.endswith(f"From {found.horizon:g} s on rounding alone would make 1% of the gap; no share is claimed there.")
+    assert found.sentence.endswith(f"From {found.horizon:g} s on rounding alone would make 1 % of the gap; no share is claimed there.")
 
 
 REFUSED = {
