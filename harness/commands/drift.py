@@ -33,7 +33,10 @@ class DriftOptions:
         ),
     ]
     seconds: Annotated[
-        float, click.option("--seconds", type=click.FloatRange(min=0, min_open=True), default=1.0, help="How long they move.")
+        float | None,
+        click.option(
+            "--seconds", type=click.FloatRange(min=0, min_open=True), help="How long they move; by default 1 s, or as long as a log."
+        ),
     ]
     control: Annotated[
         Path | None,
@@ -80,6 +83,8 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
     Begins with what the gap is due to, with its lines and what to set for B to move as A. Each cause
     that differs is exchanged between A and B in every subset of the others; its share is the mean of what
     that does, so that all shares sum to the gap. Where rounding alone would make as much, none is claimed.
+    B may be a table of measured positions, a column time [s] and one for each joint: what is told then is which number of A,
+    changed alone, explains most of the gap, and which the log does not tell apart.
     The exit status is 0 where a drift was found and explained, and where both move alike.
 
     \b
@@ -89,11 +94,13 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
       harness drift robot.xml --by mujoco/Euler --by mujoco/implicitfast
       harness drift robot.xml --by mujoco@3.13.0 --by mujoco@4.0.0
       harness drift robot.xml --delay 0 0.002 --control policy.csv
+      harness drift robot.xml measured.csv --control sent.csv
       harness drift a.xml b.xml --picture drift.svg --json drift.json
     """
-    from harness.drifts.control import read_control
+    from harness.drifts.control import is_table, read_control
+    from harness.drifts.measured import MeasuredSettings
     from harness.drifts.plan import DriftSettings, MovingSide
-    from harness.drifts.study import DriftStudy
+    from harness.drifts.study import DriftStudy, MeasuredStudy
     from harness.report.drift import drift_sections
 
     if len(asked.by) > 2:
@@ -105,7 +112,13 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
         replace(side, delay=delay, decimation=steps) for side, delay, steps in zip(sides, asked.delay, asked.decimation, strict=True)
     )
     control = None if asked.control is None else read_control(asked.control)
-    study = DriftStudy(DriftSettings((first, second), asked.seconds, control, _start(asked.start), bracket.seed))
+    study: DriftStudy | MeasuredStudy
+    if asked.second is not None and is_table(asked.second):
+        if len(asked.by) > 1 or asked.start or asked.delay[1] or asked.decimation[1] > 1 or asked.picture:
+            raise click.UsageError("a measured log has no engine, start, delay, decimation or picture of its own; leave them out for B")
+        study = MeasuredStudy(MeasuredSettings(first, asked.second, control, asked.seconds))
+    else:
+        study = DriftStudy(DriftSettings((first, second), asked.seconds or 1.0, control, _start(asked.start), bracket.seed))
     bracket.begin(1, "drift")
     found = tell(bracket, study, drift_sections, lambda found: found.summary)
     if asked.picture is not None and found.drifts:
@@ -114,7 +127,7 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
 
         draw_drift(found.drifts[0]).save(asked.picture)
         say("", f"picture: {asked.picture}")
-    bracket.finish(study.problems, study.crashed, bool(found.drifts))
+    bracket.finish(study.problems, study.crashed, bool(found.drifts or found.measured))
 
 
 def _start(text: str) -> dict[str, tuple[list[float], list[float]]]:

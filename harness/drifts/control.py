@@ -24,17 +24,33 @@ def read_control(path: Path) -> Control:
     """
     if path.suffix.lower() == ".onnx":
         return Control.calling(OnnxPolicy(path))
-    readers = {".csv": _csv, ".npz": _npz, ".parquet": _parquet}
-    if path.suffix.lower() not in readers:
-        raise InvalidRequest(f"{path}: expected a table of controls, {', '.join(readers)}, or a policy, .onnx")
+    names, times, values = read_table(path, "controls, or a policy, .onnx", "actuator")
+    return Control(names, times, values)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file is a table by its name."""
+    return path.suffix.lower() in _READERS
+
+
+def read_table(path: Path, noun: str, of: str) -> tuple[tuple[str, ...], Array, Array]:
+    """Names of columns, times (n,) [s], and values (n, names) of a table of ``noun``, with a column for each ``of``.
+
+    Raises:
+        InvalidRequest: there is no such file, or it is none.
+    """
+    if not is_table(path):
+        kind, _, further = noun.partition(",")
+        raise InvalidRequest(f"{path}: expected a table of {kind}, {', '.join(_READERS)}{',' * bool(further)}{further}")
+    noun = noun.partition(",")[0]
     try:
-        columns = readers[path.suffix.lower()](path)
+        columns = _READERS[path.suffix.lower()](path)
     except FileNotFoundError as error:
-        raise InvalidRequest(f"{path}: there is no such table of controls") from error
+        raise InvalidRequest(f"{path}: there is no such table of {noun}") from error
     except (OSError, ValueError) as error:
         raise InvalidRequest(f"{path}: cannot be read as a table of numbers: {error}") from error
     if TIME not in columns or len(columns) < 2:
-        raise InvalidRequest(f"{path} has the columns {', '.join(columns) or 'none'}; expected {TIME} and one for each actuator")
+        raise InvalidRequest(f"{path} has the columns {', '.join(columns) or 'none'}; expected {TIME} and one for each {of}")
     times = columns.pop(TIME)
     if times.ndim != 1 or not len(times) or any(column.shape != times.shape for column in columns.values()):
         raise InvalidRequest(f"{path} has columns of several lengths; expected one number in each for each time")
@@ -43,7 +59,7 @@ def read_control(path: Path) -> Control:
     if (np.diff(times) <= 0).any():
         row = int(np.argmax(np.diff(times) <= 0)) + 2
         raise InvalidRequest(f"{path}: the time of row {row} is not later than that before it; sort the rows")
-    return Control(tuple(columns), times, np.column_stack(list(columns.values())))
+    return tuple(columns), times, np.column_stack(list(columns.values()))
 
 
 def _csv(path: Path) -> dict[str, Array]:
@@ -67,3 +83,7 @@ def _parquet(path: Path) -> dict[str, Array]:
         raise InvalidRequest(f"{path}: Parquet is read by pyarrow, which is not installed; install it, or write a CSV") from error
     table = parquet.read_table(path)
     return {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in table.column_names}
+
+
+# By what names of files end in.
+_READERS = {".csv": _csv, ".npz": _npz, ".parquet": _parquet}

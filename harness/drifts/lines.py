@@ -47,7 +47,7 @@ _BELOW = {"joint": ("joint", "freejoint"), "geom": ("geom",), "body": ("body",),
 
 def differences_of(sides: tuple[MovingSide, MovingSide], held: HeldSides, plan: Plan) -> dict[DriftCause, list[SideDifference]]:
     """What differs, by cause; of settings of the sides their values."""
-    files = tuple(_FileLines(side.path) for side in sides)
+    files = tuple(FileLines(side.path) for side in sides)
     found: dict[DriftCause, list[SideDifference]] = {}
     for cause, keys in plan.differing.items():
         own = [_difference(files, (held.first, held.second), cause, key, sides) for key in keys]
@@ -63,7 +63,7 @@ def differences_of(sides: tuple[MovingSide, MovingSide], held: HeldSides, plan: 
     return found
 
 
-class _FileLines:
+class FileLines:
     """A file with the places of what an engine calls by its names."""
 
     def __init__(self, path: Path) -> None:
@@ -151,7 +151,7 @@ def _fields(part: object) -> object:
 
 
 def _difference(
-    files: Sequence[_FileLines],
+    files: Sequence[FileLines],
     held: tuple[HeldNumbers, HeldNumbers],
     cause: DriftCause,
     key: NumberKey,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from harness.comparison.robot_library import RobotLibrary
 from harness.drifts.lines import differences_of
+from harness.drifts.measured import MeasuredSettings, measured_drift
 from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, Plan, aligned, chunks, plan_of, told_places
 from harness.drifts.shares import Track, drift_of
 from harness.drifts.stepped import stepped, without_what_is_not_applied
@@ -18,6 +21,7 @@ from harness.environments import split_name
 from harness.errors import InvalidInput, InvalidRequest, not_installed
 from harness.results.comparison import names_apart
 from harness.results.drift import DriftRecord, Drifts, DriftSide
+from harness.results.measured import MeasuredRecord
 from harness.study import Inquiry, Part, Study, ask, call
 from harness.workers import Outcome, Task
 
@@ -25,17 +29,34 @@ from harness.workers import Outcome, Task
 _OF_A_TASK = 64
 
 
-class DriftStudy(Study):
+class _DriftOfOne(Study):
+    """A drift as one inquiry."""
+
+    def __init__(self) -> None:
+        super().__init__(Drifts())
+
+    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
+        yield [self._drift()]
+
+    @abstractmethod
+    def _drift(self) -> Inquiry[None]:
+        """Find the drift."""
+
+    def _fails(self, outcome: Outcome) -> bool:
+        failure = self.failure(outcome)
+        if failure and not isinstance(outcome.exception, InvalidInput):
+            self.report(outcome.exception if isinstance(outcome.exception, InvalidRequest) else InvalidRequest(failure))
+        return bool(failure)
+
+
+class DriftStudy(_DriftOfOne):
     """The gap between two motions, and what it is due to."""
 
     title, steps = "drift", 3
 
     def __init__(self, settings: DriftSettings) -> None:
-        super().__init__(Drifts())
+        super().__init__()
         self.settings = settings
-
-    def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
-        yield [self._drift()]
 
     def _drift(self) -> Inquiry[None]:
         prepared = yield from ask(call, prepare, self.settings)
@@ -51,11 +72,20 @@ class DriftStudy(Study):
         yield Part("motions", Drifts())
         yield self.kept("shares", Drifts(drifts=[made.drift([outcome.value for outcome in outcomes])]))
 
-    def _fails(self, outcome: Outcome) -> bool:
-        failure = self.failure(outcome)
-        if failure and not isinstance(outcome.exception, InvalidInput):
-            self.report(outcome.exception if isinstance(outcome.exception, InvalidRequest) else InvalidRequest(failure))
-        return bool(failure)
+
+class MeasuredStudy(_DriftOfOne):
+    """A measured log, and the numbers of a model that would explain it."""
+
+    title, steps = "drift from a log", 1
+
+    def __init__(self, settings: MeasuredSettings) -> None:
+        super().__init__()
+        self.settings = settings
+
+    def _drift(self) -> Inquiry[None]:
+        found = yield from ask(call, measured_from, self.settings)
+        if not self._fails(found):
+            yield self.kept("numbers", Drifts(measured=[found.value]))
 
 
 def drift_here(settings: DriftSettings) -> DriftRecord:
@@ -156,6 +186,16 @@ def prepare(settings: DriftSettings, here: bool = False) -> PreparedDrift:
     held = HeldSides(own, aligned(its_own, own), aligned(other, own))
     versions = [installed_version(engine) or "" for engine in engines]
     return PreparedDrift(settings, held, plan_of(settings, held), (versions[0], versions[1]))
+
+
+def measured_from(settings: MeasuredSettings, here: bool = False) -> MeasuredRecord:
+    """What a log would be explained by.
+
+    Raises:
+        InvalidInput, InvalidRequest: as ``prepare``, and as ``measured_drift``.
+    """
+    engine = settings.side.engine
+    return measured_drift(settings, partial(moved, engine, here=here), _held(_engine(engine, here), settings.side))
 
 
 def moved(engine: str, request: MotionsRequest, here: bool = False) -> Moved:

@@ -38,6 +38,26 @@ class MovedFile:
 
 
 @dataclass(frozen=True)
+class NamedNumber:
+    """A number that the author of a file may have measured wrongly, and what an engine holds of it.
+
+    Attributes:
+        owner: as "joint elbow". what: as files call it. value: that of the file. least: the smallest that it can be.
+        key: the array of the engine, and the owner there, by which its line is found.
+        directions: what a unit of it adds to each row that holds it. natural: a small change of it where it is 0.
+    """
+
+    cause: DriftCause
+    owner: str
+    what: str
+    value: float
+    key: NumberKey
+    directions: Numbers
+    least: float = -np.inf
+    natural: float = 1e-3
+
+
+@dataclass(frozen=True)
 class HeldNumbers:
     """What an engine holds of a file, and where the file starts.
 
@@ -48,7 +68,7 @@ class HeldNumbers:
         switches: of a cause that acts in the file, the number that is 0 where nothing of it does.
         rules: of integrators that users write by an engine's accelerations, the numbers by which this engine takes their steps.
         words: of an array that holds values of an enumeration, their names.
-        control: of each actuator, by the same.
+        control: of each actuator, by the same. named: numbers that may be wrong, each with one value.
     """
 
     by_cause: Mapping[DriftCause, Numbers]
@@ -61,6 +81,7 @@ class HeldNumbers:
     words: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     switches: Mapping[DriftCause, NumberKey] = field(default_factory=dict)
     rules: Mapping[str, Numbers] = field(default_factory=dict)
+    named: Sequence[NamedNumber] = ()
 
     def __getitem__(self, cause: DriftCause) -> Numbers:
         return self.by_cause.get(cause, {})

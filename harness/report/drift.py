@@ -29,3 +29,9 @@ def drift_sections(found: Drifts, detail: Detail = Detail.BRIEF) -> Iterator[Sec
             lines = [*lines[:_MOST_LINES], f"{len(lines) - _MOST_LINES} more (--all)"]
         if lines:
             yield Section("What differs", lines)
+    for measured in found.measured:
+        yield Section(measured.sentence, is_answer=True)
+        table, others = measured.table(detail)
+        note = f"{measured.motions} motions by {measured.mover}; each number alone, of {', '.join(measured.joints)}."
+        if measured.numbers:
+            yield Section("What one number would explain of the gap", [table, note, *filter(None, [others])])

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from harness.results.cause import DriftCause
 from harness.results.detail import Detail, telling
+from harness.results.measured import MeasuredRecord
 from harness.results.run import StudyResult
 from harness.results.table import Column, Table, counted, first_of, grouped, number_text
 
@@ -238,12 +239,13 @@ def _of_way(size: float, way: float) -> str:
 
 @dataclass(kw_only=True)
 class Drifts(StudyResult):
-    """The drift that a run found."""
+    """The drift that a run found, between two sides or from a measured log."""
 
     STUDY: ClassVar[str] = "drift"
 
     drifts: list[DriftRecord] = field(default_factory=list)
+    measured: list[MeasuredRecord] = field(default_factory=list)
 
     @property
     def summary(self) -> str:
-        return " ".join(drift.sentence for drift in self.drifts)
+        return " ".join([*(drift.sentence for drift in self.drifts), *(log.sentence for log in self.measured)])

@@ -1,0 +1,143 @@
+"""Measured logs: numbers that are planted in what was measured, what a log does not tell apart, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from drifting import ARM, HOPPER
+from support import harness
+
+from harness.drifts.measured import DELAY, MeasuredSettings
+from harness.drifts.plan import MovingSide
+from harness.drifts.study import measured_from
+from harness.engines.moving import Control
+from harness.errors import InvalidRequest
+from harness.results.measured import MeasuredRecord
+
+ARM_JOINTS = [f"joint{number}" for number in range(6)]
+SENT = [f"servo{number}" for number in range(6)]
+# A pendulum with a rotor: its log holds one moment of inertia about the axis, whoever has it.
+PENDULUM = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">
+<joint name="pin" axis="0 1 0" damping="0.1" armature="0.02"/>
+<inertial pos="0 0 -0.3" mass="0.5" diaginertia="0.004 0.004 0.001"/>
+</body></worldbody>
+<actuator><motor name="drive" joint="pin"/></actuator><keyframe><key qpos="1"/></keyframe></mujoco>"""
+
+
+def control_of(names: list[str], seconds: float) -> Control:
+    times = np.arange(0.0, seconds, 0.002)
+    return Control(tuple(names), times, np.column_stack([0.6 * np.sin(2 * times + number) for number in range(len(names))]))
+
+
+def measure(path: Path, text: str, control: Control, seconds: float, delay: float = 0.0) -> None:
+    """A log of all joints each fifth step, of MuJoCo alone."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, number) for number in range(model.njnt)]
+    rows = [",".join(["time", *names])]
+    for step in range(round(seconds / model.opt.timestep) + 1):
+        if step % 5 == 0:
+            rows.append(",".join(map(repr, [step * model.opt.timestep, *data.qpos.tolist()])))
+        data.ctrl[:] = control.held_at(np.array([max(step * model.opt.timestep - delay, 0.0)]))[0]
+        mujoco.mj_step(model, data)
+    path.write_text("\n".join(rows))
+
+
+def found(folder: Path, text: str, real: str, names: list[str], delay: float = 0.0, seconds: float = 1.0) -> MeasuredRecord:
+    assert text != real or delay
+    (folder / "model.xml").write_text(text)
+    control = control_of(names, seconds)
+    measure(folder / "log.csv", real, control, seconds, delay)
+    return measured_from(MeasuredSettings(MovingSide(folder / "model.xml"), folder / "log.csv", control), here=True)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "planted", "what", "owner"),
+    [
+        (r'(name="joint2"[^>]*damping=)"0.4"', 1.1, "damping", "joint joint2"),
+        (r'(name="joint1"[^>]*frictionloss=)"0.3"', 0.8, "frictionloss", "joint joint1"),
+        (r'(name="joint0"[^>]*armature=)"0.05"', 0.2, "armature", "joint joint0"),
+        (r'(name="servo1"[^>]*kv=)"5.13"', 1.0, "kv", "actuator servo1"),
+        (r'(name="servo2"[^>]*gear=)"1"', 0.7, "gear", "actuator servo2"),
+    ],
+)
+def test_a_number_that_the_robot_has_otherwise_explains_the_log(
+    tmp_path: Path, pattern: str, planted: float, what: str, owner: str
+) -> None:
+    record = found(tmp_path, ARM, re.sub(pattern, rf'\g<1>"{planted}"', ARM, count=1), SENT)
+    best = record.numbers[0]
+    assert (best.what, best.owner) == (what, owner) or f"{what} of {owner}" in best.alike, record.sentence
+    assert best.explained > 0.9 and record.joints == ARM_JOINTS
+    if best.what == what:
+        assert best.fitted == pytest.approx(planted, rel=0.15) and re.fullmatch(r"line \d+", best.place)
+        assert f'"{best.value:g}"' in ARM.splitlines()[int(best.place.partition(" ")[2]) - 1]
+
+
+def test_a_delay_of_the_controls_explains_the_log(tmp_path: Path) -> None:
+    record = found(tmp_path, ARM, ARM, SENT, delay=0.02)
+    best = record.numbers[0]
+    assert best.what == DELAY.what and best.fitted == pytest.approx(0.02, rel=0.15) and best.explained > 0.95
+
+
+def test_what_a_log_does_not_tell_apart_is_told_together(tmp_path: Path) -> None:
+    """About its axis a pendulum has one moment of inertia, of the rotor and of the rod."""
+    record = found(tmp_path, PENDULUM, PENDULUM.replace('armature="0.02"', 'armature="0.04"'), ["drive"])
+    by_name = {one.name: one for one in record.numbers}
+    rotor, rod = by_name["armature of joint pin"], by_name["moment of inertia y of body rod"]
+    assert rod.name in rotor.alike and rotor.name in rod.alike
+    assert rotor.fitted - rotor.value == pytest.approx(rod.fitted - rod.value, rel=0.02) == pytest.approx(0.02, rel=0.05)
+    assert "The log does not tell it from" in record.sentence
+
+
+def test_a_log_of_some_joints_and_no_gap(tmp_path: Path) -> None:
+    (tmp_path / "hopper.xml").write_text(HOPPER)
+    model = mujoco.MjModel.from_xml_string(HOPPER)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    rows = ["time,rail"]
+    for step in range(30):
+        rows.append(f"{step * 0.002!r},{float(data.qpos[0])!r}")
+        mujoco.mj_step(model, data)
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    record = measured_from(MeasuredSettings(MovingSide(tmp_path / "hopper.xml"), tmp_path / "log.csv"), here=True)
+    assert record.joints == ["rail"] and record.gap < 1e-2 and record.seconds == pytest.approx(0.058)
+    assert all(0.0 <= one.explained <= 1.0 and math.isfinite(one.fitted) for one in record.numbers)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time,elbow\n0,0\n1,0\n", "has the column 'elbow', which is no hinge or slide of the model; expected pin"),
+        ("time,pin\n0,0\n0.0001,0\n", "ends within one step of 0.002 s; expected several rows"),
+        ("pin\n0\n", "has the columns pin; expected time and one for each joint"),
+    ],
+)
+def test_a_log_of_something_else_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "model.xml").write_text(PENDULUM)
+    (tmp_path / "log.csv").write_text(text)
+    with pytest.raises(InvalidRequest, match=re.escape(said)):
+        measured_from(MeasuredSettings(MovingSide(tmp_path / "model.xml"), tmp_path / "log.csv"), here=True)
+
+
+def test_a_user_reads_what_would_explain_the_log(tmp_path: Path) -> None:
+    found(tmp_path, PENDULUM, PENDULUM.replace('damping="0.1"', 'damping="0.3"'), ["drive"])
+    times = np.arange(0.0, 1.0, 0.002)
+    rows = [f"{time!r},{0.6 * math.sin(2 * time)!r}" for time in times.tolist()]
+    (tmp_path / "sent.csv").write_text("\n".join(["time,drive", *rows]))
+    done = harness("drift", "model.xml", "log.csv", "--control", "sent.csv", "--json", "found.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    first = done.stdout.splitlines()[0]
+    assert re.match(
+        r"log\.csv is 0\.\d+ of its way from the motion of model\.xml over 1 s\. Damping of joint pin 0\.\d+ in place of 0\.1", first
+    )
+    document = json.loads((tmp_path / "found.json").read_text())
+    assert document["summary"] == first and document["measured"][0]["numbers"][0]["what"] == "damping"
+    refused = harness("drift", "model.xml", "log.csv", "--delay", "0", "0.1", cwd=tmp_path)
+    assert refused.returncode == 2 and "a measured log has no engine" in refused.stderr
