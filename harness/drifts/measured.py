@@ -40,7 +40,7 @@ class MeasuredSettings:
     """A model, a log and the control under which it was recorded.
 
     Attributes:
-        log: the path of a table of positions, a column for each joint that was measured; it starts at its first row.
+        log: the path of a table of positions, a column for each joint that was measured; the model starts at its first row.
         seconds: how long both are held against each other, None for all of the log.
     """
 
@@ -113,7 +113,7 @@ def _model(settings: MeasuredSettings, held: HeldNumbers) -> _Model:
     for name, kind in held.joints.items():
         places[name], columns[name] = q_place, v_place
         q_place, v_place = q_place + kind.sizes[0], v_place + kind.sizes[1]
-    times = times - times[0]
+    began, times = times[0], times - times[0]
     last = times[-1] if settings.seconds is None else min(times[-1], settings.seconds)
     counts = sorted({round(time / held.length) for time in times[times <= last * (1 + 1e-9)]} - {0})
     if not counts:
@@ -126,7 +126,10 @@ def _model(settings: MeasuredSettings, held: HeldNumbers) -> _Model:
         q[places[name]] = values[0, column]
         v[columns[name]] = _first_velocity(times, values[:, column])
     control = settings.control or Control.constant(held.control)
-    if control.function is not None and not control.names:
+    if control.function is None:
+        # Both tables are of one clock.
+        control = replace(control, times=control.times - began)
+    elif not control.names:
         control = replace(control, names=tuple(held.control))
     if lacking := [name for name in control.names if name not in held.control]:
         raise InvalidRequest(f"no actuator is called {lacking[0]!r}, which is controlled; expected {', '.join(held.control) or 'none'}")

@@ -58,6 +58,7 @@ def found(folder: Path, text: str, real: str, names: list[str], delay: float = 0
     return measured_from(MeasuredSettings(MovingSide(folder / "model.xml"), folder / "log.csv", control), here=True)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("pattern", "planted", "what", "owner"),
     [
@@ -80,6 +81,7 @@ def test_a_number_that_the_robot_has_otherwise_explains_the_log(
         assert f'"{best.value:g}"' in ARM.splitlines()[int(best.place.partition(" ")[2]) - 1]
 
 
+@pytest.mark.ci
 def test_a_delay_of_the_controls_explains_the_log(tmp_path: Path) -> None:
     record = found(tmp_path, ARM, ARM, SENT, delay=0.02)
     best = record.numbers[0]
@@ -94,6 +96,20 @@ def test_what_a_log_does_not_tell_apart_is_told_together(tmp_path: Path) -> None
     assert rod.name in rotor.alike and rotor.name in rod.alike
     assert rotor.fitted - rotor.value == pytest.approx(rod.fitted - rod.value, rel=0.02) == pytest.approx(0.02, rel=0.05)
     assert "The log does not tell it from" in record.sentence
+
+
+@pytest.mark.ci
+def test_a_log_and_its_controls_are_of_one_clock(tmp_path: Path) -> None:
+    real = PENDULUM.replace('damping="0.1"', 'damping="0.3"')
+    record = found(tmp_path, PENDULUM, real, ["drive"])
+    header, *rows = (tmp_path / "log.csv").read_text().splitlines()
+    later = [",".join([repr(float(time) + 8.0), position]) for time, position in (row.split(",") for row in rows)]
+    (tmp_path / "later.csv").write_text("\n".join([header, *later]))
+    control = control_of(["drive"], 1.0)
+    control = Control(control.names, control.times + 8.0, control.values)
+    other = measured_from(MeasuredSettings(MovingSide(tmp_path / "model.xml"), tmp_path / "later.csv", control), here=True)
+    assert other.gap == pytest.approx(record.gap, rel=1e-6)
+    assert [one.name for one in other.numbers[:2]] == [one.name for one in record.numbers[:2]]
 
 
 def test_a_log_of_some_joints_and_no_gap(tmp_path: Path) -> None:
@@ -127,15 +143,15 @@ def test_a_log_of_something_else_is_refused(tmp_path: Path, text: str, said: str
 
 
 def test_a_user_reads_what_would_explain_the_log(tmp_path: Path) -> None:
-    found(tmp_path, PENDULUM, PENDULUM.replace('damping="0.1"', 'damping="0.3"'), ["drive"])
-    times = np.arange(0.0, 1.0, 0.002)
+    found(tmp_path, PENDULUM, PENDULUM.replace('damping="0.1"', 'damping="0.3"'), ["drive"], seconds=0.4)
+    times = np.arange(0.0, 0.4, 0.002)
     rows = [f"{time!r},{0.6 * math.sin(2 * time)!r}" for time in times.tolist()]
     (tmp_path / "sent.csv").write_text("\n".join(["time,drive", *rows]))
     done = harness("drift", "model.xml", "log.csv", "--control", "sent.csv", "--json", "found.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     first = done.stdout.splitlines()[0]
     assert re.match(
-        r"log\.csv is 0\.\d+ of its way from the motion of model\.xml over 1 s\. Damping of joint pin 0\.\d+ in place of 0\.1", first
+        r"log\.csv is 0\.\d+ of its way from the motion of model\.xml over 0\.4 s\. Damping of joint pin 0\.\d+ in place of 0\.1", first
     )
     document = json.loads((tmp_path / "found.json").read_text())
     assert document["summary"] == first and document["measured"][0]["numbers"][0]["what"] == "damping"
