@@ -129,10 +129,7 @@ def _model(settings: MeasuredSettings, held: HeldNumbers) -> _Model:
     if control.function is None:
         # Both tables are of one clock.
         control = replace(control, times=control.times - began)
-    elif not control.names:
-        control = replace(control, names=tuple(held.control))
-    if lacking := [name for name in control.names if name not in held.control]:
-        raise InvalidRequest(f"no actuator is called {lacking[0]!r}, which is controlled; expected {', '.join(held.control) or 'none'}")
+    control = control.of_actuators(list(held.control), held.servos)
     motion = SimulatedFile(settings.side.file, {}, settings.side.timing(held.length), tuple(kept))
     request = MotionsRequest((), tuple(held.joints), q, v, control)
     return _Model(held, request, motion, tuple(columns[name] for name in names), tuple(places[name] for name in names), measured)

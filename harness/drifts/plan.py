@@ -161,13 +161,7 @@ def plan_of(settings: DriftSettings, held: HeldSides) -> Plan:
     own = SimulatedFile(second.file, {}, timings[1], counts[1])
     rounded = tuple([replace(one, rounding=seed + settings.seed) for seed in ROUNDINGS] for one in (motions[0], own))
     control = settings.control or Control.constant({name: held.first.control[name] for name in _driven(held)})
-    if control.function is not None and not control.names:
-        control = replace(control, names=tuple(_driven(held)))
-        if not control.names:
-            raise InvalidRequest("no actuator is in both sides, so that a control moves nothing; leave it out, or add actuators")
-    if lacking := [name for name in control.names if name not in _driven(held)]:
-        expected = ", ".join(_driven(held)) or "none, for no actuator is in both"
-        raise InvalidRequest(f"no actuator of both sides is called {lacking[0]!r}, which is controlled; expected {expected}")
+    control = control.of_actuators(_driven(held), held.first.servos)
     request = MotionsRequest((), tuple(held.first.joints), q, v, control)
     return Plan(request, kinds, times, causes, motions, own, (rounded[0], rounded[1]), orders, differing)
 

@@ -6,14 +6,15 @@ numbers of another file, version or engine can be laid over them before the file
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
+from harness.errors import InvalidRequest
 from harness.files.joint_kinds import JointKind
 from harness.results.cause import DriftCause
 
@@ -68,7 +69,8 @@ class HeldNumbers:
         switches: of a cause that acts in the file, the number that is 0 where nothing of it does.
         rules: of integrators that users write by an engine's accelerations, the numbers by which this engine takes their steps.
         words: of an array that holds values of an enumeration, their names.
-        control: of each actuator, by the same. named: numbers that may be wrong, each with one value.
+        control: of each actuator, by the same. servos: of each joint whose position one actuator alone is given, that.
+        named: numbers that may be wrong, each with one value.
     """
 
     by_cause: Mapping[DriftCause, Numbers]
@@ -81,6 +83,7 @@ class HeldNumbers:
     words: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     switches: Mapping[DriftCause, NumberKey] = field(default_factory=dict)
     rules: Mapping[str, Numbers] = field(default_factory=dict)
+    servos: Mapping[str, str] = field(default_factory=dict)
     named: Sequence[NamedNumber] = ()
 
     def __getitem__(self, cause: DriftCause) -> Numbers:
@@ -109,6 +112,27 @@ class Control:
     @classmethod
     def calling(cls, function: Callable[[float, Array, Array], Any], names: Sequence[str] = ()) -> Control:
         return cls(tuple(names), np.zeros(0), np.zeros((0, len(names))), function)
+
+    def of_actuators(self, actuators: Collection[str], servos: Mapping[str, str]) -> Control:
+        """The same for ``actuators``: a column that is called as a joint is that of its servo, and a function has all of them.
+
+        Raises:
+            InvalidRequest: a column is of neither, or two are of one actuator.
+        """
+        if self.function is not None and not self.names and not actuators:
+            raise InvalidRequest("no actuator is in both sides, so that a control moves nothing; leave it out, or add actuators")
+        names = [name if name in actuators else servos.get(name, name) for name in self.names]
+        if self.function is not None and not names:
+            names = list(actuators)
+        if lacking := [name for name in names if name not in actuators]:
+            expected = ", ".join(actuators) or "none, for no actuator is in both"
+            raise InvalidRequest(
+                f"no actuator of both sides is called {lacking[0]!r}, which is controlled, nor has a joint of that name one servo of its "
+                f"position; expected {expected}"
+            )
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InvalidRequest(f"two columns control actuator {twice[0]!r}, one by the name of its joint; leave out one")
+        return replace(self, names=tuple(names))
 
     def held_at(self, times: Array) -> Array:
         """(n, names) at times; before the first one it has the first."""

@@ -15,11 +15,11 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from drifting import CART
+from drifting import ARM, CART
 
 import harness
 from harness.drifts.control import read_control
-from harness.engines.adapters.mujoco.moving import moved
+from harness.engines.adapters.mujoco.moving import held_numbers, moved
 from harness.engines.moving import Control, MotionsRequest, MovedFile, SimulatedFile, Timing
 from harness.errors import InvalidRequest
 
@@ -231,3 +231,30 @@ def test_a_control_of_a_robot_without_actuators_is_refused(tmp_path: Path) -> No
     path.write_text(re.sub("<actuator>.*</actuator>", "", CART, flags=re.DOTALL).replace(' ctrl="0.8 1.5"', ""))
     with pytest.raises(InvalidRequest, match="no actuator is in both sides, so that a control moves nothing"):
         harness.drift(path, by=("mujoco/Euler", "mujoco/RK4"), control=lambda t, q, v: [])
+
+
+def test_a_log_of_joints_is_what_their_servos_track(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.xml", tmp_path / "b.xml"
+    first.write_text(ARM)
+    second.write_text(ARM.replace('kp="60"', 'kp="50"'))
+    rows = "\n".join(f"{0.01 * row!r},{0.02 * row!r},{-0.01 * row!r}" for row in range(6))
+    found = []
+    for names in ("joint1,servo2", "servo1,servo2"):
+        (tmp_path / "c.csv").write_text(f"time,{names}\n{rows}\n")
+        found.append(harness.drift(first, second, control=tmp_path / "c.csv", seconds=0.05))
+    assert found[0] == found[1] and any(found[0].of_positions)
+    for names, said in (
+        ("joint1,servo1", "two columns control actuator 'servo1', one by the name of its joint"),
+        ("elbow,servo1", "no actuator of both sides is called 'elbow', which is controlled, nor has a joint of that name one servo"),
+    ):
+        (tmp_path / "c.csv").write_text(f"time,{names}\n{rows}\n")
+        with pytest.raises(InvalidRequest, match=said):
+            harness.drift(first, second, control=tmp_path / "c.csv", seconds=0.05)
+
+
+def test_a_geared_servo_and_a_motor_track_no_joint(tmp_path: Path) -> None:
+    geared, driven = ARM.replace('gear="1"', 'gear="2"'), re.sub(r'<position (name="servo1"[^>]*?) kp="60" kv="5.13"', r"<motor \1", ARM)
+    for text, expected in ((geared, {}), (driven, {f"joint{number}": f"servo{number}" for number in (0, 2, 3, 4, 5)})):
+        assert text != ARM
+        (tmp_path / "a.xml").write_text(text)
+        assert held_numbers(MovedFile(tmp_path / "a.xml", "mjcf")).servos == expected

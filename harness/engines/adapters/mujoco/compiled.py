@@ -106,7 +106,7 @@ def owners(model: Any, prefix: str, count: int) -> Callable[[int], str]:
     joints = [(model.joint(number).name or f"joint {number}", number) for number in range(model.njnt)]
     if prefix in ("dof", "qpos0", "qpos"):
         starts = list(model.jnt_dofadr if prefix == "dof" else model.jnt_qposadr)
-        ends = [*starts[1:], count]
+        ends = [*starts[1:], count][: len(starts)]
         of_joints = [
             name if end - start == 1 else f"{name}[{place}]"
             for (name, _), start, end in zip(joints, starts, ends, strict=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from harness.arrays import Array
@@ -30,6 +31,17 @@ _LEAST_SHARE, _LENGTH = 1e-3, 1e-3
 def named_numbers(model: Any) -> tuple[NamedNumber, ...]:
     """Of joints, actuators and bodies that move."""
     return (*_of_joints(model), *_of_actuators(model), *_of_bodies(model))
+
+
+def servos_of(model: Any) -> dict[str, str]:
+    """Each joint whose position one actuator alone is given, without a gear, and that actuator."""
+    on_joint, joint, actuator = int(mujoco.mjtTrn.mjTRN_JOINT), owners(model, "jnt", model.njnt), owners(model, "actuator", model.nu)
+    found: dict[str, list[str]] = {}
+    for row in range(model.nu):
+        if model.actuator_trntype[row] == on_joint:
+            is_servo = model.actuator_gainprm[row, 0] == -model.actuator_biasprm[row, 1] != 0 and model.actuator_gear[row, 0] == 1
+            found.setdefault(joint(int(model.actuator_trnid[row, 0])), []).append(actuator(row) if is_servo else "")
+    return {name: own[0] for name, own in found.items() if len(own) == 1 and own[0]}
 
 
 def _unit(size: int, place: int, sign: float = 1.0) -> Array:

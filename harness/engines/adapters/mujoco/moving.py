@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.causes import lay_over, numbers_by_cause, rules, switches_of, words
-from harness.engines.adapters.mujoco.measured import named_numbers
+from harness.engines.adapters.mujoco.measured import named_numbers, servos_of
 from harness.engines.adapters.mujoco.model import sizes_of
 from harness.engines.adapters.mujoco.robot import plain_model, refusals
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix, inputs_of
@@ -45,6 +45,7 @@ def held_numbers(file: MovedFile) -> HeldNumbers:
         words(),
         switches_of(model),
         rules(),
+        servos_of(model),
         named_numbers(model),
     )
 
