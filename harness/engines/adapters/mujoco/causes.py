@@ -165,17 +165,22 @@ def switches_of(model: Any) -> dict[DriftCause, NumberKey]:
 def rules() -> dict[str, Numbers]:
     """The numbers of rules that users write by accelerations: Euler's, whose dampers are explicit, and RK4."""
     number = {word: place for place, word in words()["opt_integrator"].items()}
-    chosen = {name: np.array([float(number[name.upper()])]) for name in ("Euler", "RK4")}
+    chosen = {name: np.array([float(number[name])]) for name in ("Euler", "RK4")}
     return {name: {("opt_integrator", ""): value, ("flag_eulerdamp", ""): np.zeros(1)} for name, value in chosen.items()}
 
 
 def words() -> dict[str, Mapping[int, str]]:
-    """Values of settings that are enumerations, by their numbers."""
+    """Values of settings that are enumerations, by their numbers, as files write them."""
     found: dict[str, Mapping[int, str]] = {}
     for name, (enumeration, prefix) in WORDS.items():
         members = getattr(mujoco, enumeration).__members__
-        found[name] = {int(one): word.removeprefix(prefix) for word, one in members.items() if word.startswith(prefix)}
+        found[name] = {int(one): _written(word.removeprefix(prefix)) for word, one in members.items() if word.startswith(prefix)}
     return found
+
+
+def _written(word: str) -> str:
+    names = ("Euler", "RK4", "Newton", "PGS", "CG")
+    return next((name for name in names if name.upper() == word), word.lower())
 
 
 def _owners(model: Any, array: str, count: int) -> list[str]:
