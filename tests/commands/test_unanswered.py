@@ -126,6 +126,7 @@ NOBODY = {
     "compare": (["still.urdf"], "no engine was asked"),
     "compare-runs": ([], "holds no history"),
     "diagnose": (["rod", "--library", "own", "--quantity", "mass_matrix", "--subject", "mine/urdf"], "no subject was judged"),
+    "drift": (["still.urdf"], "has no joint that moves"),
     "faults": (["spring_damper", "--kind", "products", "--states", "16"], "no faults were planted"),
     "nightly": (["--stage", "survey"], "no stage has anything to do"),
     "report": (["--library", "empty"], "holds no system file"),
