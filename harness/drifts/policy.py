@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.errors import InvalidRequest, require
+from harness.errors import DISTRIBUTION, InvalidRequest, not_installed
 
 # Names of inputs that are the time, positions or velocities; an only input of another name is positions before velocities.
 _TIME, _POSITIONS, _VELOCITIES = "time", "q", "v"
@@ -27,8 +27,10 @@ class OnnxPolicy:
     """
 
     def __init__(self, path: Path) -> None:
-        require(f"{path} is a policy", "onnxruntime")
-        onnxruntime = importlib.import_module("onnxruntime")
+        try:
+            onnxruntime = importlib.import_module("onnxruntime")
+        except ImportError as error:
+            raise InvalidRequest(f"{path} is a policy: {not_installed('onnxruntime')}; pip install '{DISTRIBUTION}[policy]'") from error
         self._path, options = path, onnxruntime.SessionOptions()
         # One thread adds in one order.
         options.intra_op_num_threads = options.inter_op_num_threads = 1
