@@ -1,8 +1,8 @@
 """Contacts that an engine finds, held against those that the model file has by the engine's documentation.
 
-Which pairs of shapes touch and the numbers of their contacts are judged of shapes of all kinds, but pairs that the file gives numbers of
-their own. That no contact is missing, and distances, normals and points, are judged of pairs with a closed form. Tangents are the
-engine's own choice, and are held to be square to the normal. Others stay given.
+Which pairs of shapes touch and the numbers of their contacts are judged of shapes of all kinds. That no contact is missing, and
+distances, normals and points, are judged of pairs with a closed form. Tangents are the engine's own choice, and are held to be square to
+the normal. Others stay given.
 
 Source: MuJoCo documentation, Computation, section Collision detection; API reference, ``mjContact``.
 """
@@ -20,11 +20,11 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.files.contacts import FoundContact
-from harness.files.shapes import PLANE, ContactNumbers, Shape, numbers_of_contact
+from harness.files.shapes import PLANE, ContactNumbers, Shape
 from harness.results.shapes import ShapesRecord
 from harness.trees.robot import Robot
 from harness.trees.shapes import PlacedShape, ShapesInWorld
-from harness.truth.nearest import Nearest, is_closed_form, nearest
+from harness.truth.nearest import Nearest, are_parallel, facing, is_closed_form, nearest
 from harness.verdict import AGREEMENT, Verdict
 
 # States at which shapes are placed, of those with contacts first.
@@ -45,7 +45,6 @@ class _Held:
 
     placed: ShapesInWorld
     known: dict[frozenset[str], tuple[_Pair, ContactNumbers]]
-    explicit: frozenset[frozenset[str]]
     shapes: dict[str, Shape]
     judged: int = 0
     given: int = 0
@@ -64,7 +63,7 @@ class _Held:
             contacts[frozenset(one.shapes)].append(one)
         placed = {one.shape.name: one for one in self.placed.at(q.tolist())}
         for names in list(contacts):
-            if names <= set(self.shapes) and names not in self.explicit and names not in self.known:
+            if names <= set(self.shapes) and names not in self.known:
                 self.fault(names, "pair", "touch, and the file has them touch nowhere")
                 del contacts[names]
         for names, ((first, second), numbers) in self.known.items():
@@ -78,7 +77,11 @@ class _Held:
         self.given += sum(map(len, contacts.values()))
 
     def _numbers(self, names: frozenset[str], one: FoundContact, numbers: ContactNumbers) -> None:
-        sums = {"margin": ((one.margin,), (numbers.margin,)), "friction": (one.friction, numbers.friction)}
+        sums: dict[str, tuple[Sequence[float], Sequence[float]]] = {
+            "margin": ((one.margin,), (numbers.margin,)),
+            "friction": (one.friction, numbers.friction),
+            "solreffriction": (one.sliding, numbers.sliding),
+        }
         means = {"solref": (one.solref, numbers.solref), "solimp": (one.solimp, numbers.solimp)}
         for what, (own, wanted) in {**sums, **means}.items():
             room = _MEAN if what in means else 0.0
@@ -87,27 +90,37 @@ class _Held:
 
     def _pair(self, first: PlacedShape, second: PlacedShape, found: Sequence[FoundContact], detected: float) -> None:
         names, points = frozenset((first.shape.name, second.shape.name)), nearest(first, second)
-        if points is None:
+        if are_parallel(first, second):
+            beside = [one.point for one in found] or [tuple(map(float, second.centre))]
+            points = [one for place in beside if (one := facing(first, second, place)) is not None]
+            if found and len(points) < len(found):
+                self.fault(names, "points", "touch where they are further apart than elsewhere")
+                return
+        elif points is None:
             self.given += len(found)
             return
         self.judged += len(found)
         room = [AGREEMENT * _ROUNDOFF * (one.size + abs(detected)) for one in points]
         beyond = [float(one.distance.mid()) - detected for one in points]
-        needed = [one for one, far, little in zip(points, beyond, room, strict=True) if far < -little]
+        needed = sum(one.is_sure and far < -little for one, far, little in zip(points, beyond, room, strict=True))
         possible = [one for one, far, little in zip(points, beyond, room, strict=True) if far <= little]
-        if len(found) < len(needed):
-            self.fault(names, "missing", f"touch in {len(needed)} points by the file, and in {len(found)} by the engine")
+        if len(found) < needed:
+            self.fault(names, "missing", f"touch in {needed} points by the file, and in {len(found)} by the engine")
         elif len(found) > len(possible):
             self.fault(names, "missing", f"touch in {len(found)} points, where the file has {len(possible)}")
         else:
-            choices = itertools.permutations(possible, len(found))
-            errors = [[_errors(one, own, first.shape.name) for one, own in zip(chosen, found, strict=True)] for chosen in choices]
-            least = min(errors, key=lambda own: max((max(one.values()) for one in own), default=0.0))
-            for what, error in (item for one in least for item in one.items()):
-                self.error = max(self.error, error)
-                if error > AGREEMENT:
-                    far = "that are not square" if what == _AXES else f"{error:.2g} roundoffs from those of the file"
-                    self.fault(names, what, f"have {what} {far}", error)
+            self._nearest(names, [[_errors(one, own, first.shape.name) for one in possible] for own in found])
+
+    def _nearest(self, names: frozenset[str], errors: Sequence[Sequence[dict[str, float]]]) -> None:
+        """Note errors of contacts against points of the file, each against one of its own, as they fit best."""
+        worst = [[max(one.values()) for one in own] for own in errors]
+        choices = itertools.permutations(range(len(errors[0]) if errors else 0), len(errors))
+        chosen = min(choices, key=lambda order: max((own[one] for own, one in zip(worst, order, strict=True)), default=0.0))
+        for what, error in (item for own, one in zip(errors, chosen, strict=True) for item in own[one].items()):
+            self.error = max(self.error, error)
+            if error > AGREEMENT:
+                far = "that are not square" if what == _AXES else f"{error:.2g} roundoffs from those of the file"
+                self.fault(names, what, f"have {what} {far}", error)
 
 
 def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundContact]], engine_has: Sequence[str]) -> ShapesRecord | None:
@@ -119,12 +132,12 @@ def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundConta
     if file is None or file.why_not or not engine_has:
         return None
     shapes = {shape.name: shape for shape in file.shapes}
-    pairs = [pair for pair in file.pairs(robot.tree) if {one.name for one in pair} <= set(engine_has)]
-    closed = {one.name: one for pair in pairs if is_closed_form(pair[0].kind, pair[1].kind) for one in pair}
+    pairs = [pair for pair in file.pairs(robot.tree) if {pair[0].name, pair[1].name} <= set(engine_has)]
+    closed = {shape.name: shape for one, other, _ in pairs if is_closed_form(one.kind, other.kind) for shape in (one, other)}
     if any(shape.body not in {"world", *(body.name for body in robot.tree.bodies)} for shape in shapes.values()):
         return None
-    known = {frozenset(one.name for one in pair): (pair, numbers_of_contact(*pair)) for pair in pairs}
-    held = _Held(ShapesInWorld(robot.tree, robot.joints, [*closed.values()]), known, file.explicit, shapes)
+    known = {frozenset((one.name, other.name)): ((one, other), numbers) for one, other, numbers in pairs}
+    held = _Held(ShapesInWorld(robot.tree, robot.joints, [*closed.values()]), known, shapes)
     order = sorted(range(len(found)), key=lambda number: not found[number])[:MOST_STATES]
     with flint.ctx.workprec(_BITS):
         for number in order:
@@ -150,8 +163,8 @@ def _text(values: Sequence[float]) -> str:
 
 def _may_be_near(first: PlacedShape, second: PlacedShape, detected: float) -> bool:
     """False where shapes are surely further apart than that."""
-    one, other = ([float(part.mid()) for part in (*own.centre, *own.axis, own.radius, own.half)] for own in (first, second))
-    between, reach = np.subtract(other[:3], one[:3]), one[6] + one[7] + other[6] + other[7] + detected
+    one, other = ([float(part.mid()) for part in (*own.centre, *own.axis, own.radius, own.half, *own.halves)] for own in (first, second))
+    between, reach = np.subtract(other[:3], one[:3]), sum(one[6:]) + sum(other[6:]) + detected
     planes = [own[3:6] for own, shape in ((one, first), (other, second)) if shape.shape.kind == PLANE]
     far = abs(float(between @ planes[0])) if planes else float(np.linalg.norm(between))
     if planes:

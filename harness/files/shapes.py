@@ -5,17 +5,17 @@ Source: MuJoCo documentation, Computation, section Collision detection, Selectio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from harness.files.equalities import SolverParameters
 from harness.files.given import Place, Pose, Vector
 from harness.files.tree import WORLD, Tree
 
-PLANE, SPHERE, CAPSULE = "plane", "sphere", "capsule"
+PLANE, SPHERE, CAPSULE, BOX = "plane", "sphere", "capsule", "box"
 # mjMINMU: a coefficient of friction is no less.
-_LEAST_FRICTION = 1e-5
+LEAST_FRICTION = 1e-5
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,9 @@ class Shape:
 
     Attributes:
         name: its own, or "(geom 2 of hand)", counted among those of the body that may touch.
-        size: radius of a sphere or capsule, and half the length of a capsule without ``ends`` [m].
-        pose: in the body; its z axis is the normal of a plane and the axis of a capsule. ends: of a capsule between two points.
+        size: radius of a sphere or capsule, and half the length of a capsule without ``ends``; half the edges of a box, of one with
+            ``ends`` those across [m].
+        pose: in the body; its z axis is the normal of a plane and the axis of a capsule. ends: of a capsule or box between two points.
         types: ``contype`` and ``conaffinity``. friction: of sliding, spinning and rolling.
     """
 
@@ -55,6 +56,7 @@ class ContactNumbers:
     solimp: tuple[float, ...]
     margin: float
     detected: float
+    sliding: tuple[float, ...] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -62,29 +64,33 @@ class Shapes:
     """The shapes of a file that may touch, and what it says of pairs of them.
 
     Attributes:
-        excluded: pairs of bodies none of whose shapes touch. explicit: pairs of shapes whose contacts the file gives numbers of their own.
+        excluded: pairs of bodies none of whose shapes touch.
+        explicit: pairs of shapes whose contacts the file gives numbers of their own; they collide whatever else it says.
         filters_parents: whether a body and its parent do not touch.
         why_not: why nothing is said of any contact; "" where it is.
     """
 
     shapes: tuple[Shape, ...] = ()
     excluded: frozenset[frozenset[str]] = frozenset()
-    explicit: frozenset[frozenset[str]] = frozenset()
+    explicit: Mapping[frozenset[str], ContactNumbers] = field(default_factory=dict)
     filters_parents: bool = True
     why_not: str = ""
 
-    def pairs(self, tree: Tree) -> list[tuple[Shape, Shape]]:
-        """Those that collide where they are near, but explicit ones."""
+    def pairs(self, tree: Tree) -> list[tuple[Shape, Shape, ContactNumbers]]:
+        """Those that collide where they are near, with the numbers of their contacts."""
         top, above = _welded(tree)
-        return [
-            (one, other)
-            for number, one in enumerate(self.shapes)
-            for other in self.shapes[:number]
-            if _are_compatible(one, other)
-            and frozenset((one.name, other.name)) not in self.explicit
-            and frozenset((one.body, other.body)) not in self.excluded
-            and not self._is_filtered(top[one.body], top[other.body], above)
-        ]
+        found = []
+        for number, one in enumerate(self.shapes):
+            for other in self.shapes[:number]:
+                if (own := self.explicit.get(frozenset((one.name, other.name)))) is not None:
+                    found.append((one, other, own))
+                elif (
+                    _are_compatible(one, other)
+                    and frozenset((one.body, other.body)) not in self.excluded
+                    and not self._is_filtered(top[one.body], top[other.body], above)
+                ):
+                    found.append((one, other, numbers_of_contact(one, other)))
+        return found
 
     def _is_filtered(self, one: str, other: str, above: dict[str, str]) -> bool:
         """True within what is welded together; next to what carries it, unless that is the world."""
@@ -111,7 +117,7 @@ def numbers_of_contact(one: Shape, other: Shape) -> ContactNumbers:
     first, *rest = sorted((one, other), key=lambda shape: -shape.priority)
     deciding = [first] if first.priority > rest[0].priority else [first, *rest]
     condim = max(shape.condim for shape in deciding)
-    slide, spin, roll = (max(_LEAST_FRICTION, *(shape.friction[axis] for shape in deciding)) for axis in range(3))
+    slide, spin, roll = (max(LEAST_FRICTION, *(shape.friction[axis] for shape in deciding)) for axis in range(3))
     margin, gap = one.margin + other.margin, one.gap + other.gap
     friction = (slide, slide, spin, roll, roll)[: condim - 1]
     solref, solimp = _mixed_softness(deciding)

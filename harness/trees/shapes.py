@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import Any
 
 from harness.files.joint_kinds import JointKind
-from harness.files.shapes import CAPSULE, Shape
+from harness.files.shapes import BOX, Shape
 from harness.files.tree import WORLD, Tree
 from harness.programs.terms import length
 from harness.trees.bodies.spatial import placed
@@ -26,6 +26,7 @@ class PlacedShape:
     Attributes:
         centre, axis: (3,), of the z axis of its frame. radius, half: half the length; 0 where the shape has none.
         size: of the lengths that are added for its place [m].
+        axes, halves: of a box, the three axes of its frame and half its edges along them.
     """
 
     shape: Shape
@@ -34,6 +35,8 @@ class PlacedShape:
     radius: Any
     half: Any
     size: float
+    axes: Sequence[Sequence[Any]] = ()
+    halves: Sequence[Any] = ()
 
 
 class ShapesInWorld:
@@ -50,7 +53,7 @@ class ShapesInWorld:
         """All of them at one configuration, (nq,), at the precision of ``flint.ctx``."""
         outputs = self._evaluate(*map(float, q), *self._others) if self._shapes else {}
         return [
-            PlacedShape(shape, own[:3], own[3:6], own[6], own[7], reach.at(q))
+            PlacedShape(shape, own[:3], own[3:6], own[6], own[7], reach.at(q), *_of_box(own[3:6], own[8:]))
             for shape, reach, own in zip(self._shapes, self._reaches, (outputs[str(n)] for n in range(len(self._shapes))), strict=True)
         ]
 
@@ -59,16 +62,22 @@ def _program(world: Any, shapes: Sequence[Shape]) -> Callable[..., dict[str, lis
     builder, outputs = world.kinematics.builder, {}
     for number, shape in enumerate(shapes):
         frame = placed(builder, shape.pose, world.frame_of(shape.body))
-        radius = builder.number(shape.size[0]) if shape.size else builder.zero
-        half = builder.number(shape.size[1]) if len(shape.size) > 1 else builder.zero
-        if shape.kind == CAPSULE and shape.ends:
+        sizes = [builder.number(one) for one in shape.size]
+        if shape.ends:
             first, second = map(builder.vector, shape.ends)
-            half = builder.number(Fraction(1, 2)) * length(second + -first)
-        outputs[str(number)] = [*frame.shift, *frame.turn[:, 2], radius, half]
+            sizes = [*sizes * (2 if shape.kind == BOX else 1), builder.number(Fraction(1, 2)) * length(second + -first)]
+        box = [*frame.turn[:, 0], *frame.turn[:, 1], *sizes] if shape.kind == BOX else []
+        radius, half, *_ = [builder.zero] * 2 if box else [*sizes, builder.zero, builder.zero]
+        outputs[str(number)] = [*frame.shift, *frame.turn[:, 2], radius, half, *box]
     if not shapes:
         return dict
     evaluate: Callable[..., dict[str, list[Any]]] = builder.written(outputs).in_balls()
     return evaluate
+
+
+def _of_box(axis: Sequence[Any], rest: Sequence[Any]) -> tuple[Sequence[Sequence[Any]], Sequence[Any]]:
+    """Axes and halves of a box; none of another shape."""
+    return ((rest[:3], rest[3:6], axis), rest[6:]) if rest else ((), ())
 
 
 @dataclass(frozen=True)

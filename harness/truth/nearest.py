@@ -1,8 +1,11 @@
 """Where two shapes are nearest, by closed forms in balls: distance, normal and the point midway between their surfaces.
 
-Planes reach everywhere. A capsule is the segment of its axis with a radius, and touches a plane with both of its ends.
+Planes reach everywhere. A capsule is the segment of its axis with a radius, and touches a plane with both of its ends; a box does with
+those of its corners that are no higher than its centre, of which corners as high as the centre may be left out. A sphere whose centre is in
+a box leaves it through the nearest face. Of capsules that are parallel any two points that face one another are right.
 
-Sources: MuJoCo documentation, API reference, ``mjContact``; Ericson, Real-Time Collision Detection, section 5.1.9 (segments).
+Sources: MuJoCo documentation, API reference, ``mjContact``; Ericson, Real-Time Collision Detection, sections 5.1.3 (boxes) and 5.1.9
+(segments).
 """
 
 from __future__ import annotations
@@ -15,12 +18,18 @@ from typing import Any
 
 from flint import arb
 
-from harness.files.shapes import CAPSULE, PLANE, SPHERE
+from harness.files.shapes import BOX, CAPSULE, PLANE, SPHERE
 from harness.trees.shapes import PlacedShape
+from harness.verdict import AGREEMENT
 
 # Squares of the sine between two axes that are taken for parallel, and parts of its size by which two centres are apart that are taken
 # for one: where these hold the closed form has too few digits for anyone.
 _PARALLEL, _SAME = 1e-8, 1e-8
+# Squares of the sine between axes that are parallel but for rounding.
+_ROUNDED = 1e-30
+# Each look for a place beside a point of parallel capsules leaves the sine of the one before.
+_NEARER = 5
+_ROUNDOFF = 2.0**-53
 # Sine between an axis and a normal below which a frame is as good as here: nobody needs a tangent along such an axis.
 _LEAST_SINE = 1e-4
 _ROUND = (SPHERE, CAPSULE)
@@ -35,6 +44,7 @@ class Nearest:
         distance: of the surfaces, negative where they overlap [m]. normal: from the first to the second. point: midway [m].
         size: of what is added for the distance [m]; of_normal, of_point: what a roundoff of that does to the others.
         of_frame: what it does to tangents of which one is along the axis of a capsule.
+        is_sure: false of a corner of a box that is as high as its centre, to rounding.
     """
 
     distance: Any
@@ -44,18 +54,24 @@ class Nearest:
     of_normal: float
     of_point: float
     of_frame: float = 1.0
+    is_sure: bool = True
 
 
 def is_closed_form(first: str, second: str) -> bool:
     """Whether shapes of two kinds have one here."""
-    return {first, second} <= {PLANE, *_ROUND} and (first, second) != (PLANE, PLANE)
+    kinds = {first, second}
+    return (kinds <= {PLANE, *_ROUND} and kinds != {PLANE}) or kinds in ({PLANE, BOX}, {SPHERE, BOX})
 
 
 def nearest(first: PlacedShape, second: PlacedShape) -> list[Nearest] | None:
-    """The points of two shapes of such kinds; None where they are not unique, or nearly so."""
-    if second.shape.kind == PLANE:
+    """The points of two shapes; None where they have no closed form, or are not unique, or nearly so."""
+    if not is_closed_form(first.shape.kind, second.shape.kind):
+        return None
+    if second.shape.kind == PLANE or (second.shape.kind, first.shape.kind) == (SPHERE, BOX):
         found = nearest(second, first)
         return None if found is None else [_turned(one) for one in found]
+    if second.shape.kind == BOX:
+        return _corners_on_plane(first, second) if first.shape.kind == PLANE else _in_box(first, second)
     if first.shape.kind == PLANE:
         signs = (1, -1) if second.shape.kind == CAPSULE else (0,)
         return [_on_plane(first, second, sign) for sign in signs]
@@ -76,15 +92,88 @@ def _on_plane(plane: PlacedShape, other: PlacedShape, sign: int) -> Nearest:
     return Nearest(distance, plane.axis, point, size, 1.0, size, steep)
 
 
+def _corners_on_plane(plane: PlacedShape, box: PlacedShape) -> list[Nearest]:
+    """The corners that are not surely higher than the centre; of a box in general four."""
+    size, found = plane.size + box.size, []
+    above, room = _dot(plane.axis, _minus(box.centre, plane.centre)), AGREEMENT * _ROUNDOFF * (plane.size + box.size)
+    for signs in itertools.product((-1, 1), repeat=3):
+        corner, height = box.centre, arb(0)
+        for sign, axis, half in zip(signs, box.axes, box.halves, strict=True):
+            corner, height = _along(corner, axis, sign * half), height + sign * half * _dot(plane.axis, axis)
+        if not height > room:
+            distance = above + height
+            point = _along(corner, plane.axis, -distance / 2)
+            found.append(Nearest(distance, plane.axis, point, size, 1.0, size, is_sure=bool(height < -room)))
+    return found
+
+
+def _in_box(ball: PlacedShape, box: PlacedShape) -> list[Nearest] | None:
+    """The point of a sphere and a box; None where the centre is nearly on the surface, or as near to two faces from within."""
+    between, size = _minus(ball.centre, box.centre), ball.size + box.size
+    places = [_dot(axis, between) for axis in box.axes]
+    beyond = [place - _within(place, half) for place, half in zip(places, box.halves, strict=True)]
+    apart = _dot(beyond, beyond).sqrt()
+    if apart > _SAME * size:
+        # The normal turns by as much as the centre moves.
+        of_normal, out = 1.0 + size / float(apart.mid()), [part / apart for part in beyond]
+    else:
+        depths = [half - abs(place) for place, half in zip(places, box.halves, strict=True)]
+        least, second, _ = sorted(float(depth.mid()) for depth in depths)
+        if least < _SAME * size or second - least < _SAME * size:
+            return None
+        face = min(range(3), key=lambda axis: float(depths[axis].mid()))
+        of_normal, apart = 1.0, -depths[face]
+        out = [places[axis] / abs(places[axis]) if axis == face else arb(0) for axis in range(3)]
+    normal = [-_dot(out, along) for along in zip(*box.axes, strict=True)]
+    distance = apart - ball.radius
+    arm = ball.radius + distance / 2
+    return [Nearest(distance, normal, _along(ball.centre, normal, arm), size, of_normal, size + abs(float(arm.mid())) * of_normal)]
+
+
+def are_parallel(first: PlacedShape, second: PlacedShape) -> bool:
+    """Whether two shapes are capsules whose axes are parallel but for rounding."""
+    return first.shape.kind == second.shape.kind == CAPSULE and _squared_sine(first, second) < _ROUNDED
+
+
+def facing(first: PlacedShape, second: PlacedShape, point: Sequence[float]) -> Nearest | None:
+    """The points of two parallel capsules that face one another beside ``point``; None where they are nowhere near the least distance."""
+    along, found = _dot(first.axis, _minus([*map(arb, point)], first.centre)), None
+    places = (_within(along, first.half), arb(0))
+    # The point midway stands beside a place on the axis as far as the normal is square to it, which that of two ends is not.
+    for _ in range(_NEARER):
+        across = _minus(_along(first.centre, first.axis, places[0]), second.centre)
+        places = places[0], _within(_dot(second.axis, across), second.half)
+        found = _apart(first, second, places)
+        if found is None:
+            return None
+        arm = first.radius + found.distance / 2
+        places = _within(along - arm * _dot(first.axis, found.normal), first.half), places[1]
+    least = _apart(first, second, _places(first, second, _minus(second.centre, first.centre)))
+    if found is None or least is None:
+        return None
+    slanted = 2 * math.sqrt(max(_squared_sine(first, second), 0.0)) * float((first.half + second.half).mid())
+    return found if float((found.distance - least.distance).mid()) <= slanted + AGREEMENT * _ROUNDOFF * found.size else None
+
+
+def _squared_sine(first: PlacedShape, second: PlacedShape) -> float:
+    return float((1 - _dot(first.axis, second.axis) ** 2).mid())
+
+
 def _between_segments(first: PlacedShape, second: PlacedShape) -> list[Nearest] | None:
-    between, size = _minus(second.centre, first.centre), first.size + second.size
-    square = 1.0
+    between, square = _minus(second.centre, first.centre), 1.0
     places = _within(_dot(first.axis, between), first.half), _within(-_dot(second.axis, between), second.half)
     if first.shape.kind == second.shape.kind == CAPSULE:
-        square = float((1 - _dot(first.axis, second.axis) ** 2).mid())
+        square = _squared_sine(first, second)
         if square < _PARALLEL:
             return None
         places = _places(first, second, between)
+    found = _apart(first, second, places, square)
+    return None if found is None else [found]
+
+
+def _apart(first: PlacedShape, second: PlacedShape, places: tuple[Any, Any], square: float = 1.0) -> Nearest | None:
+    """The points beside two places on the axes, which a roundoff moves by that over ``square``; None where the axes nearly meet there."""
+    size = first.size + second.size
     start, end = _along(first.centre, first.axis, places[0]), _along(second.centre, second.axis, places[1])
     gap = _minus(end, start)
     apart = _dot(gap, gap).sqrt()
@@ -95,13 +184,14 @@ def _between_segments(first: PlacedShape, second: PlacedShape) -> list[Nearest] 
     steep, arm = size / float(apart.mid()), float((first.radius + distance / 2).mid())
     of_normal = 1.0 + steep / square
     point = _along(start, normal, first.radius + distance / 2)
-    return [Nearest(distance, normal, point, size, of_normal, size / square + abs(arm) * of_normal)]
+    return Nearest(distance, normal, point, size, of_normal, size / square + abs(arm) * of_normal)
 
 
 def _places(first: PlacedShape, second: PlacedShape, between: Vector) -> tuple[Any, Any]:
     """Where on both axes, from the centres: the least of a convex function in a rectangle, inside or on an edge."""
     slant, one, other = _dot(first.axis, second.axis), _dot(first.axis, between), _dot(second.axis, between)
     bent = 1 - slant * slant
+    # Of exactly parallel axes this is no number, which is less than nothing.
     inside = (one - slant * other) / bent, (slant * one - other) / bent
     if abs(inside[0]) < first.half and abs(inside[1]) < second.half:
         return inside

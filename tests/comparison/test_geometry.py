@@ -56,8 +56,21 @@ SHAPES = """<mujoco>
       <geom size="0.08" pos="0 0 0.2"/>
     </body>
     <body name="ball" pos="0.1 0.05 0.9"><freejoint/><geom name="ball" size="0.1" solref="-500 -10" contype="2" conaffinity="3"/></body>
+    <body name="crate" pos="-0.6 0 0.2">
+      <freejoint/>
+      <geom name="crate" type="box" size="0.1 0.07 0.05" euler="10 20 30"/>
+      <geom name="beam" type="box" size="0.03 1" fromto="0 0 0 0.2 0.1 0.1"/>
+      <geom name="can" type="cylinder" size="0.03 0.05" pos="0 0 -0.05"/>
+    </body>
+    <body name="marble" pos="-0.6 0.02 0.34"><freejoint/><geom name="marble" size="0.04"/></body>
+    <body name="ghost" pos="-0.4 0.3 0.1">
+      <freejoint/><geom name="ghost" type="capsule" size="0.04 0.1" zaxis="1 1 0" contype="0" conaffinity="0" mass="1"/>
+    </body>
   </worldbody>
-  <contact><exclude body1="trunk" body2="other"/></contact>
+  <contact>
+    <exclude body1="trunk" body2="other"/>
+    <pair geom1="floor" geom2="ghost" friction="0.4 0.2" condim="4" solreffriction="0.05 1" margin="0.02" gap="0.01"/>
+  </contact>
 </mujoco>
 """
 
@@ -126,6 +139,11 @@ OTHER_FILES = {
     "priority": (text_with('priority="1"', ""), "friction", "rod"),
     "solmix": (text_with('solmix="3"', 'solmix="1"'), "solref", "arm"),
     "condim": (text_with('condim="4"', 'condim="3"'), "friction", "arm"),
+    "edge of a box": (text_with('size="0.1 0.07 0.05"', 'size="0.1 0.07 0.0500000001"'), "distances", "crate"),
+    "end of a box": (text_with("0.2 0.1 0.1", "0.2 0.1 0.1000000001"), "points", "beam"),
+    "friction of a pair": (text_with('friction="0.4 0.2"', 'friction="0.4 0.25"'), "friction", "ghost"),
+    "slip of a pair": (text_with('solreffriction="0.05 1"', ""), "solreffriction", "ghost"),
+    "dropped pair": (text_with('<pair geom1="floor" geom2="ghost"', '<pair geom1="trunk" geom2="ghost"'), "by the file, and in 0", "ghost"),
     "contype": (text_with('contype="2" conaffinity="3"', 'contype="2" conaffinity="4"'), "by the file", "ball"),
 }
 
@@ -229,7 +247,7 @@ def test_replicas_have_shapes_of_their_own(tmp_path: Path) -> None:
 def tree_of(folder: Path, seed: int) -> Path:
     """Spheres and capsules on joints, fixed to one another and in frames, with filters and numbers of all kinds."""
     random = np.random.default_rng(seed)
-    opened, parts = 0, list[str]()
+    opened, parts, names = 0, list[str](), list[str]()
     for number in range(int(random.integers(3, 12))):
         x, y, z = random.normal(size=3) * 0.15
         kind = random.choice(["hinge", "slide", "ball", "none"])
@@ -243,18 +261,24 @@ def tree_of(folder: Path, seed: int) -> Path:
             radius = random.uniform(0.02, 0.1)
             ends = f'type="capsule" fromto="0 0 0 {a:.3f} {b:.3f} {c:.3f}" size="{radius:.3f}"'
             stands = f'type="capsule" euler="{90 * a:.2f} {900 * b:.2f} 10" size="{radius:.3f} {random.uniform(0.02, 0.2):.3f}"'
-            shape = random.choice([f'size="{radius:.3f}"', ends, stands])
+            box = f'type="box" euler="{900 * b:.2f} {900 * c:.2f} 10" size="{radius:.3f} {random.uniform(0.02, 0.1):.3f} 0.03"'
+            beam = f'type="box" fromto="0 0 0 {a:.3f} {b:.3f} {c:.3f}" size="{radius:.3f}"'
+            shape = random.choice([f'size="{radius:.3f}"', ends, stands, box, beam])
             slide, spin = random.uniform(0.1, 1.5, 2)
             numbers = f'friction="{slide:.3f} {spin:.3f}" solmix="{random.choice([0.3, 1, 2])}" margin="{random.choice([0, 0.013])}"'
             soft = f'solref="{random.choice(["0.02 1", "0.05 0.7", "-300 -20"])}" gap="{random.choice([0, 0.02])}"'
             others = f'priority="{random.choice([0, 0, 1])}" condim="{random.choice([1, 3, 4, 6])}" contype="{random.choice([1, 2, 3])}"'
-            geom = f"<geom {shape} mass='1' {numbers} {soft} {others}/>"
+            named = f"name='g{len(parts)}'"
+            names.append(named[6:-1])
+            geom = f"<geom {named} {shape} mass='1' {numbers} {soft} {others}/>"
             parts.append(f'<frame pos="0 {a:.3f} 0" axisangle="1 {b:.3f} 0 30">{geom}</frame>' if random.random() < 0.3 else geom)
         closing = int(random.integers(0, opened + 1)) if random.random() < 0.5 else 0
         parts.append("</body>" * closing)
         opened -= closing
     parts.append("</body>" * opened)
-    exclude = '<contact><exclude body1="b0" body2="b2"/></contact>'
+    one = f'geom1="{random.choice(names)}" geom2="floor" friction="{random.choice([0, 0.3])}" condim="{random.choice([1, 3, 6])}"'
+    pair = f'<pair {one} margin="{random.choice([0, 0.05])}" gap="0.01"/>' if random.random() < 0.7 else ""
+    exclude = f'<contact><exclude body1="b0" body2="b2"/>{pair}</contact>'
     flag = f'<option><flag filterparent="{random.choice(["enable", "disable"])}"/></option>'
     floor = f'<geom name="floor" type="plane" size="1 1 1" euler="{random.normal():.3f} 3 0"/>'
     text = f"<mujoco>{flag}<worldbody>{floor}<geom size='0.1' pos='0.1 0 0'/>{''.join(parts)}</worldbody>{exclude}</mujoco>"
@@ -268,6 +292,62 @@ def test_no_tree_is_red(seed: int, tmp_path: Path) -> None:
     states = np.array([mujoco.MjData(model).qpos + random.normal(size=model.nq) * random.choice([0.05, 0.5]) for _ in range(20)])
     record = hold_shapes(read_robot(path), states, found_at(path, states), shapes_that_touch(model))
     assert record is not None and (record.rest, record.verdict) == ([], Verdict.AGREES)
+
+
+PARALLEL = """<mujoco><worldbody>
+<body name="one" pos="0 0 0"><freejoint/><geom name="one" type="capsule" size="0.1 0.3"/></body>
+<body name="two" pos="0.15 0 0"><freejoint/><geom name="two" type="capsule" size="0.08 0.2"/></body></worldbody></mujoco>"""
+
+
+def parallel_states(random: np.random.Generator, count: int) -> Array:
+    """Two capsules beside one another, end to end, and with a part of their lengths beside one another, turned together."""
+    found = []
+    for _ in range(count):
+        turn, offset = random.normal(size=4), np.zeros(3)
+        turn /= np.linalg.norm(turn)
+        mujoco.mju_rotVecQuat(offset, np.array([0.15, 0.02, random.choice([0.0, 0.1, 0.3, 0.45, 0.52])]), turn)
+        found.append([0, 0, 0, *turn, *offset, *turn])
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda one: one, ""),
+        (lambda one: replace(one, point=tuple(np.add(one.point, 1e-12))), "points"),
+        (lambda one: replace(one, distance=one.distance + 1e-12), "distances"),
+        (lambda one: replace(one, frame=(*(-x for x in one.frame[:3]), *one.frame[3:])), "normals"),
+    ],
+)
+def test_parallel_capsules_touch_anywhere_beside_one_another(
+    change: Callable[[FoundContact], FoundContact], fault: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, PARALLEL)
+    states = parallel_states(np.random.default_rng(0), 12)
+    found = [[change(one) for one in own] for own in found_at(path, states)]
+    record = hold_shapes(read_robot(path), states, found, ["one", "two"])
+    assert record is not None and record.contacts == sum(map(len, found)) >= 12
+    assert any(fault in one for one in record.rest) if fault else (record.rest, record.given) == ([], 0)
+
+
+def test_a_contact_of_parallel_capsules_beyond_their_ends_is_red(tmp_path: Path) -> None:
+    """A capsule whose end is turned away from the middle of the other: what faces the end is further than what is nearest."""
+    path = written(tmp_path, PARALLEL)
+    states = np.array([[0.0, 0, 0, 1, 0, 0, 0, 0.15, 0, 0.3, 1, 0, 0, 0]])
+    [[first, *_]] = found_at(path, states)
+    moved = replace(first, point=(first.point[0], first.point[1], 0.45))
+    record = hold_shapes(read_robot(path), states, [[moved]], ["one", "two"])
+    assert record is not None and "touch where they are further apart than elsewhere" in record.rest[0]
+
+
+@pytest.mark.parametrize("where", [(0.06, 0.01, 0.02), (0.13, 0.1, 0.03), (0.0, -0.18, 0.31), (-0.09, 0.18, 0.295)])
+def test_a_sphere_leaves_a_box_through_the_nearest_face(where: tuple[float, float, float], tmp_path: Path) -> None:
+    text = f"""<mujoco><worldbody><geom name="box" type="box" size="0.1 0.2 0.3"/>
+    <body pos="{" ".join(map(str, where))}"><freejoint/><geom name="ball" size="0.15"/></body></worldbody></mujoco>"""
+    path = written(tmp_path, text)
+    states = np.array([mujoco.MjModel.from_xml_path(str(path)).qpos0])
+    record = hold_shapes(read_robot(path), states, found_at(path, states), ["box", "ball"])
+    assert record is not None and (record.rest, record.contacts) == ([], 1)
 
 
 # Against what is least among many points.
@@ -287,7 +367,7 @@ def test_no_points_of_two_capsules_are_nearer(seed: int, tmp_path: Path) -> None
     placed = ShapesInWorld(robot.tree, robot.joints, robot.shapes.shapes)
     for q in states:
         with flint.ctx.workprec(192):
-            own = [one for one in placed.at(q.tolist()) if one.shape.kind != "plane"]
+            own = [one for one in placed.at(q.tolist()) if one.shape.kind in ("sphere", "capsule")]
             for first, second in itertools.pairwise(own):
                 for one in nearest(first, second) or ():
                     apart = np.linalg.norm(sampled(first, ways)[:, None] - sampled(second, ways)[None], axis=-1).min()

@@ -1,11 +1,12 @@
 """The shapes of an MJCF that may touch, and what it says of pairs of them.
 
-Source: MuJoCo documentation, XML reference, ``body/geom``, ``contact`` and ``option/flag``.
+Source: MuJoCo documentation, XML reference, ``body/geom``, ``contact/pair``, ``contact/exclude`` and ``option/flag``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Collection, Iterator, Mapping
 
 from lxml import etree
 
@@ -13,12 +14,14 @@ from harness.errors import InvalidModel
 from harness.files.document.source import Source
 from harness.files.given import Direction, Placement, Vector, vector
 from harness.files.mjcf.attributes import Attributes, inside, is_on, resolved, resolved_text
-from harness.files.shapes import CAPSULE, PLANE, SPHERE, Shape, Shapes
+from harness.files.shapes import BOX, CAPSULE, LEAST_FRICTION, PLANE, SPHERE, ContactNumbers, Shape, Shapes
 from harness.files.tree import WORLD, Tree
 
 # Numbers of ``size`` of a shape that stands by a pose, and of one between two points.
-_SIZES = {PLANE: (0, 0), SPHERE: (1, 1), CAPSULE: (2, 1)}
+_SIZES = {PLANE: (0, 0), SPHERE: (1, 1), CAPSULE: (2, 1), BOX: (3, 1)}
+_BETWEEN = (CAPSULE, BOX)
 _FRICTION = (1.0, 0.005, 0.0001)
+_PAIR_FRICTION = (1.0, 1.0, 0.005, 0.0001, 0.0001)
 
 
 def shapes_in(source: Source, tree: Tree) -> Shapes:
@@ -28,18 +31,20 @@ def shapes_in(source: Source, tree: Tree) -> Shapes:
     # The tree has them in this order; replicas stand at one place.
     names = {element: body.name for element, body in zip(elements, tree.bodies, strict=True)}
     try:
+        explicit = {_pair(one): _numbers_of(attributes, one) for one in root.iterfind("contact/pair")}
+        paired = frozenset(itertools.chain.from_iterable(explicit))
         shapes = tuple(
             shape
             for world in root.iterchildren("worldbody")
             for body in world.iter("worldbody", "body")
-            for shape in _of_body(source, attributes, body, names)
+            for shape in _of_body(source, attributes, body, (names, paired))
         )
     except (InvalidModel, ValueError) as error:
         return Shapes(why_not=f"has shapes that are not read: {error}")
     return Shapes(
         shapes=shapes,
         excluded=frozenset(frozenset((one.get("body1"), one.get("body2"))) for one in root.iterfind("contact/exclude")),
-        explicit=frozenset(frozenset((one.get("geom1"), one.get("geom2"))) for one in root.iterfind("contact/pair")),
+        explicit=explicit,
         filters_parents=is_on(root, "filterparent"),
         why_not=_why_not(root),
     )
@@ -53,21 +58,44 @@ def _why_not(root: etree._Element) -> str:
     return "has deformable bodies" if root.find("deformable") is not None or root.find("worldbody//flexcomp") is not None else ""
 
 
-def _of_body(source: Source, attributes: Attributes, body: etree._Element, names: Mapping[etree._Element, str]) -> Iterator[Shape]:
+def _pair(pair: etree._Element) -> frozenset[str]:
+    return frozenset((str(pair.get("geom1")), str(pair.get("geom2"))))
+
+
+def _numbers_of(attributes: Attributes, pair: etree._Element) -> ContactNumbers:
+    """What a pair says of its contacts, which take nothing from its shapes."""
+    friction = [max(LEAST_FRICTION, float(one)) for one in attributes.numbers(pair, "friction", _PAIR_FRICTION)]
+    softness = attributes.softness(pair)
+    margin, gap = (float(attributes.number(pair, name, 0.0)) for name in ("margin", "gap"))
+    return ContactNumbers(
+        friction=tuple(friction[: int(resolved_text(pair, "condim", "3")) - 1]),
+        solref=tuple(map(float, softness.solref)),
+        solimp=tuple(map(float, softness.solimp)),
+        margin=margin,
+        detected=margin + gap,
+        sliding=tuple(map(float, attributes.numbers(pair, "solreffriction", (0.0, 0.0)))),
+    )
+
+
+def _of_body(
+    source: Source, attributes: Attributes, body: etree._Element, known: tuple[Mapping[etree._Element, str], Collection[str]]
+) -> Iterator[Shape]:
+    """The shapes of a body that may touch; ``known``: names of bodies, and of shapes in pairs, which touch although they have no types."""
+    names, paired = known
     owner, number = WORLD if body.tag == "worldbody" else names[body], 0
     for geom in inside(body, "geom"):
         contype, conaffinity = (int(resolved_text(geom, name, "1")) for name in ("contype", "conaffinity"))
-        if not (contype or conaffinity):
+        number += bool(contype or conaffinity)
+        if not (contype or conaffinity or geom.get("name") in paired):
             continue
-        number += 1
         is_mesh = resolved(geom, "mesh") is not None
         kind = "mesh" if is_mesh else resolved_text(geom, "type", SPHERE)
-        points = attributes.numbers(geom, "fromto", (0,) * 6) if kind == CAPSULE and resolved(geom, "fromto") is not None else ()
+        points = attributes.numbers(geom, "fromto", (0,) * 6) if kind in _BETWEEN and resolved(geom, "fromto") is not None else ()
         pose = attributes.pose(geom)
         ends: tuple[Vector, ...] = ()
         if points:
             first, second = vector(points[:3]), vector(points[3:])
-            pose, ends = (*pose[:-1], Placement(first, (Direction(second, first),), second)), (first, second)
+            pose, ends = (*pose[:-1], Placement(first, (Direction(first, second),), second)), (first, second)
         slide, spin, roll = map(float, attributes.numbers(geom, "friction", _FRICTION))
         yield Shape(
             name=geom.get("name") or f"(geom {number} of {owner})",

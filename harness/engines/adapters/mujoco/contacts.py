@@ -66,7 +66,8 @@ def shapes_that_touch(model: Any) -> list[str]:
     """The names of the shapes that may touch; none of versions whose rules for margins are others."""
     if release() < _SUMS_MARGINS:
         return []
-    return [_shape(model, geom) for geom in range(model.ngeom) if _may_touch(model, geom)]
+    paired = {*model.pair_geom1, *model.pair_geom2}
+    return [_shape(model, geom) for geom in range(model.ngeom) if _may_touch(model, geom) or geom in paired]
 
 
 def _may_touch(model: Any, geom: int) -> bool:
