@@ -24,8 +24,8 @@ Hold engines, model files, or your own program against that truth:
     harness.drift("isaac.xml", "mine.xml", control=f)        # why a controlled robot moves otherwise in the second file
 
 Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``, loops and
-rolling a ``Constraint``, motors and servos an ``Actuator``. ``harness.load(SYSTEM)`` needs no files. The command line is
-``harness --help``. Everything is loaded on first use.
+rolling a ``Constraint``, motors and servos an ``Actuator``, surfaces that may touch a ``Contact``. ``harness.load(SYSTEM)`` needs no files.
+The command line is ``harness --help``. Everything is loaded on first use.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from harness.api import check, compare, diagnose, load, mechanisms
     from harness.api.drifting import drift
     from harness.lagrange.actuator import Actuator
-    from harness.lagrange.constraint import Constraint
+    from harness.lagrange.constraint import Constraint, Contact
     from harness.lagrange.euler_angles import Attitude, body_rates, rotation
     from harness.lagrange.system import TIME, System
     from harness.library import Library
@@ -50,7 +50,7 @@ _HOMES = {
     "harness.api": ("check", "compare", "diagnose", "load", "mechanisms"),
     "harness.api.drifting": ("drift",),
     "harness.lagrange.actuator": ("Actuator",),
-    "harness.lagrange.constraint": ("Constraint",),
+    "harness.lagrange.constraint": ("Constraint", "Contact"),
     "harness.lagrange.euler_angles": ("Attitude", "body_rates", "rotation"),
     "harness.lagrange.system": ("TIME", "System"),
     "harness.library": ("Library",),
@@ -62,6 +62,7 @@ __all__ = [
     "Actuator",
     "Attitude",
     "Constraint",
+    "Contact",
     "Library",
     "Record",
     "Records",

@@ -19,8 +19,11 @@ SECTION = STUDIES
 @subjects_option
 @quantities_option("accelerations")
 @click.option("--motion", is_flag=True, help="Measure too when engines part in chaos, and the largest stable steps.")
+@click.option("--contact", is_flag=True, help="Measure too how far motions with contacts are from rigid ones.")
 @computing(time_limit=600.0, scheduler=True, directory=True, seed=False, detail=True)
-def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], quantities: tuple[str, ...], motion: bool) -> None:
+def command(
+    bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], quantities: tuple[str, ...], motion: bool, contact: bool
+) -> None:
     """Check every subject along families of hard cases.
 
     Measures all CASEs (harness list cases) unless some are named, and adds them to the report.
@@ -31,15 +34,17 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
       harness atlas far_base --subject mujoco/mjcf
       harness atlas --quantity mass_matrix --quantity energy
       harness atlas stiff_spring --motion --out atlas
+      harness atlas stiff_spring --contact
     """
-    from harness.hard.atlas import AtlasStudy
+    from harness.hard.atlas import CONTACT, MOTION, AtlasStudy
     from harness.hard.cases import STATES
     from harness.report import hard_cases as tables
     from harness.report.hard_cases import HardSummary
     from harness.results.atlas import Atlas
 
     require("an atlas has charts", "bokeh", *(["heyoka"] if motion else []))
-    study = AtlasStudy(bracket.library, cases, subjects, motion, quantities=quantities)
+    beside = [MOTION] * motion + [CONTACT] * contact
+    study = AtlasStudy(bracket.library, cases, subjects, beside, quantities=quantities)
     run, measured = bracket.begin(STATES, "atlas", Atlas), study.result()
     bracket.complete(study, lambda: {"atlas": measured})
     summary = HardSummary(run, measured)
@@ -48,6 +53,7 @@ def command(bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...],
     shown = summary.shown(bracket.detail)
     print_titled("hard cases", tables.rows_of(shown).without("time"))
     print_titled("motions that part", tables.partings(summary).without("largest distance"))
+    print_titled("worst distances from rigid contact along each mechanism", tables.distances(summary, bracket.detail))
     print_titled("largest stable step times the frequency of an undamped spring", tables.stable_steps(summary))
     if any(family.reasons for family in shown.families):
         say("")

@@ -33,6 +33,8 @@ from harness.study import Inquiry, Note, Study, ask
 from harness.truth.quantities import find_quantities, select_quantities
 from harness.verdict import SEVERITY, Verdict
 
+# What is measured beside the families.
+MOTION, CONTACT = "motion", "contact"
 PATH = Path(__file__).with_name("expected.toml")
 # Case, subject and verdict.
 Key = tuple[str, ...]
@@ -43,7 +45,8 @@ class AtlasStudy(Study):
 
     ``library`` is the one whose engines are meant; the cases are the harness's own, all for none. Without ``subjects`` every
     native one is asked whose engine is installed, as the cases try engines, not readers. ``quantities`` are what they are asked for;
-    what one does not offer has no row. ``motion`` measures partings and stable steps too; without ``families`` nothing else.
+    what one does not offer has no row. ``beside``: ``MOTION`` measures partings and stable steps too, ``CONTACT`` distances from rigid
+    contact; without ``families`` nothing else.
 
     Raises:
         InvalidInput: an engine or the file of expected verdicts cannot be used.
@@ -57,7 +60,7 @@ class AtlasStudy(Study):
         library: Library,
         cases: Sequence[str] = (),
         subjects: Sequence[str] = (),
-        motion: bool = False,
+        beside: Collection[str] = (),
         families: bool = True,
         quantities: Sequence[str] = (),
     ) -> None:
@@ -75,10 +78,16 @@ class AtlasStudy(Study):
             for subject in asked
             if subject not in broken and (not case.subjects or str(subject) in case.subjects)
         ]
-        if motion:
+        if MOTION in beside:
             values = hard_cases()[OSCILLATOR].values
             self._inquiries += [self._moved("partings", name, partings, library) for name in hard_motions()]
             self._inquiries += [self._moved("stable_steps", name, stable_steps, values) for name in STABILITY_LIMITS]
+        if CONTACT in beside:
+            # Derived with SymPy, which an atlas without contacts does without.
+            from harness.hard.cases.rigid import rigid_cases
+            from harness.hard.touching import rigid_distances
+
+            self._inquiries += [self._moved("distances", name, rigid_distances, library) for name in rigid_cases()]
         self.steps = len(self._inquiries)
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:

@@ -269,6 +269,12 @@ def bounds_of(system: System, tree: StraightLineProgram) -> Constraints:
     )
 
 
+def contact_rows(system: System, tree: StraightLineProgram) -> StraightLineProgram:
+    """The program of a system's contacts, as of ``Constraints``: first the gap of each, then the slip of each that rubs."""
+    slips = [contact.slip for contact in system.contacts.values() if contact.slip is not None]
+    return _rows(system, tree.inputs, [contact.gap for contact in system.contacts.values()], slips)
+
+
 def driving_of(system: System, tree: StraightLineProgram) -> Driving:
     """The laws of the actuators of a system whose equations of motion without them are ``tree``."""
     inputs, symbols = _symbols_of(system, tree.inputs)

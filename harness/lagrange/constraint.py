@@ -1,8 +1,8 @@
-"""A constraint as a system file declares it: rows that stay zero, and the coordinates that they determine."""
+"""Constraints as a system file declares them: rows that stay zero with the coordinates that they determine, and contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -63,6 +63,46 @@ class Constraint:
         if len(kinds) > 1:
             raise ValueError("has rows of coordinates and rows of rates; declare a constraint for each kind")
         return kinds.pop()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """A point in which two surfaces may touch: they push one another apart there, and rub by Coulomb's law.
+
+    Attributes:
+        gap: the distance of the surfaces, an expression of the coordinates [m].
+        slip: the velocity of one surface along the other, linear in the rates [m/s], or their turn about the normal [rad/s]; None of
+            smooth ones.
+        friction: the parameter that is the ratio of the largest force of friction to the normal one: the coefficient of friction, of
+            turns a length [m]; None of smooth surfaces.
+
+    Raises:
+        ValueError: the declaration contradicts itself.
+
+    Source: Brogliato, Nonsmooth Mechanics, 3rd ed., sections 5.1 (unilateral constraints) and 5.3 (Coulomb friction).
+    """
+
+    gap: sp.Expr
+    slip: sp.Expr | None = None
+    friction: sp.Symbol | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gap", sp.sympify(self.gap))
+        if (self.slip is None) != (self.friction is None):
+            raise ValueError("has a slip or a coefficient of friction alone; expected both, or neither of smooth surfaces")
+
+    @property
+    def rows(self) -> tuple[sp.Expr, ...]:
+        """Its expressions."""
+        return (self.gap,) if self.slip is None else (self.gap, self.slip)
+
+    def contradictions(self, rates: Iterable[sp.Expr]) -> Iterator[str]:
+        """Sentences on what is not of the form that is expected."""
+        rates = tuple(rates)
+        if self.gap.has(*rates):
+            yield f"has the gap {self.gap}; expected an expression of the coordinates"
+        if self.slip is not None and not (self.slip.has(*rates) and _is_linear(self.slip, rates)):
+            yield f"has the slip {self.slip}; expected an expression linear in the rates"
 
 
 def _is_linear(row: sp.Expr, rates: Sequence[sp.Expr]) -> bool:

@@ -15,7 +15,7 @@ from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
 from harness.lagrange.actuator import Actuator
-from harness.lagrange.constraint import Constraint
+from harness.lagrange.constraint import Constraint, Contact
 from harness.lagrange.euler_angles import Attitude
 
 TIME: sp.Symbol = dynamicsymbols._t
@@ -36,6 +36,7 @@ _MAPPINGS = {
     "dry_friction": "{coordinate: parameter}",
     "limits": "{coordinate: (parameter, parameter)}",
     "actuators": "{name: Actuator}",
+    "contacts": "{name: Contact}",
 }
 
 
@@ -73,6 +74,8 @@ class System:
         dry_friction: coordinate to the parameter that is the largest force, or torque, of Coulomb friction in its joint [N or N m].
         limits: coordinate to the parameters that are the lowest and highest position of its joint [m or rad], where rigid stops are.
         actuators: name, under which an MJCF holds it, to what drives joints; their order is that of the controls of a state.
+        contacts: name to where bodies may touch. The equations of motion, and all that is asked of engines by name, are those between
+            contacts; rigid contact is a truth of its own, see ``harness.truth.coulomb``.
 
     Dry friction, limits and actuators are of joints' positions, and enter neither energies nor ``generalised_forces``.
 
@@ -102,6 +105,7 @@ class System:
     dry_friction: Mapping[sp.Expr, sp.Symbol] = field(default_factory=lambda: _EMPTY)
     limits: Mapping[sp.Expr, tuple[sp.Symbol, sp.Symbol]] = field(default_factory=lambda: _EMPTY)
     actuators: Mapping[str, Actuator] = field(default_factory=lambda: _EMPTY)
+    contacts: Mapping[str, Contact] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
         for name, expected in _MAPPINGS.items():
@@ -112,7 +116,7 @@ class System:
         forces = {q: sp.sympify(force) for q, force in self.generalised_forces.items()}
         object.__setattr__(self, "generalised_forces", forces)
         subjects = self._of_coordinates(), self._of_parameters(), self._of_expressions(), self._of_ranges(), self._of_constraints()
-        for contradiction in itertools.chain(*subjects, self._of_bounds(), self._of_actuators()):
+        for contradiction in itertools.chain(*subjects, self._of_bounds(), self._of_actuators(), self._of_contacts()):
             raise ValueError(contradiction)
 
     @cached_property
@@ -204,6 +208,8 @@ class System:
         expressions |= {f"generalised force on {q}": force for q, force in self.generalised_forces.items()}
         for name, constraint in self.constraints.items():
             expressions |= {f"row {number} of constraint {name!r}": row for number, row in enumerate(constraint.rows)}
+        for name, contact in self.contacts.items():
+            expressions |= {f"{what} of contact {name!r}": row for what, row in zip(("gap", "slip"), contact.rows, strict=False)}
         known = {*self.parameters, TIME}
         for name, expression in expressions.items():
             if not isinstance(expression, sp.Expr) or expression.is_Matrix:
@@ -220,6 +226,7 @@ class System:
         if self.total_mass.atoms(AppliedUndef):
             yield "total_mass depends on a coordinate; expected an expression of the parameters"
         beside = {*self.dry_friction.values(), *itertools.chain(*self.limits.values())}
+        beside |= {contact.friction for contact in self.contacts.values() if contact.friction is not None}
         beside |= set[sp.Basic]().union(*(actuator.symbols for actuator in self.actuators.values()))
         unused = sorted(set(self.parameters) - sp.Tuple(*expressions.values()).free_symbols - beside, key=str)
         yield from (f"parameter {one} enters neither energy nor force nor mass nor constraint; remove it or use it" for one in unused)
@@ -287,6 +294,14 @@ class System:
         for q, (low, high) in self.limits.items():
             if not self.parameters[low][0] < self.parameters[high][0]:
                 yield f"the limits of {q} are {self.parameters[low][0]:g} and {self.parameters[high][0]:g}; expected the lowest first"
+
+    def _of_contacts(self) -> Iterator[str]:
+        if self.contacts and (self.constraints or self.attitudes or self.measured_from):
+            yield "contacts beside constraints, ball and free joints, or measured_from; expected hinges and slides of a tree"
+        for name, contact in self.contacts.items():
+            yield from (f"contact {name!r} {one}" for one in contact.contradictions(self.rates))
+            if contact.friction is not None and not (contact.friction in self.parameters and self.parameters[contact.friction][0] >= 0):
+                yield f"contact {name!r} has the friction {contact.friction}; expected a parameter whose value is not negative"
 
     def _of_actuators(self) -> Iterator[str]:
         if self.actuators and (self.constraints or self.attitudes or self.dry_friction or self.limits):

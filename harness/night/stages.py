@@ -24,7 +24,7 @@ from harness.diagnosis.faults.campaign import CampaignSettings
 from harness.diagnosis.faults.study import FaultStudy, campaign, select_models
 from harness.diagnosis.faults.summary import Campaign, Fault, broken_bars
 from harness.diagnosis.wanted import wanted_diagnosis
-from harness.hard.atlas import AtlasStudy
+from harness.hard.atlas import MOTION, AtlasStudy
 from harness.hard.cases import STATES, hard_cases
 from harness.hard.worst_cases import ranked
 from harness.library import member_of
@@ -114,7 +114,7 @@ def _atlas_units(choice: NightChoice) -> list[str]:
 
 def _atlas_study(choice: NightChoice, name: str) -> AtlasStudy:
     of_motion = name == _MOTION
-    return AtlasStudy(choice.library, () if of_motion else [name], motion=of_motion, families=not of_motion)
+    return AtlasStudy(choice.library, () if of_motion else [name], beside=[MOTION] if of_motion else [], families=not of_motion)
 
 
 def _atlas_cases(found: Atlas) -> Iterator[Case]:

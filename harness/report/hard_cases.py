@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from statistics import median
 
-from harness.results.atlas import Atlas, HardReason, HardRow, Parting, StableStep
+from harness.results.atlas import Atlas, HardReason, HardRow, Parting, RigidDistance, StableStep
 from harness.results.check_conclusion import MOST_ROWS
 from harness.results.detail import Detail
 from harness.results.run import Run
@@ -96,7 +96,7 @@ class HardSummary:
     @property
     def is_good(self) -> bool:
         """True where something was measured and everything is as expected."""
-        measured = self.atlas.rows or self.atlas.partings or self.atlas.stable_steps
+        measured = self.atlas.rows or self.atlas.partings or self.atlas.stable_steps or self.atlas.distances
         return bool(measured) and not self.unexpected and not self.problems
 
     @property
@@ -189,6 +189,18 @@ def partings(hard: HardSummary) -> Table:
         },
         "When integrators of one scheme part",
     )
+
+
+_distances = TableOf(RigidDistance, "case at number answers engine setting found distance", "How far contacts are from rigid ones")
+
+
+def distances(hard: HardSummary, detail: Detail = Detail.ALL) -> Table:
+    """One row per case, value, engine and setting; with less detail the largest distance along each case."""
+    found = sorted(hard.atlas.distances, key=attrgetter("case"))
+    if detail < Detail.ALL:
+        by_place = grouped(((one.case, one.engine, one.setting), one) for one in found)
+        found = [max(own, key=lambda one: -1.0 if one.distance is None else one.distance) for own in by_place.values()]
+    return _distances(found)
 
 
 def _times(partings: Sequence[Parting]) -> list[float]:

@@ -122,8 +122,8 @@ def without_superfluous_parts(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_caught_is_what_theory_says(name: str, subjects: list[Subject], most: int | None) -> None:
     for subject in subjects:
         numbers = smallest(name, subject, most)
-        # Mass, and whatever brings the mechanism back: nothing here moves by less than two numbers.
-        assert len(numbers) >= 2
+        # Mass, and whatever brings the mechanism back: nothing here moves by less than two numbers, but for what falls freely.
+        assert len(numbers) >= (1 if name == "bouncing_ball" else 2)
         assert [number for number in numbers if not number.ratio >= 0.1 or not number.as_in_theory] == []
 
 

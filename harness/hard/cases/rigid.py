@@ -1,0 +1,267 @@
+"""Motions with contacts whose rigid answers are known, by closed forms or as all that are consistent.
+
+Each is a mechanism of the catalogue with one parameter turned; ``harness.hard.touching`` asks engines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from harness.arrays import Array
+from harness.truth.coulomb import RigidContacts
+
+# Accelerations of that part of gravity are none.
+_NOTHING = 1e-12
+
+
+Numbers = Mapping[str, float]
+Interval = tuple[float, float]
+# Of elements of an MJCF by their path, attributes that are set.
+Edits = Mapping[str, Mapping[str, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedMotion:
+    """One motion of a case.
+
+    Attributes:
+        times: (k,) [s]. q, v: (k, nv) after steps. start: q and v before them.
+    """
+
+    times: Array
+    q: Array
+    v: Array
+    start: tuple[Array, Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigidCase:
+    """A family of motions with contacts.
+
+    Attributes:
+        name, system: of the family, and in the built-in library.
+        knob: name and unit of what is turned; values: of it.
+        changes: value to parameters of the system that are not its own; edits: the same in an MJCF.
+        start: parameters to q and v; closed: the contacts that touch there.
+        time: parameters to the length of the motion [s]; None for one step.
+        measured: name and unit of the number that is measured; measure: (motion, parameters) to it.
+        rigid: (contacts, q, v, parameters) to the intervals in which rigid motions have it.
+        scale: parameters to what distances are relative to.
+        only: settings that bear on it, by name; all for none.
+    """
+
+    name: str
+    system: str
+    knob: tuple[str, str]
+    values: tuple[float, ...]
+    changes: Callable[[float], Numbers] = lambda value: {}
+    edits: Callable[[float], Edits] = lambda value: {}
+    start: Callable[[Numbers], tuple[Sequence[float], Sequence[float]]]
+    closed: tuple[str, ...] = ()
+    time: Callable[[Numbers], float] | None
+    measured: tuple[str, str]
+    measure: Callable[[RecordedMotion, Numbers], float]
+    rigid: Callable[[RigidContacts, Sequence[float], Sequence[float], Numbers], Sequence[Interval]]
+    scale: Callable[[Numbers], float] = lambda own: 1.0
+    only: tuple[str, ...] = ()
+    source: str
+
+
+def _friction(condim: int = 3) -> Callable[[float], Edits]:
+    """All shapes rub by a coefficient, of slips or of turns."""
+    return lambda mu: {"worldbody//geom": {"friction": f"{mu!r}" if condim == 3 else f"0.5 {mu!r}"}}
+
+
+def _accelerations(closed: tuple[str, ...], place: int) -> Callable[..., list[Interval]]:
+    """One acceleration of all that are consistent at the start."""
+
+    def consistent(contacts: RigidContacts, q: Sequence[float], v: Sequence[float], own: Numbers) -> list[Interval]:
+        found = [answer.accelerations for answer in contacts.answers(q, v, closed)]
+        # Of a sum that cancels, what is left of its balls is nothing.
+        values = [float(one[place]) if abs(one[place]) > _NOTHING * own["g"] else 0.0 for one in found]
+        return [(value, value) for value in values]
+
+    return consistent
+
+
+def _mean_acceleration(place: int) -> Callable[[RecordedMotion, Numbers], float]:
+    """That by which a coordinate comes as far from rest."""
+    return lambda motion, own: float(2 * (motion.q[-1, place] - motion.start[0][place]) / motion.times[-1] ** 2)
+
+
+def _known(value: Callable[[Numbers], Interval]) -> Callable[..., list[Interval]]:
+    return lambda contacts, q, v, own: [value(own)]
+
+
+_EDGES = ("lower edge", "upper edge")
+BLOCK = RigidCase(
+    name="block on an incline",
+    system="block_on_incline",
+    knob=("coefficient of friction", "1"),
+    values=(0.3, 0.7, 0.8, 1.2),
+    changes=lambda mu: {"mu": mu},
+    edits=_friction(),
+    start=lambda own: ([0.0, own["h"], 0.0], [0.0] * 3),
+    closed=_EDGES,
+    time=lambda own: 1.0,
+    measured=("acceleration down the incline", "m/s^2"),
+    measure=_mean_acceleration(0),
+    rigid=_accelerations(_EDGES, 0),
+    scale=lambda own: own["g"],
+    source="Greenwood, Principles of Dynamics, 2nd ed., section 3-4: sticks while mu >= tan(alpha) = 3/4",
+)
+
+SPHERE = RigidCase(
+    name="sphere on an incline",
+    system="sphere_on_incline",
+    knob=("coefficient of friction", "1"),
+    values=(0.1, 0.2, 0.25, 0.5),
+    changes=lambda mu: {"mu": mu},
+    edits=_friction(),
+    start=lambda own: ([0.0, own["R"], 0.0], [0.0] * 3),
+    closed=("incline",),
+    time=lambda own: 1.0,
+    measured=("acceleration down the incline", "m/s^2"),
+    measure=_mean_acceleration(0),
+    rigid=_accelerations(("incline",), 0),
+    scale=lambda own: own["g"],
+    source="Goldstein, Poole, Safko, Classical Mechanics, 3rd ed., section 2.4: rolls while mu >= 2/7 tan(alpha) = 0.214",
+)
+
+_THROWN = 2.0
+ROLLING = RigidCase(
+    name="sliding to rolling",
+    system="sliding_to_rolling",
+    knob=("coefficient of friction", "1"),
+    values=(0.1, 0.3, 0.9),
+    changes=lambda mu: {"mu": mu},
+    edits=_friction(),
+    start=lambda own: ([0.0, own["R"], 0.0], [_THROWN, 0.0, 0.0]),
+    closed=("floor",),
+    time=lambda own: 1.5 * 2 * _THROWN / (7 * own["mu"] * own["g"]),
+    measured=("speed at which it rolls, of the first", "1"),
+    measure=lambda motion, own: float(motion.v[-1, 0] / _THROWN),
+    rigid=_known(lambda own: (5 / 7, 5 / 7)),
+    source="Sommerfeld, Mechanics, section 27: rolls at 5/7 of the first speed",
+)
+
+_SPUN = 10.0
+DISC = RigidCase(
+    name="spinning disc",
+    system="spinning_disc",
+    knob=("length of friction about the normal", "m"),
+    values=(0.005, 0.02, 0.08),
+    changes=lambda mu: {"mu": mu},
+    edits=_friction(condim=4),
+    start=lambda own: ([own["foot"], 0.0], [0.0, _SPUN]),
+    closed=("floor",),
+    time=lambda own: _SPUN * own["R"] ** 2 / 2 / (own["mu"] * own["g"]) / 2,
+    measured=("spin after half of the time to rest, of the first", "1"),
+    measure=lambda motion, own: float(motion.v[-1, 1] / _SPUN),
+    rigid=_known(lambda own: (0.5, 0.5)),
+    source="Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, section 5.3: slows by mu m g / I",
+)
+
+# Speed before the impact [m/s], and half a period of the oscillator that contacts are [s].
+_FALLING, _IMPACT = 3.0, 0.02
+
+
+def _bouncing(restitution: float) -> Edits:
+    """Stiffness and damping of the oscillator whose speed after half a period is so much of the first.
+
+    A file of MuJoCo states no restitution, and this is what its user writes.
+    """
+    damping = -math.log(restitution) / _IMPACT
+    return {"worldbody//geom": {"solref": f"{-((math.pi / _IMPACT) ** 2 + damping**2)!r} {-2 * damping!r}"}}
+
+
+BALL = RigidCase(
+    name="bouncing ball",
+    system="bouncing_ball",
+    knob=("speed after an impact of that before", "1"),
+    values=(0.2, 0.5, 0.8, 0.95),
+    edits=_bouncing,
+    changes=lambda e: {"restitution": e},
+    start=lambda own: ([own["R"] + 1e-9], [-_FALLING]),
+    time=lambda own: 0.25,
+    measured=("speed after an impact of that before", "1"),
+    measure=lambda motion, own: float(motion.v[:, 0].max() / _FALLING),
+    rigid=_known(lambda own: (own["restitution"], own["restitution"])),
+    only=("as the file stands", "steps of 0.2 ms"),
+    source="Brogliato, Nonsmooth Mechanics, 3rd ed., section 1.1: Newton's law of impact",
+)
+
+CRADLE = RigidCase(
+    name="Newton's cradle",
+    system="newtons_cradle",
+    knob=("stiffness of contacts", "1/s^2"),
+    values=(1e4, 1e5, 1e6),
+    edits=lambda k: {"worldbody//geom": {"solref": f"{-k!r} 0"}},
+    start=lambda own: ([-0.02, 0.02, 0.0], [1.0, -1.0, 0.0]),
+    time=lambda own: 0.2,
+    measured=("speed of the last ball, of the first", "1"),
+    measure=lambda motion, own: float(motion.v[-1].sum()),
+    # With what momentum and energy leave open.
+    rigid=_known(lambda own: (2 / 3, 1.0)),
+    only=("as the file stands", "steps of 0.2 ms"),
+    source="Brogliato, Nonsmooth Mechanics, 3rd ed., section 6.1: momentum and energy leave an arc of outcomes",
+)
+
+_BOXES = tuple(f"{edge} edge of the {box}" for box in ("first", "second", "third") for edge in ("left", "right"))
+STACK = RigidCase(
+    name="stack of boxes",
+    system="box_stack",
+    knob=("mass of the last box", "kg"),
+    values=(1.0, 10.0, 100.0, 1000.0),
+    changes=lambda mass: {"m3": mass},
+    edits=lambda mass: {"worldbody/body/body/body/inertial": {"mass": f"{mass!r}"}},
+    start=lambda own: ([0.0] * 3, [0.0] * 3),
+    closed=_BOXES,
+    time=lambda own: 2.0,
+    measured=("displacement of the last box, of its height", "1"),
+    measure=lambda motion, own: float(motion.q[-1].sum() / 0.2),
+    rigid=_accelerations(_BOXES, 2),
+    only=("as the file stands", "timeconst of two steps", "steps of 0.2 ms"),
+    source="Brogliato, Nonsmooth Mechanics, 3rd ed., section 5.1: nothing moves",
+)
+
+# Angle of the rod [rad], at which the least friction is enough, and the slip of its end [m/s].
+_LEANS, _SLIDING = math.atan(2.0), -1.0
+
+
+def _rod(turning: float) -> Callable[[Numbers], tuple[Sequence[float], Sequence[float]]]:
+    """The rod turns so fast while its end slides to the left along the floor."""
+
+    def start(own: Numbers) -> tuple[Sequence[float], Sequence[float]]:
+        height, width = own["l"] * math.sin(_LEANS) + own["r"], own["l"] * math.cos(_LEANS)
+        return [0.0, height, _LEANS], [_SLIDING - height * turning, width * turning, turning]
+
+    return start
+
+
+ROD = RigidCase(
+    name="Painleve's rod, turning",
+    system="painleve_rod",
+    knob=("coefficient of friction", "1"),
+    values=(0.8, 1.2, 1.6, 2.4),
+    changes=lambda mu: {"mu": mu},
+    edits=_friction(),
+    start=_rod(5.0),
+    closed=("end",),
+    time=None,
+    measured=("angular acceleration", "rad/s^2"),
+    measure=lambda motion, own: float((motion.v[0, 2] - motion.start[1][2]) / motion.times[0]),
+    rigid=_accelerations(("end",), 2),
+    scale=lambda own: own["g"] / own["l"],
+    source="Brogliato, Nonsmooth Mechanics, 3rd ed., section 5.6: two accelerations from mu > 4/3 on, or none",
+)
+
+
+ROD_AT_REST = replace(ROD, name="Painleve's rod, not turning", start=_rod(0.0))
+
+
+def rigid_cases() -> dict[str, RigidCase]:
+    """Every ``RigidCase`` of this module by name."""
+    return {value.name: value for value in globals().values() if isinstance(value, RigidCase)}

@@ -1,0 +1,232 @@
+"""Rigid contact under Coulomb's law: all consistent accelerations against closed forms, and the declarations against the model files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import flint
+import numpy as np
+import pytest
+import sympy as sp
+from catalogue import BUILT_IN
+from sympy.physics.mechanics import dynamicsymbols
+
+from harness import TIME, Contact, System
+from harness.crosscheck.scene import with_parameters
+from harness.files.shapes import numbers_of_contact
+from harness.hard.touching import rigid_contacts
+from harness.lagrange.derivation import load_mechanism, load_system, mechanism_of_charts
+from harness.trees.robot import Robot, read_robot
+from harness.trees.shapes import ShapesInWorld
+from harness.truth.coulomb import Manner, RigidAnswer, RigidContacts
+from harness.truth.nearest import nearest
+
+G, SINE, COSINE = 9.81, 0.6, 0.8
+EDGES = ("lower edge", "upper edge")
+
+
+def of(name: str, **parameters: float) -> RigidContacts:
+    system, _ = load_system(BUILT_IN.system_path(name))
+    return rigid_contacts(system, with_parameters(load_mechanism(BUILT_IN, name), parameters))
+
+
+def only(found: Sequence[RigidAnswer]) -> RigidAnswer:
+    assert len({tuple(np.round(one.accelerations, 9)) for one in found}) == 1
+    return found[0]
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.5, 0.7499, 0.7501, 2.0])
+def test_a_block_sticks_from_the_tangent_of_the_slope_on(mu: float) -> None:
+    found = only(of("block_on_incline", mu=mu).answers([0.0, 0.2, 0.0], [0.0] * 3, EDGES))
+    assert found.accelerations[0] == pytest.approx(max(0.0, G * (SINE - mu * COSINE)), abs=1e-12)
+    assert np.abs(found.accelerations[1:]).max() <= 1e-12
+    assert (Manner.STICKS in found.manners.values()) == (mu > 0.75)
+    # Moments about the centre: the lower edge carries what friction tips towards it.
+    share = 0.2 * min(mu, 0.75) / 0.4
+    assert found.normal["lower edge"] == pytest.approx(3 * G * COSINE * (1 + share) / 2)
+
+
+@pytest.mark.parametrize(("v", "sign"), [(1.0, 1.0), (-1.0, -1.0)])
+def test_a_block_that_slides_is_slowed_against_its_slip(v: float, sign: float) -> None:
+    found = only(of("block_on_incline", mu=0.9).answers([0.0, 0.2, 0.0], [v, 0.0, 0.0], EDGES))
+    assert found.accelerations[0] == pytest.approx(G * (SINE - sign * 0.9 * COSINE))
+
+
+def test_a_block_that_is_high_enough_tips() -> None:
+    """With h > b / tan(alpha) nothing holds the upper edge down, and with enough friction the lower one does not slide."""
+    height = 0.8
+    found = only(of("block_on_incline", mu=2.0, h=height).answers([0.0, height, 0.0], [0.0] * 3, EDGES))
+    assert found.manners == {"lower edge": Manner.STICKS, "upper edge": Manner.PARTS}
+    tipping = 3 * G * (SINE * height - COSINE * 0.4) / (3 * (0.4**2 + height**2) * 4 / 3)
+    assert found.accelerations[2] == pytest.approx(tipping)
+
+
+@pytest.mark.parametrize("mu", [0.05, 0.2, 0.2142, 0.2144, 1.0])
+def test_a_sphere_rolls_from_two_sevenths_of_the_tangent_on(mu: float) -> None:
+    found = only(of("sphere_on_incline", mu=mu).answers([0.0, 0.2, 0.0], [0.0] * 3, ["incline"]))
+    rolls = mu >= 2 / 7 * SINE / COSINE
+    assert found.accelerations[0] == pytest.approx(5 / 7 * G * SINE if rolls else G * (SINE - mu * COSINE))
+    assert found.accelerations[2] == pytest.approx(5 / 7 * G * SINE / 0.2 if rolls else 5 / 2 * mu * G * COSINE / 0.2)
+    assert found.manners["incline"] is (Manner.STICKS if rolls else Manner.SLIDES)
+
+
+def test_a_sphere_that_slides_comes_to_roll() -> None:
+    contacts, mu = of("sliding_to_rolling"), 0.3
+    sliding = only(contacts.answers([0.0, 0.2, 0.0], [2.0, 0.0, 0.0], ["floor"]))
+    assert sliding.accelerations == pytest.approx([-mu * G, 0.0, 5 / 2 * mu * G / 0.2], abs=1e-12)
+    # At 5/7 of its speed, which is when both meet; then nothing is left to change.
+    time = 2 * 2.0 / (7 * mu * G)
+    assert 2.0 - mu * G * time == pytest.approx(5 / 7 * 2.0)
+    rolling = only(contacts.answers([0.0, 0.2, 0.0], [10 / 7, 0.0, 10 / 7 / 0.2], ["floor"]))
+    assert np.abs(rolling.accelerations).max() <= 1e-12
+
+
+def test_a_disc_slows_by_its_friction_about_the_normal() -> None:
+    found = only(of("spinning_disc").answers([0.05, 0.0], [0.0, 3.0], ["floor"]))
+    assert found.accelerations == pytest.approx([0.0, -0.02 * 2 * G / 0.01], abs=1e-12)
+    at_rest = only(of("spinning_disc").answers([0.05, 0.0], [0.0, 0.0], ["floor"]))
+    assert np.abs(at_rest.accelerations).max() <= 1e-12
+
+
+def test_a_stack_has_one_motion_and_no_unique_forces() -> None:
+    contacts = of("box_stack")
+    names = list(load_system(BUILT_IN.system_path("box_stack"))[0].contacts)
+    found = only(contacts.answers([0.0] * 3, [0.0] * 3, names))
+    assert np.abs(found.accelerations).max() <= 1e-12
+    assert found.forces == pytest.approx([7 * G, 6 * G, 4 * G])
+    assert sum(found.normal[name] for name in found.normal if name.endswith("first")) == pytest.approx(7 * G)
+    # An edge less, and the other carries all: what the contacts do to the coordinates is the same.
+    assert only(contacts.answers([0.0] * 3, [0.0] * 3, names[1:])).forces == pytest.approx(found.forces)
+
+
+def test_boxes_that_fall_together_do_not_press() -> None:
+    contacts = of("box_stack")
+    found = contacts.answers([1.0, 0.0, 0.0], [0.0] * 3, ["left edge of the second", "left edge of the third"])
+    assert only(found).accelerations == pytest.approx([-G, 0.0, 0.0])
+
+
+def rod(mu: float, turning: float) -> list[RigidAnswer]:
+    """Leaning by the angle whose tangent is 2, the end sliding to the left."""
+    contacts, lean = of("painleve_rod", mu=mu, r=1e-9), math.atan(2.0)
+    height, width = 0.5 * math.sin(lean) + 1e-9, 0.5 * math.cos(lean)
+    return contacts.answers([0.0, height, lean], [-1.0 - height * turning, width * turning, turning], ["end"])
+
+
+@pytest.mark.parametrize(("mu", "turning", "answers"), [(1.3333, 0.0, 1), (1.3334, 0.0, 0), (1.3333, 6.0, 1), (1.3334, 6.0, 2)])
+def test_painleves_rod_has_no_acceleration_or_two_from_four_thirds_on(mu: float, turning: float, answers: int) -> None:
+    found = rod(mu, turning)
+    assert len(found) == answers
+    manners = {one.manners["end"] for one in found}
+    assert manners <= {Manner.PARTS, Manner.SLIDES_BACK} and len(manners) == answers
+
+
+@pytest.mark.parametrize("mu", [0.5, 1.6])
+def test_painleves_rod_presses_by_its_closed_form(mu: float) -> None:
+    lean, turning = math.atan(2.0), 0.0 if mu < 4 / 3 else 6.0
+    [pressed] = [one for one in rod(mu, turning) if one.manners["end"] is Manner.SLIDES_BACK]
+    slope = (1 + 3 * math.cos(lean) * (math.cos(lean) - mu * math.sin(lean))) / 3.0
+    assert pressed.normal["end"] == pytest.approx((G - 0.5 * math.sin(lean) * turning**2) / slope, rel=1e-6)
+
+
+def test_too_many_contacts_are_refused() -> None:
+    x, (m, mu) = dynamicsymbols("x"), sp.symbols("m mu", positive=True)
+    system = System(
+        coordinates={x: "x"},
+        kinetic=m * x.diff(TIME) ** 2 / 2,
+        potential=0,
+        parameters={m: (1.0, "kg"), mu: (0.5, "1")},
+        total_mass=m,
+        contacts={f"c{number}": Contact(gap=x, slip=x.diff(TIME), friction=mu) for number in range(9)},
+    )
+    contacts = rigid_contacts(system, mechanism_of_charts([system], "mass"))
+    with pytest.raises(ValueError, match="9 closed contacts have too many manners"):
+        contacts.answers([0.0], [0.0], list(system.contacts))
+
+
+# What the model files say of it.
+
+
+def robot_of(name: str) -> Robot:
+    return read_robot(BUILT_IN.model_path(name, "mjcf"))
+
+
+def distances(robot: Robot, q: Sequence[float]) -> list[float]:
+    """Of all pairs of shapes with a closed form that may touch."""
+    assert robot.shapes is not None and not robot.shapes.why_not
+    with flint.ctx.workprec(192):
+        placed = {one.shape.name: one for one in ShapesInWorld(robot.tree, robot.joints, robot.shapes.shapes).at(q)}
+        pairs = [nearest(placed[one.name], placed[other.name]) for one, other, _ in robot.shapes.pairs(robot.tree)]
+        return [float(point.distance.mid()) for found in pairs for point in found or ()]
+
+
+def differs(gaps: Sequence[float], found: Sequence[float]) -> bool:
+    """Whether a distance of the file is no gap of the text, or none of the gaps is one of the file."""
+    return not found or any(min(abs(one - gap) for gap in gaps) > 1e-12 for one in found)
+
+
+NAMES = ["block_on_incline", "sphere_on_incline", "sliding_to_rolling", "spinning_disc", "bouncing_ball", "newtons_cradle", "box_stack"]
+NAMES += ["painleve_rod"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gaps_are_the_distances_of_the_shapes_of_the_model(name: str) -> None:
+    contacts, robot, random = of(name), robot_of(name), np.random.default_rng(0)
+    order = [load_mechanism(BUILT_IN, name).joints.index(joint) for joint in robot.joints]
+    for _ in range(5):
+        # Balls and boxes stay in their order, and the lower edges of a block are the lower ones.
+        q = random.uniform(0.1, 0.4, len(order))
+        gaps = [*contacts.gaps(q).values()]
+        # Bodies that are no neighbours may touch too, in the file alone.
+        found = sorted(distances(robot, q[order].tolist()))[: {"newtons_cradle": 2, "box_stack": 4}.get(name)]
+        assert not differs(gaps, found)
+
+
+@pytest.mark.parametrize("name", [one for one in NAMES if one not in ("bouncing_ball", "newtons_cradle", "box_stack")])
+def test_shapes_rub_as_the_text_says(name: str) -> None:
+    robot, own = robot_of(name), {name: value for name, value, _ in load_mechanism(BUILT_IN, name).parameters}
+    assert robot.shapes is not None
+    [(one, other, _)] = robot.shapes.pairs(robot.tree)
+    friction = numbers_of_contact(one, other).friction
+    assert friction[2 if name == "spinning_disc" else 0] == own["mu"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [('size="0.2"', 'size="0.201"'), ('zaxis="0.6 0 0.8"', 'zaxis="0.61 0 0.8"'), ('type="slide" axis="0.6', 'type="slide" axis="-0.6')],
+)
+def test_a_model_whose_shapes_are_others_is_seen(old: str, new: str, tmp_path: Path) -> None:
+    text = BUILT_IN.model_path("sphere_on_incline", "mjcf").read_text()
+    assert old in text
+    path = tmp_path / "sphere_on_incline.xml"
+    path.write_text(text.replace(old, new, 1))
+    q = [0.3, 0.5, 0.1]
+    assert differs([*of("sphere_on_incline").gaps(q).values()], distances(read_robot(path), q))
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"gap": lambda x, v, mu: x + v}, "has the gap"),
+        ({"slip": lambda x, v, mu: v**2}, "has the slip"),
+        ({"slip": lambda x, v, mu: x}, "has the slip"),
+        ({"value": -0.5}, "expected a parameter whose value is not negative"),
+        ({"slip": lambda x, v, mu: None}, "expected both, or neither"),
+    ],
+)
+def test_a_contact_that_contradicts_itself_is_refused(changed: Mapping[str, Any], why: str) -> None:
+    x, (m, mu) = dynamicsymbols("x"), sp.symbols("m mu", real=True)
+    value = changed.get("value", 0.5)
+    own: dict[str, Any] = {"gap": x, "slip": x.diff(TIME), "friction": mu}
+    own |= {name: make(x, x.diff(TIME), mu) for name, make in changed.items() if callable(make)}
+    with pytest.raises(ValueError, match=why):
+        System(
+            coordinates={x: "x"},
+            kinetic=m * x.diff(TIME) ** 2 / 2,
+            potential=0,
+            parameters={m: (1.0, "kg"), mu: (value, "1")},
+            total_mass=m,
+            contacts={"floor": Contact(**own)},
+        )
