@@ -22,7 +22,7 @@ from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
 from harness.truth.compare import Comparison, compare
-from harness.truth.quantities.accelerations import FAR_LINKS, FarLinks
+from harness.truth.far_links import FAR_LINKS, FarLinks
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -136,6 +136,10 @@ class Assignment:
         truth = self.truth
         certified = truth.evaluate(states) if certified is None else certified
         return truth.asked_and_judged(certified, states, load_audited(self))
+
+    def judge_all(self, states: States, certified: Certified, found: Any) -> Comparison:
+        """The judgement of what the subject has answered to ``Truth.asks_all`` at ``states``."""
+        return self.truth.judge_all(certified, states, found, load_audited(self))
 
 
 def reference_kernel_of(assignment: Assignment) -> ReferenceKernel:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.stages import Answers
+from harness.crosscheck.together import Answered, answered_together
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
+from harness.engines import Calls, Model
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.study import Note
@@ -56,14 +58,16 @@ class Found:
     added: int = 0
 
 
-def search(assignments: Sequence[Assignment], examples: int, seed: int, folder: Path | None, note: Note) -> dict[str, Found | Answers]:
+def search(
+    assignments: Sequence[Assignment], examples: int, seed: int, folder: Path | None, note: Note, *, each: bool = False
+) -> dict[str, Found | Answers]:
     """The answers of each subject, all of one mechanism, at ``examples`` states; where it does not agree, the simplest such state.
 
     The simplest failing states are kept below ``folder`` and tried first the next time. They and the shrunk states come on
     top of ``examples``. A subject that raises an exception has ``Answers`` that say why; the others go on without it. The note
-    names the subject that is being asked, and its states.
+    names the subject that is being asked, or with states of a block all that are asked together; with ``each`` none are.
     """
-    panel = _Panel(assignments, note)
+    panel = _Panel(assignments, note, each)
     kept = _kept(folder, panel)
     panel.judge(kept)
     panel.kept = len(kept)
@@ -86,7 +90,11 @@ def explore(assignment: Assignment, examples: int, seed: int, note: Note) -> Fou
 
 def note_of(subject: str, states: States) -> str:
     """A note that names the states a subject is being asked at: ``{"subject": ..., "states": {"q", "v", "tau"}}``."""
-    return json.dumps({"subject": subject, "states": {name: getattr(states, name).tolist() for name in states.named}})
+    return json.dumps({"subject": subject, **_named(states)})
+
+
+def _named(states: States) -> dict[str, Any]:
+    return {"states": {name: getattr(states, name).tolist() for name in states.named}}
 
 
 def objective(comparison: Comparison) -> Array:
@@ -101,10 +109,10 @@ class _Panel:
     """Subjects of one mechanism that are judged on the same states; one that raises an exception leaves, and has it in ``failures``.
 
     ``simplest`` holds the simplest failing state of a subject, once ``simplify`` has found it; ``kept`` counts the states of earlier
-    searches.
+    searches. With ``each`` every subject is asked by itself.
     """
 
-    def __init__(self, assignments: Sequence[Assignment], note: Note) -> None:
+    def __init__(self, assignments: Sequence[Assignment], note: Note, each: bool = False) -> None:
         self.mechanism: Mechanism = assignments[0].mechanism
         self.failures: dict[str, Exception] = {}
         self.kept = 0
@@ -113,7 +121,7 @@ class _Panel:
         self._truths = {subject: assignment.truth for subject, assignment in self._asked.items()}
         self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._asked}
         self._worst: dict[str, tuple[float, Array]] = {}
-        self._note = note
+        self._note, self._each = note, each
 
     @property
     def subjects(self) -> list[str]:
@@ -126,20 +134,32 @@ class _Panel:
         distinct = {self._truths[subject].key: self._truths[subject] for subject in subjects}
         asked = {key: truth.asked_at(states) for key, truth in distinct.items()}
         certified = {key: truth.evaluate(asked[key]) for key, truth in distinct.items()}
+        found = {} if self._each else self._asked_together(subjects, states, asked)
         comparisons: dict[str, Comparison] = {}
         for subject in subjects:
             key = self._truths[subject].key
             try:
-                comparison = comparisons[subject] = self._ask(subject, asked[key], certified[key])
+                if subject in found:
+                    comparison = self._asked[subject].judge_all(asked[key], certified[key], found[subject][0][0])
+                else:
+                    comparison = self._ask(subject, asked[key], certified[key])
             except Exception as error:
                 self.failures[subject] = error
                 continue
+            comparisons[subject] = comparison
             self._seen[subject].append((asked[key], comparison))
             score = objective(comparison)
             index = int(score.argmax())
             if subject not in self._worst or score[index] > self._worst[subject][0]:
                 self._worst[subject] = float(score[index]), rows_of(states[index : index + 1])[0]
         return comparisons
+
+    def _asked_together(self, subjects: Sequence[str], states: States, asked: Mapping[Hashable, States]) -> dict[str, Answered]:
+        def asks(assignment: Assignment, model: Model) -> Sequence[Calls]:
+            truth = assignment.truth
+            return [truth.asks_all(model, asked[truth.key])]
+
+        return answered_together({subject: self._asked[subject] for subject in subjects}, asks, self._note, _named(states))
 
     def _ask(self, subject: str, states: States, certified: Certified) -> Comparison:
         self._note(note_of(subject, states))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,17 +34,14 @@ from harness.crosscheck.loading import (
     why_no_model,
 )
 from harness.crosscheck.settings import Settings
+from harness.crosscheck.side_tasks import ask_one_by_one, measure_componentwise, readings_and_refusal
 from harness.crosscheck.stages import (
     NOT_OFFERED,
-    TOGETHER,
     Answers,
-    ask_one_by_one,
     compare_all,
-    compare_each,
-    measure_componentwise,
-    readings_and_refusal,
 )
 from harness.crosscheck.superfluous import find_superfluous
+from harness.crosscheck.together import TOGETHER
 from harness.engines import Subject, asked_of, engine_files, select_subjects
 from harness.errors import InvalidInput, InvalidRequest, is_out_of_memory
 from harness.files.model_file import read_model
@@ -276,12 +274,12 @@ class CrossCheck(Study):
             failure = self.failure(outcome)
             if not failure:
                 for pair in map(system.pairs.__getitem__, died):
-                    pair.fail(f"{died[pair.key]}, when it was asked for several quantities in one request, and not when for each")
+                    pair.fail(f"{died[pair.key]}, when several answers were asked for in one request, and not when each was")
                     self.crashes.add((system.name, str(pair.subject)))
                 return outcome.value
             note = json.loads(outcome.crash.note) if outcome.crash is not None and outcome.crash.note else {}
             if TOGETHER in note:
-                function, died = compare_each, dict.fromkeys(note[TOGETHER], failure)
+                function, died = partial(function, each=True), dict.fromkeys(note[TOGETHER], failure)
                 continue
             died = {}
             culprit = system.pairs.get(note.get("subject", ""))

@@ -9,7 +9,6 @@ that it says is evidence about a model, so that such answers are an error and no
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import time
@@ -22,11 +21,9 @@ from harness.arrays import Array
 from harness.crosscheck.assignment import (
     Assignment,
     answers_what_is_read,
-    departures_of,
     load_audited,
-    reference_kernel_of,
-    why_left_out,
 )
+from harness.crosscheck.together import answered_together
 from harness.engines import (
     Calls,
     InvalidAnswer,
@@ -34,8 +31,6 @@ from harness.engines import (
     Model,
     NotOffered,
     Unsupported,
-    accelerations,
-    asks_in_one_request,
     load_engine,
     require_offered,
     timed_answers_of,
@@ -44,10 +39,8 @@ from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
-from harness.results.readings import Effect
 from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, compare
-from harness.truth.componentwise import componentwise_error
 from harness.truth.quantities import Truth
 from harness.truth.reference import Reference, moves
 from harness.verdict import Verdict
@@ -56,8 +49,6 @@ from harness.verdict import Verdict
 NOT_OFFERED = "not offered: "
 # Why a further quantity of such a subject is another one.
 MISREAD = "its reader makes another mechanism of the file, and its accelerations are those of that"
-# Of a note, names those that are asked in one request.
-TOGETHER = "together"
 # Timings of a batch: the least where these take that long, else the most.
 LEAST_TIMINGS, ENOUGH_SECONDS, MOST_TIMINGS = 3, 0.02, 5
 # A longer call is timed once; one that is shorter is set up for the size of its batch by a call before.
@@ -129,46 +120,37 @@ class Truths:
         return self._known[truth.key]
 
 
-# What a subject answered at a batch of states, with its seconds.
-Answered = tuple[Array, float]
-
-
-def compare_all(assignments: Sequence[Assignment], states: States, note: Note) -> tuple[float, float, dict[str, Answers]]:
+def compare_all(
+    assignments: Sequence[Assignment], states: States, note: Note, *, each: bool = False
+) -> tuple[float, float, dict[str, Answers]]:
     """Seconds per certified state, seconds of compilation, and by ``Assignment.title`` what was answered at ``states``.
 
-    All assignments are of one mechanism. The note names the one that is being asked, or all that are asked together.
+    All assignments are of one mechanism. The note names the one that is being asked, or all that are asked together; with ``each`` none
+    are, so that where a process dies the note names one.
     """
-    return _compared(assignments, states, note, in_one_request=True)
-
-
-def compare_each(assignments: Sequence[Assignment], states: States, note: Note) -> tuple[float, float, dict[str, Answers]]:
-    """``compare_all``, each asked by itself: where a process dies of several, the note names one."""
-    return _compared(assignments, states, note, in_one_request=False)
-
-
-def _asked_together(assignments: Sequence[Assignment], states: States, note: Note) -> dict[str, Answered]:
-    """By ``Assignment.title``, answers that came in one request for all quantities of a model in another process.
-
-    Those of a model that fails in one of them are asked one by one.
-    """
-    models: dict[int, Model] = {}
-    asked: dict[int, dict[str, tuple[Calls, Calls]]] = {}
+    truths, answers = Truths(states), dict[str, Answers]()
     for assignment in assignments:
-        note(json.dumps({"subject": assignment.title}))
-        # It is raised where the assignment is asked by itself.
-        with contextlib.suppress(Exception):
-            model, truth = load_audited(assignment), assignment.truth
-            if asks_in_one_request(model):
-                models[id(model)] = model
-                asked.setdefault(id(model), {})[assignment.title] = _warmed_up(truth, model, truth.asked_at(states))
-    answered: dict[str, Answered] = {}
-    for model_id, own in asked.items():
-        if len(own) > 1:
-            note(json.dumps({TOGETHER: list(own)}))
-            with contextlib.suppress(Exception):
-                found = timed_answers_of(models[model_id], [calls for pair in own.values() for calls in pair])
-                answered |= dict(zip(own, found[1::2], strict=True))
-    return answered
+        if assignment.asked.is_default:
+            try:
+                truth = assignment.truth
+            except Exception as error:
+                answers[assignment.title] = Answers.missing(error)
+                continue
+            # Before anybody is asked, who would be blamed for a death.
+            for one in filter(None, (truth, truth.rigid)):
+                truths.of(one)
+
+    def asks(assignment: Assignment, model: Model) -> Sequence[Calls]:
+        truth = assignment.truth
+        return _warmed_up(truth, model, truth.asked_at(states))
+
+    together = {} if each or len(assignments) == 1 else answered_together({one.title: one for one in assignments}, asks, note, {})
+    for assignment in assignments:
+        title = assignment.title
+        if title not in answers:
+            note(json.dumps({"subject": title}))
+            answers[title] = ask(assignment, states, truths, together[title][-1] if title in together else None)
+    return truths.seconds, truths.compilation_seconds, answers
 
 
 def _warmed_up(truth: Truth, model: Model, states: States) -> tuple[Calls, Calls]:
@@ -182,32 +164,10 @@ def _warmed_up(truth: Truth, model: Model, states: States) -> tuple[Calls, Calls
     return found
 
 
-def _compared(
-    assignments: Sequence[Assignment], states: States, note: Note, in_one_request: bool
-) -> tuple[float, float, dict[str, Answers]]:
-    truths, answers = Truths(states), dict[str, Answers]()
-    for assignment in assignments:
-        if assignment.asked.is_default:
-            try:
-                truth = assignment.truth
-            except Exception as error:
-                answers[assignment.title] = Answers.missing(error)
-                continue
-            # Before anybody is asked, who would be blamed for a death.
-            for one in filter(None, (truth, truth.rigid)):
-                truths.of(one)
-    together = _asked_together(assignments, states, note) if in_one_request else {}
-    for assignment in assignments:
-        if assignment.title not in answers:
-            note(json.dumps({"subject": assignment.title}))
-            answers[assignment.title] = ask(assignment, states, truths, together.get(assignment.title))
-    return truths.seconds, truths.compilation_seconds, answers
-
-
-def ask(assignment: Assignment, states: States, truths: Truths, before: Answered | None = None) -> Answers:
+def ask(assignment: Assignment, states: States, truths: Truths, before: tuple[Array, float] | None = None) -> Answers:
     """The subject's answers at ``states``, timed, held against each other and compared with the truth there.
 
-    ``before``: what it has answered there already.
+    ``before``: what it has answered there already, and its seconds.
     """
     quantity = assignment.asked
     try:
@@ -303,7 +263,7 @@ def declared_precision(assignment: Assignment) -> str:
 
 
 def timed_answers(
-    truth: Truth, model: Model, states: States, again: bool = True, before: Answered | None = None
+    truth: Truth, model: Model, states: States, again: bool = True, before: tuple[Array, float] | None = None
 ) -> tuple[list[Array], list[float]]:
     """The answers at ``states`` of each call, and seconds per state of each timing; of one call without ``again``.
 
@@ -318,35 +278,6 @@ def timed_answers(
         found += timed_answers_of(model, [asked] * count)
     answers, seconds = zip(*found, strict=True)
     return list(answers), [one / len(states) for one in seconds[1:] or seconds]
-
-
-def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
-    """Ask for one state after the other, noting each, so that a crash names its state."""
-    load_audited(assignment)
-    states = assignment.truth.asked_at(states)
-    for index in range(len(states)):
-        note(json.dumps(states.as_json(index)))
-        assignment.answers(states[index : index + 1])
-
-
-def measure_componentwise(assignment: Assignment, state: States, beyond: float) -> float:
-    """The componentwise backward error of the subject's answer at one state, as ``componentwise_error`` gives it."""
-    kernel, state = reference_kernel_of(assignment), assignment.into(state)
-    answer = accelerations(load_audited(assignment), state)
-    return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)
-
-
-def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
-    """What explains the answers on a file: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
-    if departures_of(assignment) or why_left_out(assignment):
-        # Imported late: a run in which all is well needs nothing of it.
-        from harness.crosscheck.departing import departures_and_refusal, effects_on_file
-
-        if not assignment.library.reads_files:
-            return departures_and_refusal(assignment, seed)
-        effects, refusal = assignment.file_as_read.effects_and_refusal(seed, failure)
-        return [*effects, *(effects_on_file(assignment, seed) if not failure else [])], refusal
-    return assignment.file_as_read.effects_and_refusal(seed, failure)
 
 
 # States that are asked for again: alone, in a smaller batch, and in reverse.

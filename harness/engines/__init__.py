@@ -23,13 +23,14 @@ from harness.engines.calls import (
     accelerations_and_gaps,
     asked_accelerations,
     asked_accelerations_and_gaps,
-    asks_in_one_request,
     driving_of,
     factorises_mass_matrix,
     gaps_of,
     loaded_and_asked,
+    process_of,
     require_offered,
     timed_answers_of,
+    timed_answers_of_each,
 )
 from harness.engines.engine import EQUATIONS, FORMATS, Engine, Subject, require_model
 from harness.engines.files import (
@@ -92,7 +93,6 @@ __all__ = [
     "asked_accelerations",
     "asked_accelerations_and_gaps",
     "asked_of",
-    "asks_in_one_request",
     "describe_engines",
     "driving_of",
     "engine_files",
@@ -107,6 +107,7 @@ __all__ = [
     "load_engine",
     "load_model",
     "loaded_and_asked",
+    "process_of",
     "require_model",
     "require_offered",
     "runs_elsewhere",
@@ -115,13 +116,14 @@ __all__ = [
     "subjects_beside",
     "subjects_of",
     "timed_answers_of",
+    "timed_answers_of_each",
 ]
 
 
 class Model(Protocol):
     """A mechanism loaded into an engine.
 
-    One that is asked through a pipe has ``answer_each``, see ``harness.engines.calls``.
+    One that is asked through a pipe has ``process`` and ``answers_of_each``, see ``harness.engines.calls``.
 
     An engine may also offer what ``harness.engines.interface`` lists; ``gaps(q) -> Mapping[str, Array]``: what the rows of
     each of the file's constraints leave at positions q, (n, rows) [m or rad], by the constraint's name, with ``is_tied``, whether the file

@@ -6,7 +6,7 @@ What a quantity needs of an engine is ``Calls``. A model in another process answ
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -52,14 +52,29 @@ def timed_answers_of(model: Model, several: Sequence[Calls]) -> list[tuple[Any, 
         InvalidAnswer: it is no array of that shape of floating-point numbers, or other arithmetic is left behind.
         NotOffered: the model has no such method.
     """
-    require_offered(model, several)
-    calls = [call for asked in several for call in asked.each]
+    return timed_answers_of_each([(model, several)])[0]
+
+
+def timed_answers_of_each(asked: Sequence[tuple[Model, Sequence[Calls]]]) -> list[list[tuple[Any, float]]]:
+    """``timed_answers_of`` several models of one process, see ``process_of``, in one request; raises where one of them does."""
+    for model, several in asked:
+        require_offered(model, several)
+    calls = [(model, [call for one in several for call in one.each]) for model, several in asked]
+    answers = _answers_of_each(calls) if any(own for _, own in calls) else [[] for _ in calls]
+    return [_formed(several, own) for (_, several), own in zip(asked, answers, strict=True)]
+
+
+def _answers_of_each(calls: Sequence[tuple[Model, Sequence[Call]]]) -> Sequence[Sequence[tuple[Any, float]]]:
+    model, _ = calls[0]
     # Of its class: what stands before a model, and answers some of its methods otherwise, hands on all that it does not know.
-    at_once = getattr(type(model), "answer_each", answer_each)
-    answers = iter(at_once(model, calls) if calls else [])
-    found = []
+    at_once: Any = getattr(type(model), "answers_of_each", None)
+    return [answer_each(one, own) for one, own in calls] if at_once is None else at_once(calls)
+
+
+def _formed(several: Sequence[Calls], answers: Sequence[tuple[Any, float]]) -> list[tuple[Any, float]]:
+    left, found = iter(answers), []
     for asked in several:
-        own = [next(answers) for _ in asked.each]
+        own = [next(left) for _ in asked.each]
         checked = [_require_floats(call, answer) for call, (answer, _) in zip(asked.each, own, strict=True)]
         found.append((asked.formed(checked), sum(seconds for _, seconds in own)))
     return found
@@ -72,9 +87,11 @@ def require_offered(model: Model, several: Sequence[Calls]) -> None:
             raise NotOffered(f"the engine offers no {call.method.replace('_', ' ')}")
 
 
-def asks_in_one_request(model: Model) -> bool:
-    """Whether a request to a model costs a way to another process and back."""
-    return hasattr(type(model), "answer_each")
+def process_of(model: Model) -> Hashable | None:
+    """The process that a model answers from, where that is another one and a request costs the way there and back; None for this one."""
+    elsewhere: Any = model if hasattr(type(model), "answers_of_each") else None
+    found: Hashable | None = None if elsewhere is None else elsewhere.process
+    return found
 
 
 def asked_accelerations(model: Model, states: States) -> Calls:

@@ -79,7 +79,7 @@ class Engine(MovesFiles):
     Of any robot's file:
         call: the user's code for each format, on one line; none for an engine that no user's file is handed to.
         supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
-        takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``FarLinks`` of accelerations.
+        takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.truth.far_links``.
         why_off: why the call lets no elements of a kind act, by ``LeftOut.what``; none of a kind that it can be asked with, some of them
             ``Held``.
         contacts: of a file with a root element and format, the cones of friction, and why no contact of it is judged, "" where contacts

@@ -22,7 +22,7 @@ import numpy as np
 from harness.crosscheck.assignment import Assignment, refuse_robots
 from harness.crosscheck.expected import load_expectations, on_file
 from harness.crosscheck.hypothesis_search import note_of
-from harness.crosscheck.stages import ask_one_by_one, readings_and_refusal
+from harness.crosscheck.side_tasks import ask_one_by_one, readings_and_refusal
 from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.errors import InvalidInput, InvalidRequest, not_installed

@@ -14,18 +14,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from harness.files.given import Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Coupling, Joint, Spring, Tree
 from harness.programs.derivatives import along
-from harness.programs.mechanisms.actuation import Actuation
 from harness.programs.program import upper_triangle
 from harness.programs.terms import Matrix, Term, Vector, cross, length, vector
-from harness.trees.actuators import Driven, actuation_of, driven
 from harness.trees.bodies.rigid import Spatial, power, spatial
 from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, placed
 from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
+
+if TYPE_CHECKING:
+    from harness.programs.mechanisms.actuation import Actuation
+    from harness.trees.actuators import Driven
 
 JOINT_DAMPING, JOINT_STIFFNESS = "joint damping", "joint stiffness"
 LINES, LINE_DAMPING, LINE_STIFFNESS = "lines", "line damping", "line stiffness"
@@ -51,24 +54,31 @@ def actuated_program(tree: Tree, joints: Sequence[str]) -> tuple[FileProgram, Ac
     """``recursion_program``, and the parameters of it that each state has of its own; None for a tree without actuators."""
     nodes = kinematics(tree, joints)
     outputs, _ = equations_of_motion(nodes)
-    own = actuation_of(nodes, driven_by_actuators(nodes)) if tree.actuators else None
-    return nodes.builder.written(outputs), own
+    if not tree.actuators:
+        return nodes.builder.written(outputs), None
+    from harness.trees.actuators import actuation_of
+
+    return nodes.builder.written(outputs), actuation_of(nodes, driven_by_actuators(nodes))
 
 
 def equations_of_motion(nodes: Kinematics) -> tuple[Mapping[str, Sequence[Term]], list[Line]]:
     """The terms of the equations of motion by their names, and the lengths on which springs and dampers act."""
     velocities, lines = _velocities(nodes), list[Line]()
+    passive = _passive_forces(nodes, velocities, lines)
     outputs = {
         "mass": mass_matrix(nodes),
         "velocity": _velocity_terms(nodes, velocities),
         "gravity": _gravity_terms(nodes),
-        "passive": _passive_forces(nodes, velocities, lines) + driven_by_actuators(nodes).forces,
+        "passive": passive + driven_by_actuators(nodes).forces if nodes.tree.actuators else passive,
     }
     return outputs, lines
 
 
 def driven_by_actuators(nodes: Kinematics) -> Driven:
     """The forces of the actuators of a tree, with what these compensate of gravity."""
+    # Imported late: most trees have none.
+    from harness.trees.actuators import driven
+
     carried = _carried(nodes, by_actuators=True) if nodes.tree.actuators else nodes.builder.zeros(nodes.nv)
     return driven(nodes, generalised, carried)
 

@@ -34,7 +34,6 @@ from harness.files.tree import WORLD, Actuator, ForceLimits, Joint, SpringDamper
 from harness.files.urdf.kinds import BALL_CONSTRAINT
 from harness.programs.evaluation import mass_matrix
 from harness.trees import recursion
-from harness.trees.actuators import moment_of
 from harness.trees.bodies.inertias import impossible_inertias, total_mass
 from harness.trees.nodes import standing
 
@@ -238,6 +237,8 @@ def damped_by_ratio(tree: Tree, actuator: Actuator, inertia: Callable[[Any, Any]
     Source: MuJoCo documentation, XML reference, ``actuator/position``, dampratio.
     """
     import flint
+
+    from harness.trees.actuators import moment_of
 
     with flint.ctx.workprec(_BITS):
         nodes = standing(tree)

@@ -20,6 +20,7 @@ from harness.crosscheck.hypothesis_search import BLOCK, Found, explore, search
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.variation import Variation, quaternion_columns, row_ranges, rows_of, states_of
 from harness.engines import Subject, Unsupported, select_subjects
+from harness.engines.elsewhere.interpreter import Interpreter
 from harness.errors import InvalidModel
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
@@ -70,7 +71,8 @@ def plant(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             model = load_audited(assignment)
             return Faulty(model, change) if str(assignment.subject) == subject else model
 
-        monkeypatch.setattr("harness.crosscheck.assignment.load_audited", load)
+        for module in ("assignment", "together"):
+            monkeypatch.setattr(f"harness.crosscheck.{module}.load_audited", load)
 
     return planting
 
@@ -305,3 +307,38 @@ def test_what_fails_in_the_last_block_is_raised_as_it_is(monkeypatch: pytest.Mon
     with pytest.raises(type(error)) as caught:
         explore(Assignment.of(BUILT_IN, "bar_pendulum", Subject("mujoco", "mjcf")), 2 * BLOCK, 1, lambda text: None)
     assert caught.value is error
+
+
+def test_models_of_one_engine_are_asked_in_one_request_and_answer_as_each_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    assignments = assignments_of("double_pendulum", "mujoco/mjcf", "mujoco/urdf", "pinocchio/urdf")
+    notes, requests, ask = list[str](), list[str](), Interpreter.ask
+    monkeypatch.setattr(Interpreter, "ask", lambda self, *request: requests.append(request[0]) or ask(self, *request))  # type: ignore[func-returns-value]
+    together = search(assignments, EXAMPLES, 3, None, notes.append)
+    asked, named = requests.count("answer_each"), [json.loads(note).get("together") for note in notes]
+    assert ["mujoco/mjcf", "mujoco/urdf"] in named
+    requests.clear()
+    each = search(assignments, EXAMPLES, 3, None, quiet, each=True)
+    # Of each block, two requests in place of three.
+    assert requests.count("answer_each") - asked >= EXAMPLES // BLOCK
+    for subject in together:
+        one, other = found(together, subject), found(each, subject)
+        assert same(one.states, other.states) and np.array_equal(one.comparison.backward_error, other.comparison.backward_error)
+
+
+def test_a_model_that_fails_beside_another_of_its_engine_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    assignments = assignments_of("double_pendulum", "mujoco/mjcf", "mujoco/urdf")
+    models: list[Any] = [load_audited(assignment) for assignment in assignments]
+    ask, together = Interpreter.ask, list[int]()
+
+    def failing(self: Interpreter, *request: Any) -> Any:
+        asked = [number for number, _ in request[1]] if request[0] == "answer_each" else []
+        together.append(len(asked))
+        if models[1]._number in asked:
+            raise RuntimeError("planted")
+        return ask(self, *request)
+
+    monkeypatch.setattr(Interpreter, "ask", failing)
+    results = search(assignments, EXAMPLES, 3, None, quiet)
+    assert 2 in together and found(results, "mujoco/mjcf").comparison.are_all(Verdict.AGREES)
+    failed = results["mujoco/urdf"]
+    assert isinstance(failed, Answers) and "planted" in failed.failure

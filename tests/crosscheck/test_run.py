@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from support import InThisProcess, changed_engine, completed, cross_checked, mak
 
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
-from harness.crosscheck.stages import compare_all, compare_each
+from harness.crosscheck.stages import compare_all
 from harness.crosscheck.superfluous import find_superfluous
 from harness.engines.files import engine_files
 from harness.errors import InvalidInput
@@ -164,16 +165,18 @@ def test_a_death_among_quantities_that_are_asked_together_is_that_of_the_one_tha
         def run(self, tasks: Any, further: Any = tuple) -> Iterator[Outcome]:
             for outcome in super().run(tasks, further):
                 function = outcome.task.function
-                seen.append(function)
-                notes = {compare_all: {"together": titles}} | ({compare_each: {"subject": titles[0]}} if dies_again else {})
-                note = notes.get(function) if seen.count(function) == 1 else None
+                is_each = isinstance(function, partial) and function.func is compare_all and function.keywords == {"each": True}
+                kind = "each" if is_each else function
+                seen.append(kind)
+                notes = {compare_all: {"together": titles}} | ({"each": {"subject": titles[0]}} if dies_again else {})
+                note = notes.get(kind) if seen.count(kind) == 1 else None
                 yield Outcome(outcome.task, crash=Crash(death, json.dumps(note), "")) if note else outcome
 
     settings = Settings(library=BUILT_IN, names=["bar_pendulum"], subjects=["mujoco/mjcf"], states=40, examples=None)
     study = CrossCheck(settings, quantities)
     records = completed(study, Dying()).records
     wrong = {record.quantity: record.message for record in records if record.verdict != "agrees"}
-    together = f"{death}, when it was asked for several quantities in one request, and not when for each"
+    together = f"{death}, when several answers were asked for in one request, and not when each was"
     assert wrong == ({"energy": death} if dies_again else dict.fromkeys(quantities[:2], together))
     assert len(records) == 3 and study.crashes == {("bar_pendulum", "mujoco/mjcf")}
 
@@ -296,7 +299,7 @@ def test_what_fails_while_it_is_measured_costs_the_number_alone(tmp_path: Path, 
     def fail(*arguments: Any) -> float:
         raise RuntimeError("the solver gave up")
 
-    monkeypatch.setattr("harness.crosscheck.stages.componentwise_error", fail)
+    monkeypatch.setattr("harness.crosscheck.side_tasks.componentwise_error", fail)
     settings = Settings(library=library(tmp_path), subjects=["mujoco/mjcf"], states=20, examples=None, componentwise=True)
     records, study = cross_checked(settings)
     assert [(record.verdict, record.componentwise_error) for record in records] == [("agrees", None)]

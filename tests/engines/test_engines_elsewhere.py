@@ -27,10 +27,12 @@ from harness.engines import (
     Unsupported,
     describe_engines,
     load_engine,
+    process_of,
     runs_elsewhere,
     select_subjects,
     subjects_beside,
     timed_answers_of,
+    timed_answers_of_each,
 )
 from harness.engines.calls import answer_each
 from harness.engines.elsewhere.interpreter import EngineDied, Interpreter, engine_in_a_process_of_its_own
@@ -123,11 +125,16 @@ def test_several_calls_are_one_request_and_each_has_arguments_and_seconds_of_its
     motion, mass = Call("forward_dynamics", (q, v, tau), (7, 1)), Call("terms", (q, v, tau), (7, 1, 1), part="mass")
     both = Calls((motion, mass), lambda answers: answers[0] * answers[1][:, 0])
     [(product, of_two), (alone, of_one)] = timed_answers_of(model, [both, Calls((motion,))])
-    [[name, _, given]] = requests
+    [[name, [(_, given)]]] = requests
     # One array goes there once; its copies are made there.
     assert name == "answer_each" and given[0].arguments[0] is given[2].arguments[0] is q
     assert (alone == model.forward_dynamics(q, v, tau)).all() and (product == alone * 1.625).all()
     assert of_two > 0 and of_one > 0
+    other, back = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81), Call("forward_dynamics", (-q, v, tau), (7, 1))
+    requests.clear()
+    [[(first, _)], [(second, _), (again, _)]] = timed_answers_of_each([(model, [Calls((motion,))]), (other, [Calls((back,))] * 2)])
+    assert len(requests) == 1 and process_of(model) is process_of(other)
+    assert (first == alone).all() and (second == other.forward_dynamics(-q, v, tau)).all() and (again == second).all()
     with pytest.raises(InvalidAnswer, match=r"shape \(7, 1\) of float64; expected an array of shape \(7, 2\)"):
         timed_answers_of(model, [Calls((motion._replace(shape=(7, 2)),))])
 

@@ -15,7 +15,7 @@ from harness.explain.changes.readings import find_readings
 from harness.programs.states import States
 from harness.trees.mechanism import accelerations_of
 from harness.trees.recursion import recursion_program
-from harness.truth.quantities.accelerations import FarLinks
+from harness.truth.far_links import FarLinks
 from harness.verdict import AGREEMENT, Verdict
 
 EXPLAINED = [

@@ -9,7 +9,7 @@ from catalogue import ROBOTS
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
 from harness.truth.compare import Comparison, compare
-from harness.truth.quantities.accelerations import FarLinks
+from harness.truth.far_links import FarLinks
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import sample
 from harness.verdict import Verdict

@@ -179,14 +179,25 @@ class DistantModel:
         self._interpreter, (self._number, self._attributes, self._methods) = self._make()
         weakref.finalize(self, self._interpreter.forget, self._number)
 
-    def answer_each(self, calls: Sequence[Call]) -> list[tuple[Any, float]]:
-        """See ``harness.engines.calls``; all in one request."""
-        found: list[tuple[Any, float]] = self._asked("answer_each", calls)
+    @property
+    def process(self) -> Interpreter:
+        """The interpreter that answers; see ``harness.engines.calls.process_of``."""
+        if self._interpreter.has_ended:
+            self._load()
+        return self._interpreter
+
+    @staticmethod
+    def answers_of_each(calls: Sequence[tuple[DistantModel, Sequence[Call]]]) -> list[list[tuple[Any, float]]]:
+        """``harness.engines.calls.answer_each`` of models of one interpreter, in one request."""
+        interpreter = calls[0][0].process
+        numbered = [(model._number, own) for model, own in calls]
+        found: list[list[tuple[Any, float]]] = interpreter.ask("answer_each", numbered)
         return found
 
     def _call(self, method: str, *arguments: Any) -> Any:
         def ask() -> Any:
-            return self._asked("call", method, arguments)
+            interpreter = self.process
+            return interpreter.ask("call", self._number, method, arguments)
 
         answer = ask()
         if type(answer) is tuple:
@@ -200,11 +211,6 @@ class DistantModel:
         made = [answer]
         # The interpreter is this model's, which need not be the one that the next model would be loaded by.
         return DistantModel(lambda: (made.pop() if made else again(), self._interpreter)[::-1])
-
-    def _asked(self, request: str, *arguments: Any) -> Any:
-        if self._interpreter.has_ended:
-            self._load()
-        return self._interpreter.ask(request, self._number, *arguments)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):

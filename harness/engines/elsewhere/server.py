@@ -89,11 +89,11 @@ class Server:
 
         return tuple(map(handed_out, answer)) if type(answer) is tuple else handed_out(answer)
 
-    def answer_each(self, number: int, calls: Sequence[Call]) -> list[tuple[Any, float]]:
-        """What each call of a model returns, and its seconds."""
+    def answer_each(self, calls: Sequence[tuple[int, Sequence[Call]]]) -> list[list[tuple[Any, float]]]:
+        """What each call of each model returns, and its seconds."""
         from harness.engines.calls import answer_each
 
-        return answer_each(self._models[number], calls)
+        return [answer_each(self._models[number], own) for number, own in calls]
 
     def forget(self, numbers: Collection[int]) -> None:
         """Drop models."""

@@ -9,6 +9,7 @@ import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from harness.arrays import Array
 from harness.engines import Calls, Model, timed_answers_of
@@ -138,9 +139,17 @@ class Truth(ABC):
         found: Array = timed_answers_of(model, [self.asks(model, states)])[0][0]
         return found
 
+    def asks_all(self, model: Model, states: States) -> Calls:
+        """Everything that an engine is asked for a judgement, beside the answers too, for ``judge_all``."""
+        return self.asks(model, states)
+
+    def judge_all(self, certified: Certified, states: States, found: Any, model: Model) -> Comparison:
+        """The judgement of what an engine answered to ``asks_all``."""
+        return self.judge(certified, states, found, model)
+
     def asked_and_judged(self, certified: Certified, states: States, model: Model) -> Comparison:
         """The judgement of the answers that a model gives now; raises as ``answers``."""
-        return self.judge(certified, states, self.answers(model, states), model)
+        return self.judge_all(certified, states, timed_answers_of(model, [self.asks_all(model, states)])[0][0], model)
 
     def may_lose_digits(self, model: Model) -> bool:
         """True where an answer that lost digits to an ill-conditioned M is ``unstable``, not wrong."""

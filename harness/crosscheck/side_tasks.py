@@ -1,0 +1,41 @@
+"""What the record of a subject tells beside its verdicts, as worker processes find it; none of it changes one."""
+
+from __future__ import annotations
+
+import json
+
+from harness.crosscheck.assignment import Assignment, departures_of, load_audited, reference_kernel_of, why_left_out
+from harness.engines import accelerations
+from harness.programs.states import States
+from harness.results.readings import Effect
+from harness.study import Note
+from harness.truth.componentwise import componentwise_error
+
+
+def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
+    """Ask for one state after the other, noting each, so that a crash names its state."""
+    load_audited(assignment)
+    states = assignment.truth.asked_at(states)
+    for index in range(len(states)):
+        note(json.dumps(states.as_json(index)))
+        assignment.answers(states[index : index + 1])
+
+
+def measure_componentwise(assignment: Assignment, state: States, beyond: float) -> float:
+    """The componentwise backward error of the subject's answer at one state, as ``componentwise_error`` gives it."""
+    kernel, state = reference_kernel_of(assignment), assignment.into(state)
+    answer = accelerations(load_audited(assignment), state)
+    return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)
+
+
+def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
+    """What explains the answers on a file: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
+    if departures_of(assignment) or why_left_out(assignment):
+        # Imported late: a run in which all is well needs nothing of it.
+        from harness.crosscheck.departing import departures_and_refusal, effects_on_file
+
+        if not assignment.library.reads_files:
+            return departures_and_refusal(assignment, seed)
+        effects, refusal = assignment.file_as_read.effects_and_refusal(seed, failure)
+        return [*effects, *(effects_on_file(assignment, seed) if not failure else [])], refusal
+    return assignment.file_as_read.effects_and_refusal(seed, failure)
