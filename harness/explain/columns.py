@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,8 @@ ROUNDOFFS = 4.0
 SECOND_ORDER = 1e-8
 # The noise of columns is an estimate.
 SAFETY = 4.0
+# Of the first difference, from which on the second tells that answers bend within the step, and the most states that do so by themselves.
+BENT, MOST_BENT = 0.1, 0.25
 
 
 def watch(
@@ -172,6 +174,24 @@ class ChangeColumn:
         return self.values.ravel() / self.norm
 
 
+def without_bent(
+    values: Array, answer: Callable[[str], Array | None], text: Callable[[float], str], whitening: Whitening, at: float, step: float
+) -> Array:
+    """A column, (rows, size), of central differences about ``at``, 0 at the few rows whose answers bend within the step.
+
+    A limit that a state reaches by less than the step pushes on one side of it alone: there the quotient is not what the value does.
+    """
+    up, down, here = (answer(text(at + way * step)) for way in (1.0, -1.0, 0.0))
+    if up is None or here is None or down is None:
+        return values
+    first, second = (np.linalg.norm(whitening.change(found), axis=1) for found in (up - down, (up - here) - (here - down)))
+    with np.errstate(invalid="ignore"):
+        bent = (second > BENT * first) & (second > SAFETY * ROUNDOFFS)
+    # Where nearly all of them bend, so does the value's effect.
+    is_few = bent.sum() <= MOST_BENT * (first > ROUNDOFFS).sum()
+    return np.asarray(np.where((bent & is_few)[:, None], 0.0, values))
+
+
 def find_columns(
     answer: Callable[[str], Array | None],
     certified: Certified,
@@ -193,12 +213,12 @@ def find_columns(
         identity = change.kind, change.place
         if change.start is None or (change.kind == NUMBER and identity in answered):
             continue
-        step = relative * change.scale
-        slope = derivative(answer, change.text, change.start, step)
+        step, asked = relative * change.scale, cache(answer)
+        slope = derivative(asked, change.text, change.start, step)
         if slope is None:
             continue
         answered.add(identity)
-        values = whitening.change(slope)
+        values = without_bent(whitening.change(slope), asked, change.text, whitening, change.start, step)
         values[~np.isfinite(values).all(axis=1)] = 0.0
         if float(np.linalg.norm(values, axis=1).max()) * step > AGREEMENT:
             noise = ROUNDOFFS * math.sqrt(values.shape[0]) / (step * float(np.linalg.norm(values))) + SECOND_ORDER

@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.explain.changes import NUMBER, Change
 from harness.explain.changes.mistakes import mended_mistakes
 from harness.explain.changes.numbers import INERTIAS, numeric_changes
-from harness.explain.columns import DIFFERENCE, BaseParameters, ChangeColumn, base_parameters, derivative, find_columns
+from harness.explain.columns import DIFFERENCE, BaseParameters, ChangeColumn, base_parameters, derivative, find_columns, without_bent
 from harness.explain.fit import Projection, explaining_directions
 from harness.explain.result import Diagnosis, Finding, TriedChange, to_four_digits
 from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
@@ -50,8 +50,11 @@ class ModelSide(Side):
         return None if evaluated is None else evaluated[1]
 
     def slope(self, change: Change, value: float) -> Array | None:
-        slope = derivative(self.answer, change.text, value, self.step * max(change.scale, abs(value)))
-        return None if slope is None else self.whitening.change(slope)[self.seen]
+        step = self.step * max(change.scale, abs(value))
+        slope = derivative(self.answer, change.text, value, step)
+        if slope is None:
+            return None
+        return without_bent(self.whitening.change(slope), self.answer, change.text, self.whitening, value, step)[self.seen]
 
     def columns(self, changes: Sequence[Change], step: float | None = None) -> list[ChangeColumn]:
         """Columns of all changes with a free value, at the model as it is."""
