@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from harness.engines import (
     Engine,
@@ -37,6 +37,9 @@ from harness.results.switched_on import SwitchedOnPart, counted_parts, stays_off
 from harness.results.table import joined
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot, with_actuators
+
+if TYPE_CHECKING:
+    from harness.truth.quantities import Quantity
 
 
 def engine_of(name: str) -> Engine:
@@ -210,19 +213,21 @@ def _read(path: str, floating_base: bool) -> Robot | None:
         return None
 
 
-def on_and_off(library: Library, all_on: bool = False) -> list[str]:
-    """The actuators that act in accelerations, and what of each file is off, a sentence for each file; none for mechanisms.
+def on_and_off(library: Library, quantities: Sequence[Quantity]) -> list[str]:
+    """What acts of each file in answers about quantities, and what is off, a sentence for each file; none for mechanisms.
 
-    ``all_on``: where dry friction, limits and equalities act too.
+    Accelerations are asked with actuators, and what takes all with dry friction, limits and equalities too.
     """
     if not isinstance(library, RobotLibrary):
         return []
-    names, found = names_apart(library.formats), []
+    without = [one.name for one in quantities if not one.is_default and not one.takes_all]
+    all_on, drives = all(one.takes_all for one in quantities), library.drives and len(without) < len(quantities)
+    names, found = names_apart(library.formats), list[str]()
     for path in library.formats:
         if (robot := _read(path, library.floating_base)) is None:
             continue
-        robot = with_actuators(robot, [one.number for one in robot.actuators if library.drives and not one.why_not])
-        groups = [one for one in GROUPS if one.what == ACTUATORS or (all_on and one.what != CONTACTS)]
+        robot = with_actuators(robot, [one.number for one in robot.actuators if drives and not one.why_not])
+        groups = [one for one in GROUPS if (drives and one.what == ACTUATORS) or (all_on and one.what != CONTACTS)]
         parts = {
             group.what: [
                 SwitchedOnPart(what=group.what, kind=one.kind, line=one.line, why_not=group.why_not(one, robot)) for one in group.of(robot)
@@ -232,7 +237,8 @@ def on_and_off(library: Library, all_on: bool = False) -> list[str]:
         counts = {what: sum(not one.why_not for one in own) for what, own in parts.items()}
         on = joined([counted_parts(count, what) for what, count in counts.items() if count])
         off = joined(stays_off(robot.left_out, [one for what, own in parts.items() if counts[what] for one in own]))
-        said = "; ".join([*([f"{on} on"] if on else []), *([f"off: {off}"] if off else [])])
+        but_for = f", but for {joined(without)}" if without else ""
+        said = "; ".join([*([f"{on} on{but_for}"] if on else []), *([f"off: {off}"] if off else [])])
         found.append(f"{names[path]}: {said}" if said and len(library.formats) > 1 else said[:1].upper() + said[1:])
     return list(filter(None, found))
 

@@ -14,6 +14,7 @@ from harness.crosscheck.held import Difference, differences, held_by
 from harness.crosscheck.settings import Settings
 from harness.diagnosis.subject import Scope, SubjectDiagnosis, examine
 from harness.engines import EQUATIONS, HeldModel, Subject, engine_files, is_native, load_model, subjects
+from harness.engines.interface import require_bounds
 from harness.errors import InvalidInput
 from harness.explain.pattern import Inference, infer_from_records, subject_named
 from harness.explain.search import EVALUATIONS
@@ -191,7 +192,9 @@ def errors_of_files(
     for model_format, path in paths.items():
         note(model_format)
         try:
-            meant = accelerations(read_model(path, model_format), mechanism.joints, mechanism.gravity, everywhere)
+            # Its equations of motion may be right where dry friction, limits or actuators are those of another mechanism.
+            require_bounds(read := read_model(path, model_format), mechanism)
+            meant = accelerations(read, mechanism.joints, mechanism.gravity, everywhere)
         except (InvalidInput, ValueError):
             # The record's own message has the reason.
             continue

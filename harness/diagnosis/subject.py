@@ -15,6 +15,7 @@ import numpy as np
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of
 from harness.crosscheck.explanation import explain_difference
 from harness.engines import Subject, accelerations, gaps_of, load_engine
+from harness.engines.interface import require_bounds
 from harness.errors import InvalidModel, shown_path
 from harness.explain.columns import diagnostic_states, watch
 from harness.explain.model_side import diagnose
@@ -112,10 +113,13 @@ def diagnose_subject(assignment: Assignment, scope: Scope, note: Callable[[str],
     """Diagnose a subject; each stage is announced by ``note``.
 
     Raises:
-        InvalidModel: the engine refuses the model.
+        InvalidModel: the engine refuses the model, or dry friction, limits or actuators of it are not the mechanism's.
         harness.engines.Unsupported: the engine cannot express the mechanism.
     """
     mechanism, model, library = assignment.mechanism, assignment.model, assignment.library
+    if model is not None:
+        # Without them the engine would be examined about another question.
+        require_bounds(model, mechanism)
     note("loading")
     engine = load_engine(library, assignment.subject.engine)
     of_answers = acceleration_truth_of(assignment)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from harness.results.detail import Detail
 from harness.results.readings import by_effect, names_of
 from harness.results.records import Record, Records
-from harness.results.table import counted, grouped, plural
+from harness.results.table import counted, grouped, joined, plural
 from harness.verdict import DEPARTS, SOFT, SOUND, Verdict
 
 if TYPE_CHECKING:
@@ -105,16 +105,23 @@ def _name(record: Record, head: str) -> str:
 
 
 def _named(wrong: Sequence[Record], head: str) -> str:
-    named = [f"{_name(one, head)} {_SAID.get(one.verdict, f'is {one.verdict}')}" for one in wrong[:_MOST_NAMED]]
-    more = [f"{len(wrong) - _MOST_NAMED} more"] if len(wrong) > _MOST_NAMED else []
-    return f": {', '.join([*named, *more])}" if named else ""
+    # A file that no engine can be asked with is no engine's fault, and is said once.
+    refused = [one for one in wrong if one.verdict == _REFUSED and not one.failed and one.message]
+    others = [one for one in wrong if one not in refused]
+    named = [f"{_name(one, head)} {_SAID.get(one.verdict, f'is {one.verdict}')}" for one in others[:_MOST_NAMED]]
+    more = [f"{len(others) - _MOST_NAMED} more"] if len(others) > _MOST_NAMED else []
+    whys = grouped((one.message.partition("\n")[0], _name(one, head)) for one in refused)
+    told = [f"{joined(own)} {plural(len(own), 'is', 'are')} not asked, {message}" for message, own in list(whys.items())[:_MOST_NAMED]]
+    said = "; ".join(filter(None, [", ".join([*named, *more]), *told]))
+    return f": {said}" if said else ""
 
 
+_REFUSED = Verdict.ERROR.value
 _SAID = {
     Verdict.AGREES.value: "agrees",
     Verdict.DISAGREES.value: "disagrees",
     Verdict.MISREADS.value: "misreads it",
-    "error": "gives no answer",
+    _REFUSED: "gives no answer",
 }
 
 

@@ -398,6 +398,8 @@ def test_the_actuators_of_a_file_act_and_a_replay_gives_their_controls(folder: P
     assert "agrees. 3 actuators on; off: equalities and 1 actuator (line 26: it is of the kind <muscle>, which is not read)." in first
     state = record["worst_state"]
     assert len(state["control"]) == len(state["activation"]) == 3 and state["activation"][:2] == [0.0, 0.0]
+    done = harness("check", "driven.xml", "--subject", "mujoco/mjcf", "--states", "4", "--quantity", "energy", cwd=folder)
+    assert done.stdout.splitlines()[0].endswith("energy agrees. Off: equalities and actuators."), done.stdout
     words = ("check", "driven.xml", "--subject", "mujoco/mjcf", "--json", "again.json", "--state")
     assert harness(*words, json.dumps(state), cwd=folder).returncode == 0
     (again,) = json.loads((folder / "again.json").read_text())["records"]

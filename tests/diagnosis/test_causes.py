@@ -154,3 +154,22 @@ def test_a_mass_that_is_wrong_beside_a_least_inertia_is_named_itself(tmp_path: P
     edited(model, model.parent, ('mass="1"', 'mass="1.0000001"'))
     _, [cause] = checked(library, subjects=["mujoco/mjcf"])
     assert "least inertia" not in cause.first_line
+
+
+@pytest.mark.parametrize(
+    ("system", "found", "planted"),
+    [
+        ("bar_pendulum", 'damping="0.3"/>', 'damping="0.3" frictionloss="6.5"/>'),
+        ("dry_pendulum", 'damping="0.3" frictionloss="6.5"', 'damping="0.3" limited="true" range="-7 7"'),
+    ],
+)
+def test_dry_friction_of_another_mechanism_is_the_file_s_fault_and_no_engine_is_examined(
+    tmp_path: Path, system: str, found: str, planted: str
+) -> None:
+    """Its equations of motion are right, so that the readers were blamed, and a number of the file that has no part in it."""
+    model = edited(BUILT_IN.model_path(system, "mjcf"), tmp_path, (found, planted))
+    records, causes = checked(names=[system], stand_ins={"mjcf": model})
+    refused = {record.subject for record in records if not record.as_expected}
+    assert refused == {"mujoco/mjcf", "pinocchio/mjcf"} == {cause.subject for cause in causes}
+    assert all("dry friction of joint pin" in record.message for record in records if record.subject in refused)
+    assert all(cause.first_line.startswith("the mjcf model is at fault") and cause.found is None for cause in causes)

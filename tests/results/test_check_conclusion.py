@@ -28,6 +28,8 @@ SILENT = replace(
 DAMPING = Effect(
     name="joint damping", sentence="ABA applies no damping", concerns="joints", lines=(4,), alone=0.472, source="", remedy="add -d v to tau"
 )
+REFUSED = replace(RECORD, verdict="error", states=0, backward_error=None, message="a.xml:3: friction is none that the system has\nmore")
+FAILED = replace(REFUSED, failed=True, message="it died")
 EXPLAINED = replace(
     AGREEING, system="robots/panda.urdf", subject="pinocchio/urdf", verdict="explained", expected="explained", readings=[DAMPING]
 )
@@ -43,6 +45,11 @@ EXPLAINED = replace(
         ([RECORD], "arm_2r: 1 subject: none agrees, 1 differs unexpectedly: mujoco/mjcf disagrees"),
         ([AGREEING, SILENT], "arm_2r: mujoco/mjcf agrees; 1 further one is not offered"),
         ([SILENT], "nothing was compared: arm_2r mujoco/mjcf steps: not offered: no steps; name another subject or quantity"),
+        (
+            [REFUSED, replace(REFUSED, subject="pinocchio/mjcf"), replace(FAILED, subject="mujoco/urdf")],
+            "arm_2r: 3 subjects: none agrees, 3 differ unexpectedly: mujoco/urdf gives no answer; "
+            "mujoco/mjcf and pinocchio/mjcf are not asked, a.xml:3: friction is none that the system has",
+        ),
         ([], "nothing was compared; name another subject or quantity"),
     ],
 )

@@ -78,8 +78,8 @@ def _sentence(study: CrossCheck, quantities: Sequence[str], robots: RobotCompari
         from harness.comparison.robot_library import on_and_off
         from harness.truth.quantities import find_quantities
 
-        all_on = all(find_quantities()[name].takes_all for name in quantities)
-        return " ".join([answer, *(f"{one}." for one in on_and_off(library, all_on)[:MOST_SAID])])
+        asked = [find_quantities()[name] for name in quantities]
+        return " ".join([answer, *(f"{one}." for one in on_and_off(library, asked)[:MOST_SAID])])
     if robots is None:
         return answer
     from harness.results.survey_conclusion import survey_summary
