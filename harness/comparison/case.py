@@ -25,7 +25,7 @@ from harness.explain.switches import Switch, constraints_among, held_with
 from harness.files.findings import CONTACTS
 from harness.library import Stance
 from harness.results.readings import FELT, Effect
-from harness.trees.mechanism import mechanism_of
+from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import with_actuators
 from harness.truth.compare import Flags
 from harness.truth.declared import DeclaredMechanism
@@ -151,7 +151,20 @@ class FileCase:
         own = accelerations[self.apart]
         return self.search.explaining(own) or self.search.orders_explaining(own, moved_clamps(self.original.robot))
 
+    @cached_property
+    def _by_parameters(self) -> tuple[ReferenceKernel, dict[object, int]]:
+        """The equations of what is on, and the places of numbers of the file among their parameters; none where readings change some."""
+        mechanism = documented(self.at.robot, self.caller, self.judged, self._departures_elsewhere)
+        given = () if self.folded.applied or not isinstance(mechanism, RobotMechanism | DeclaredMechanism) else mechanism.given
+        return ReferenceKernel(mechanism), {number.key: place for place, number in enumerate(given)}
+
     def _truth_with(self, suspect: Suspect, value: float) -> tuple[Array, Array]:
+        if suspect.is_parameter:
+            kernel, places = self._by_parameters
+            if (place := places.get(suspect.number.key)) is not None:
+                values = np.array(kernel.mechanism.parameter_values)
+                values[place] = value
+                return kernel.accelerations(self.where_apart.states, values)
         acting = [one.number for one in self.original.robot.tree.actuators]
         robot = fold(with_actuators(suspect.robot(value), acting), [reading for reading, _ in self.folded.applied]).robot
         mechanism = reference_of(self.at.robot).mechanism if suspect.is_of_rows else mechanism_of(robot)

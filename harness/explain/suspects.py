@@ -41,12 +41,14 @@ class Suspect:
 
     Attributes:
         beside: all numbers of its attribute. is_of_rows: whether nothing but rows of constraints and their laws has it.
+        is_parameter: whether no number of the equations follows from it but the parameter that it is.
     """
 
     number: Given
     robot: Callable[[float], Robot]
     beside: tuple[float, ...]
     is_of_rows: bool
+    is_parameter: bool = False
 
     @property
     def name(self) -> str:
@@ -68,13 +70,15 @@ class Suspect:
 
 def suspects_of(robot: Robot) -> list[Suspect]:
     """The numbers by which what is switched on acts, a default that no file gives at the place of its element."""
-    found: dict[object, tuple[Given, tuple[float, ...], bool]] = {}
-    for part, is_of_rows in _suspected(robot):
+    found: dict[object, Suspect] = {}
+    for part, is_of_rows, is_parameter in _suspected(robot):
         for values in _attributes_in(part):
             for number in every_number_in(values):
-                is_alone = found.get(number.key, (number, (), True))[2] and is_of_rows
-                found[number.key] = number, tuple(map(float, values)), is_alone
-    return [Suspect(number, _changing(robot, number), beside, alone) for number, beside, alone in found.values()]
+                of_all = is_of_rows, is_parameter
+                if (other := found.get(number.key)) is not None:
+                    of_all = is_of_rows and other.is_of_rows, is_parameter and other.is_parameter
+                found[number.key] = Suspect(number, _changing(robot, number), tuple(map(float, values)), *of_all)
+    return list(found.values())
 
 
 def masses_of(robot: Robot) -> list[Suspect]:
@@ -83,37 +87,39 @@ def masses_of(robot: Robot) -> list[Suspect]:
     return [Suspect(one, _changing(robot, one), (float(one),), False) for one in masses if isinstance(one, Given)]
 
 
-def _suspected(robot: Robot) -> Iterator[tuple[object, bool]]:
-    """Parts of a robot whose numbers are suspects, and whether rows alone have them."""
+def _suspected(robot: Robot) -> Iterator[tuple[object, bool, bool]]:
+    """Parts of a robot whose numbers are suspects, whether rows alone have them, and whether they are but parameters."""
     bound: list[Joint | BoundTendon] = [*robot.tree.joints, *(tendon for tendon in robot.tree.tendons if not tendon.why_not)]
     for one in bound:
         if one.friction_loss:
-            yield (one.friction_loss,), True
-            yield one.friction_softness, True
+            yield (one.friction_loss,), True, False
+            yield one.friction_softness, True, False
         if one.limits is not None:
-            yield one.limits, True
-            yield (one.margin,), True
-            yield one.limit_softness, True
+            yield one.limits, True, True
+            yield (one.margin,), True, True
+            yield one.limit_softness, True, False
         if isinstance(one, BoundTendon):
-            yield one.tendon, False
+            yield one.tendon, False, False
     for actuator in robot.actuators:
         if not actuator.why_not:
-            yield from ((part, False) for part in _of_actuator(actuator, robot))
-    yield tuple(bounds for _, bounds in robot.force_limits), False
+            yield from ((part, False, is_parameter) for part, is_parameter in _of_actuator(actuator, robot))
+    yield tuple(bounds for _, bounds in robot.force_limits), False, True
     for equality in robot.equalities:
         if equality.rows is not None and equality.is_active:
-            yield equality.says, False
-            yield equality.softness, True
+            yield equality.says, False, False
+            yield equality.softness, True, False
 
 
-def _of_actuator(actuator: Actuator, robot: Robot) -> Iterator[object]:
+def _of_actuator(actuator: Actuator, robot: Robot) -> Iterator[tuple[object, bool]]:
     single = bool(actuator.joints) and robot.joint(actuator.joints[0][0]).kind.is_single
-    yield actuator.joints
-    yield actuator.site
-    yield actuator.gear[:1] if single else actuator.gear
-    yield from ((number,) for _, number in (*actuator.gain, *actuator.bias))
-    yield (actuator.damping_ratio,)
-    yield from (actuator.control_range, actuator.activation_range, actuator.force_range)
+    # Its damping follows from the others.
+    own = not actuator.damping_ratio
+    yield actuator.joints, False
+    yield actuator.site, False
+    yield actuator.gear[:1] if single else actuator.gear, own
+    yield from (((number,), own) for _, number in (*actuator.gain, *actuator.bias))
+    yield (actuator.damping_ratio,), False
+    yield from ((bounds, True) for bounds in (actuator.control_range, actuator.activation_range, actuator.force_range))
 
 
 def _attributes_in(part: object) -> Iterator[tuple[Given, ...]]:
@@ -183,7 +189,7 @@ class SuspectSearch:
     def __init__(self, suspects: Sequence[Suspect], truth_of: Callable[[Suspect, float], Accelerations], documented: Reference) -> None:
         self.suspects = suspects[:MOST_SCREENED]
         self._truth_of, self._documented = truth_of, documented
-        self._whitening = Whitening(documented)
+        self._whitening, self._of_clamps = Whitening(documented), dict[tuple[Place, str, str], Array | None]()
 
     @cached_property
     def columns(self) -> list[Array]:
@@ -210,7 +216,11 @@ class SuspectSearch:
         """Those of some ranges that hold another quantity, with which the truth is what answers (n, nv) say."""
         residual, found = self._residual(answers), list[ExplainedOrder]()
         for clamp in clamps:
-            moved = self.moved(Suspect(Given(0.0, clamp.place, clamp.attribute), partial(_as_it_is, clamp.robot), (), False), math.nan)
+            key = clamp.place, clamp.attribute, clamp.held
+            if key not in self._of_clamps:
+                own = Suspect(Given(0.0, clamp.place, clamp.attribute), partial(_as_it_is, clamp.robot), (), False)
+                self._of_clamps[key] = self.moved(own, math.nan)
+            moved = self._of_clamps[key]
             if moved is not None and (left := _worst(residual - moved)) <= AGREEMENT:
                 found.append(ExplainedOrder(clamp, left))
         return sorted(found, key=lambda one: one.left)

@@ -24,6 +24,7 @@ from harness.arrays import Array
 from harness.programs.evaluation import Arithmetic
 from harness.programs.machine_code import load_heyoka
 from harness.programs.program import OUTPUTS, UNARY, StraightLineProgram, earlier_results, position_count, right_hand_side, upper_triangle
+from harness.storage import Kept
 
 # Longer programs of expressions are compiled in heyoka's compact mode, in seconds instead of minutes.
 MOST_INSTRUCTIONS_UNROLLED = 64
@@ -178,6 +179,10 @@ def solve_symmetric(upper: Sequence[Any], right_hand_side: Sequence[Any]) -> lis
     return x
 
 
+# Programs of one file with other numbers are the same.
+_CODES: Kept[CodeType] = Kept(16)
+
+
 class BallKernel:
     """Rigorous evaluator of a program in Arb's ball arithmetic.
 
@@ -192,7 +197,10 @@ class BallKernel:
 
     @cached_property
     def _source(self) -> CodeType:
-        return compile(_ball_source(self.program, self.parameters), "<ball kernel>", "exec")
+        def make() -> CodeType:
+            return compile(_ball_source(self.program, self.parameters), "<ball kernel>", "exec")
+
+        return _CODES.get((self.program.key, self.parameters), make)
 
     def bind(self, parameters: Sequence[float]) -> Callable[..., tuple[Any, ...]]:
         """A function from the other inputs (exact float64 each) to all outputs as ``arb``.

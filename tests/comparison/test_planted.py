@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from comparison.robots import FILES
 from support import harness
@@ -194,3 +195,16 @@ def test_of_the_faults_of_our_files_most_are_named_first() -> None:
 @pytest.mark.robots
 def test_of_the_faults_of_dm_control_most_are_named_first() -> None:
     assert_most_are_named(suite("cartpole"), diagnosed=2)
+
+
+@pytest.mark.parametrize("path", [DRIVEN, RUBBING], ids=lambda path: path.stem)
+def test_a_number_that_is_but_a_parameter_is_that_of_the_file_read_anew(path: Path) -> None:
+    """What else would follow from it would be left as it was."""
+    case = FileCampaign(path, SETTINGS)._case
+    own = [one for one in case.search.suspects if one.is_parameter]
+    known = case._by_parameters[1]
+    assert sum(one.number.key in known for one in own) > len(own) / 2
+    for one in own:
+        value = float(one.number) + 0.01 * one.scale
+        (high, low), (expected, rest) = (case._truth_with(which, value) for which in (one, replace(one, is_parameter=False)))
+        np.testing.assert_allclose((high - expected) + (low - rest), 0.0, atol=1e-18 * np.abs(expected).max(), err_msg=one.name)
