@@ -31,7 +31,7 @@ ROWS_OF_LOOPS, MOST_EXPONENT = (2, 5, 10), 3.0
 ARMS_OF_A_TRUNK, FEWEST_INSTRUCTIONS, OF_WORK = 7, 30_000, 1.2
 DIGITS = 50
 # A humanoid of 27 velocities with 42 rows of limits, of which 21 act at each state, in calls of mj_forward at its file's defaults.
-OF_FORWARD, LIMITED_STATES = 45.0, 256
+OF_FORWARD, LIMITED_STATES = 30.0, 256
 
 
 def benchmarks() -> Iterator[Benchmark]:

@@ -14,6 +14,8 @@ from functools import cached_property
 from typing import Any
 
 OUTPUTS = ("mass", "velocity", "gravity", "passive")
+# The matrix of equations whose passive forces leave out what the accelerations make of them; M is then the metric alone.
+SYSTEM = "system"
 ENERGY_OUTPUTS = ("energy", "lagrangian", "kinetic", "power")
 
 UNARY = frozenset({"neg", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log"})

@@ -327,7 +327,7 @@ def softened(
         cones = [_cone_of(name, rows, len(softness[name].friction), columns) for name, rows in numbers.items()]
         paired = _paired(written.ranged, by_name) if is_rigid else ()
         own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}
-        own |= {"parameters": parameters, "program": written.program, "softened": tied}
+        own |= {"parameters": parameters, "program": written.program, "softened": tied, "stiffened": written.stiffened}
         return DeclaredMechanism(
             **own,
             laws=tuple(by_name.items()),

@@ -38,7 +38,7 @@ def optimum(
     rows = {one.name: one.rows for one in acting if one.rows is not None}
     tied = tied_tree(robot.tree, robot.joints, rows, written=mechanism.written)
     weights = inverse_weights_of(
-        robot.tree,
+        mechanism.robot.tree,
         (part for one in acting for row in laws[one.name].weights or () for part in row),
         fuses,
         (tendon for one in acting for tendon in _tendons(one.rows)),

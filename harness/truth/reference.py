@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.programs.states import States
+from harness.storage import Kept
 from harness.truth.balls import (
     MOST_IN_FLOAT64,
     BallSolver,
@@ -128,19 +129,16 @@ class ReferenceKernel:
             found.sensitivity[kinks] = np.maximum(found.sensitivity[kinks], other.sensitivity)
         return found if self.unit_roundoff == UNIT_ROUNDOFF else found.for_unit_roundoff(self.unit_roundoff)
 
-    def accelerations(self, states: States) -> tuple[Array, Array]:
-        """High and low of the accelerations as of ``Reference``, (n, nv) each, without their data roundoff, which costs most.
+    def accelerations(self, states: States, values: Sequence[float] | Array | None = None) -> tuple[Array, Array]:
+        """High and low of the accelerations as of ``Reference``, (n, nv) each, without their data roundoff; ``values`` as of ``evaluate``.
 
         Not a number where balls of ``PRECISIONS[0]`` bits leave more than a rounding of high open.
         """
         states = self.asked_at(states)
-        parameters = self.mechanism.parameters_at(states)
+        parameters = self.mechanism.parameters_at(states, values)
         found = np.full((2, *states.v.shape), np.nan)
         for chart, chosen in self.by_chart(states):
-            high, low, radius, *_ = chart.balls.solve(states[chosen], parameters[chosen], PRECISIONS[0])
-            is_open = ~(radius <= UNIT_ROUNDOFF * np.abs(high).max(axis=1, keepdims=True)).all(axis=1)
-            high[is_open] = low[is_open] = np.nan
-            found[:, chosen] = high, low
+            found[:, chosen] = chart.solved(states[chosen], parameters[chosen])
         return found[0], found[1]
 
     def derivatives(self, states: States, accelerations: Array, parameters: Array | None = None) -> Array:
@@ -187,6 +185,14 @@ class ReferenceKernel:
         return replace(found, certified=certified, instability=cancelling * rank_condition(tied, inputs, found.norm_factor))
 
 
+# Programs of one file with other numbers are the same.
+_ENCODED: Kept[Encoded | None] = Kept(16)
+
+
+def _encoded(program: StraightLineProgram) -> Encoded | None:
+    return _ENCODED.get((program.key, encode), lambda: encode(program))
+
+
 class ChartKernel:
     """The reference of one mechanism by one of its programs."""
 
@@ -202,7 +208,12 @@ class ChartKernel:
     @functools.cached_property
     def encoded(self) -> Encoded | None:
         """The program for the loops of ``harness.programs.loops.interpreter``; None where they cannot interpret it."""
-        return encode(self.program)
+        return _encoded(self.program)
+
+    @functools.cached_property
+    def swept(self) -> Encoded | None:
+        """The equations that the loop solves, whose adjoints then need not pass an elimination."""
+        return self.encoded if self.mechanism.stiffened is None else _encoded(self.mechanism.stiffened)
 
     def evaluate(self, states: States, parameters: Array, roughly: bool = False) -> Reference:
         """The reference of a batch that fits into memory at once, each with its row of ``parameters``; ``roughly`` as of the kernel."""
@@ -219,6 +230,24 @@ class ChartKernel:
             return in_balls
         _put(found, left, in_balls)
         return found
+
+    def solved(self, states: States, parameters: Array) -> tuple[Array, Array]:
+        """High and low of the accelerations, (n, nv) each; see ``ReferenceKernel.accelerations``."""
+        high, low = (np.full(states.v.shape, np.nan) for _ in range(2))
+        inputs = np.ascontiguousarray(self.mechanism.inputs(states, parameters).T)
+        left = np.isfinite(inputs).all(axis=1)
+        if self.swept is not None:
+            with np.errstate(all="ignore"):
+                found = evaluate(self.swept, inputs, np.maximum(np.abs(inputs), SMALLEST_SCALE))
+            known = _are_within_a_rounding(found.radius, found.high)
+            high[known], low[known] = found.high[known], found.low[known]
+            left &= ~known
+        if left.any():
+            own, rest, radius, *_ = self.balls.solve(states[left], parameters[left], PRECISIONS[0])
+            is_open = ~_are_within_a_rounding(radius, own)
+            own[is_open] = rest[is_open] = np.nan
+            high[left], low[left] = own, rest
+        return high, low
 
     def derivatives(self, inputs: Array, accelerations: Array) -> Array:
         """d(tau + passive - velocity - gravity - M qdd)/dz at fixed qdd, (n, nv, number of inputs), in float64."""
@@ -237,11 +266,12 @@ class ChartKernel:
 
     def _filtered(self, states: States, inputs: Array, scales: Array) -> Reference | None:
         """Results of the loop; ``bits`` is 0 where they are not enough. None where there is no loop for the program."""
-        if self.encoded is None:
+        if self.swept is None:
             return None
-        found = evaluate(self.encoded, inputs, scales)
+        found = evaluate(self.swept, inputs, scales)
         norms = self._norms(states, found.high, found.radius, found.terms, found.scale, found.factor)
-        is_known = self._is_believed(found.sensitivity, found.doubt, norms.condition) & (norms.condition < MOST_IN_FLOAT64)
+        doubt = found.doubt + found.spread * np.sqrt(norms.condition) * found.sensitivity
+        is_known = self._is_believed(found.sensitivity, doubt, norms.condition) & (norms.condition < MOST_IN_FLOAT64)
         bits = np.where(is_known & (norms.radius <= _ENOUGH * found.sensitivity), DOUBLE_DOUBLE, 0)
         return self._reference(found.high, found.low, norms, found.sensitivity, bits > 0, bits)
 
@@ -307,6 +337,11 @@ class ChartKernel:
         separate = np.concatenate([states.tau[:, None], terms], axis=1)
         rotating = np.array(self.mechanism.rotating, dtype=np.float64)
         return measure(scale, factor, (accelerations, radii, states.v, separate), rotating, float(ROUNDINGS))
+
+
+def _are_within_a_rounding(radius: Array, accelerations: Array) -> Flags:
+    """(n,) whether errors, (n, nv), are below a rounding of the largest acceleration of each state."""
+    return np.asarray((radius <= UNIT_ROUNDOFF * np.abs(accelerations).max(axis=1, keepdims=True)).all(axis=1))
 
 
 def moves(reference: Reference) -> Flags:

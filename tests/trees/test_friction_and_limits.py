@@ -287,7 +287,7 @@ def shares_of_the_bound(model: Drawn, count: int, in_balls: bool = False) -> Arr
     kernel = ReferenceKernel(mechanism)
     if in_balls:
         for chart in kernel._charts:
-            chart.__dict__["encoded"] = None
+            chart.__dict__["encoded"] = chart.__dict__["swept"] = None
     return shares_at(kernel, states, Terms(mechanism_of(robot)), model.rows)
 
 

@@ -140,11 +140,14 @@ def test_a_number_that_is_wrong_by_twice_its_bound_is_seen() -> None:
 
 
 def test_the_loop_and_balls_give_one_reference(built_in_mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_one_reference(built_in_mechanism, sample(built_in_mechanism, 6, 7), monkeypatch)
+
+
+def assert_one_reference(mechanism: Mechanism, states: States, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every number that a verdict or a backward error is made of, to more digits than are printed."""
-    states = sample(built_in_mechanism, 6, 7)
-    fast = ReferenceKernel(built_in_mechanism).evaluate(states)
+    fast = ReferenceKernel(mechanism).evaluate(states)
     monkeypatch.setattr("harness.truth.reference.encode", lambda program: None)
-    exact = ReferenceKernel(built_in_mechanism).evaluate(states)
+    exact = ReferenceKernel(mechanism).evaluate(states)
     assert (fast.bits == DOUBLE_DOUBLE).all() and (exact.bits >= PRECISIONS[0]).all()
     assert fast.certified.all() and exact.certified.all()
     difference = energy_norm(exact.norm_factor, (fast.high - exact.high) + (fast.low - exact.low))
@@ -156,6 +159,32 @@ def test_the_loop_and_balls_give_one_reference(built_in_mechanism: Mechanism, mo
 
 def reference_at(mechanism: Mechanism, states: States) -> Reference:
     return ReferenceKernel(mechanism).evaluate(states)
+
+
+def documented_by_mujoco(name: str) -> Mechanism:
+    """A mechanism whose constraints give, by the law that MuJoCo documents."""
+    read = read_model(BUILT_IN.model_path(name, "mjcf"), "mjcf")
+    return truth_of(Assignment(BUILT_IN, Subject("mujoco", "mjcf"), load_mechanism(BUILT_IN, name), read)).mechanism
+
+
+@pytest.mark.parametrize("name", ["four_bar", "limited_pendulum", "dry_pendulum", "bricard"])
+def test_the_loop_that_eliminates_nothing_and_balls_that_do_give_one_reference(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    mechanism = documented_by_mujoco(name)
+    assert mechanism.stiffened is not None
+    assert_one_reference(mechanism, sample(mechanism, 12, 7), monkeypatch)
+
+
+def test_sensitivities_beside_another_matrix_are_within_their_doubt() -> None:
+    """Of what is solved by an inverse of that matrix and measured by M."""
+    mechanism = documented_by_mujoco("four_bar")
+    assert mechanism.stiffened is not None
+    inputs = mechanism.inputs(sample(mechanism, 3, 5)).T
+    found = evaluate(encoded(mechanism.stiffened), inputs, scales_of(inputs))
+    doubt = found.doubt + found.spread * 1e4 * found.sensitivity
+    for index, row in enumerate(inputs):
+        _, exact = columns_in_balls(mechanism.program, row.tolist(), scales_of(row).tolist(), PRECISIONS)
+        assert 0 < abs(found.sensitivity[index] - exact) <= doubt[index]
+    assert (doubt <= 1e-3 * found.sensitivity).all() and (found.spread > 0).all()
 
 
 @pytest.mark.parametrize("engine", ["lagrange", "mujoco"])

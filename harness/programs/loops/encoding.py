@@ -17,7 +17,7 @@ import numpy as np
 
 from harness.arrays import Array, Indices
 from harness.programs.numbers import UNIT_ROUNDOFF, Number, exactly, pi
-from harness.programs.program import OUTPUTS, Instruction, StraightLineProgram, position_count
+from harness.programs.program import OUTPUTS, SYSTEM, Instruction, StraightLineProgram, position_count
 from harness.programs.terms import Builder, Term, symmetric
 
 SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE = range(7)
@@ -52,8 +52,9 @@ class Encoded(EncodedProgram):
     """The equations of a mechanism, whose adjoints are swept too.
 
     Attributes:
-        mass, terms, force: places of M's entries, (nv, nv); of velocity, gravity and passive forces, (3, nv); and of what M qdd
-            equals, (nv,).
+        mass, terms, force: places of M's entries, (nv, nv); of velocity, gravity and passive forces, (3, nv); and of what the matrix
+            of the equations times qdd equals, (nv,).
+        system: places of the entries of that matrix, (nv, nv), which is M unless the program has another.
         rows: (places,) where the adjoint of each result stands, from its last use back to where it is computed; some share one.
         roundings: the most that lie on any way from an output back to an input, for a sweep of adjoints.
     """
@@ -61,8 +62,14 @@ class Encoded(EncodedProgram):
     mass: Indices
     terms: Indices
     force: Indices
+    system: Indices
     rows: Indices
     roundings: int
+
+    @property
+    def has_system(self) -> bool:
+        """Whether the matrix of the equations is another than M."""
+        return not np.array_equal(self.system, self.mass)
 
     @property
     def gamma(self) -> float:
@@ -80,10 +87,11 @@ def encode(program: StraightLineProgram) -> Encoded | None:
     forces = [builder.add("add", *pair) for pair in zip(builder.inputs[first : first + nv], outputs["passive"], strict=True)]
     others = [builder.add("add", *pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
     force = [builder.add("sub", *pair) for pair in zip(forces, others, strict=True)]
-    encoded, places = _placed(builder, {**outputs, "mass": list(symmetric(outputs["mass"], nv).flat), "force": force})
-    mass, start = places["mass"].reshape(nv, nv), encoded.inputs + len(encoded.constants)
+    matrices = {name: list(symmetric(outputs.get(name, outputs["mass"]), nv).flat) for name in ("mass", SYSTEM)}
+    encoded, places = _placed(builder, {**outputs, **matrices, "force": force})
+    (mass, system), start = (places[name].reshape(nv, nv) for name in matrices), encoded.inputs + len(encoded.constants)
     instructions = encoded.instructions[:, :3].astype(np.int64)
-    rows = _rows(instructions, start, {*mass.flat, *places["force"]})
+    rows = _rows(instructions, start, {*system.flat, *places["force"]})
     operands = instructions[:, 1:].copy()
     [sines] = np.nonzero(instructions[:, 0] == SINE_AND_COSINE)
     operands[sines, 1] = start + sines + 1
@@ -94,6 +102,7 @@ def encode(program: StraightLineProgram) -> Encoded | None:
         mass=mass,
         terms=np.array([places[name] for name in OUTPUTS[1:]]),
         force=places["force"],
+        system=system,
         rows=rows,
         roundings=_most_roundings(instructions, start, encoded.inputs),
     )

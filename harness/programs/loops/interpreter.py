@@ -47,6 +47,7 @@ class Filtered(Rows):
         scale: (n, nv), factor: (n, nv, nv); M = diag(scale) L L' diag(scale) in float64. NaN where M has no factor.
         terms: (n, 3, nv) velocity, gravity and passive forces.
         sensitivity: (n,) sum over inputs z of |dqdd/dz z|_M. doubt: (n,) a bound of its error.
+        spread: (n,) a bound of a further error, over the sensitivity times the root of the condition number of M scaled.
     """
 
     high: Array
@@ -57,6 +58,7 @@ class Filtered(Rows):
     terms: Array
     sensitivity: Array
     doubt: Array
+    spread: Array
 
 
 @dataclass(frozen=True)
@@ -79,16 +81,16 @@ def evaluate(program: Encoded, inputs: Array, scales: Array) -> Filtered:
     """Everything at ``inputs``, (n, number of inputs), whose changes for the sensitivity are ``scales`` of the same shape."""
     n, nv = len(inputs), program.force.size
     blocks = -(-n // LANES)
-    solution, radius, scale, factor, terms, sensitivity, doubt = (
-        np.empty((blocks, *shape, LANES)) for shape in ((nv, 2), (nv,), (nv,), (nv, nv), (3, nv), (), ())
+    solution, radius, scale, factor, terms, sensitivity, doubt, spread = (
+        np.empty((blocks, *shape, LANES)) for shape in ((nv, 2), (nv,), (nv,), (nv, nv), (3, nv), (), (), ())
     )
     weights, work = np.zeros((nv + 2, _whole(nv))), np.zeros((7, nv + 3, nv + 3, LANES))
     loop("evaluate")(
-        *_program(n, program), program.terms, program.gamma, in_lanes(inputs), solution, radius, scale, factor, terms, work,
-        in_lanes(scales), sensitivity, doubt, weights,
+        *_program(n, program), program.mass, int(program.has_system), program.terms, program.gamma, in_lanes(inputs), solution, radius,
+        scale, factor, terms, work, spread, in_lanes(scales), sensitivity, doubt, weights,
     )  # fmt: skip
     accelerations = by_state(solution, n)
-    rest = (by_state(found, n) for found in (radius, scale, factor, terms, sensitivity, doubt))
+    rest = (by_state(found, n) for found in (radius, scale, factor, terms, sensitivity, doubt, spread))
     return Filtered(np.ascontiguousarray(accelerations[..., 0]), np.ascontiguousarray(accelerations[..., 1]), *rest)
 
 
@@ -166,7 +168,7 @@ def _program(n: int, program: Encoded) -> tuple[object, ...]:
     nv, rows = program.force.size, int(program.rows.max()) + 1
     room = np.zeros((program.places, 3, LANES)), np.zeros((rows, _whole(nv))), np.zeros(rows)
     sizes = n, len(program.instructions), nv, program.inputs, len(program.constants)
-    return *sizes, program.instructions, program.constants, program.mass, program.force, program.rows, *room
+    return *sizes, program.instructions, program.constants, program.system, program.force, program.rows, *room
 
 
 def in_lanes(rows: Array) -> Array:

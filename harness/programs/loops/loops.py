@@ -20,9 +20,11 @@ from harness.programs.loops.solution import (
     in_metric,
     invert,
     norm,
+    rows_of_factor,
+    rows_of_inverse,
     solve,
 )
-from harness.programs.loops.values import Array, Value, as_number, select
+from harness.programs.loops.values import Array, Value, as_number, equals, select
 from harness.programs.numbers import LANES
 
 _SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
@@ -30,7 +32,7 @@ _OUTPUTS = {
     **dict.fromkeys(("n", "m", "inputs", "constants", "outputs"), "integer"), "instructions": "halves", "of_constants": "numbers",
     "values": "vectors", "places": "integers", **dict.fromkeys(("given", "bounds", "found"), "vectors"),
 }  # fmt: skip
-_PROGRAM = {"instructions": "halves", "of_constants": "numbers", "mass": "integers", "force": "integers", "rows": "integers"}
+_PROGRAM = {"instructions": "halves", "of_constants": "numbers", "system": "integers", "force": "integers", "rows": "integers"}
 _ROOM = {"values": "vectors", "adjoints": "vectors", "sizes": "numbers"}
 
 
@@ -40,7 +42,7 @@ class _Equations(Program):
     def __init__(self, code: Writer) -> None:
         super().__init__(code)
         self.nv, self.rows = code.argument("nv"), code.array("rows")
-        self.mass, self.force = code.array("mass", self.nv), code.array("force")
+        self.system, self.force = code.array("system", self.nv), code.array("force")
         self.width_of_rows = (self.nv + (LANES - 1)) // LANES
         self.adjoints, self.sizes = code.array("adjoints", self.width_of_rows), code.array("sizes")
 
@@ -53,7 +55,7 @@ class _Equations(Program):
             yield block, select(left < LANES, left, LANES)
 
     def sweep(self, lane: Value, accelerations: Array, scale: Array) -> Iterator[tuple[Value, Array, Value]]:
-        """Each input, the derivatives of f - M a by it, and a sum of absolute values over ``scale`` for their roundings.
+        """Each input, the derivatives of f - A a by it, and a sum of absolute values over ``scale`` for their roundings.
 
         It is done for the state in one lane. ``adjoints``, (rows, nv rounded up to whole vectors), and ``sizes``, (rows,), are zero
         before and after.
@@ -64,7 +66,7 @@ class _Equations(Program):
             adjoints[row, i] += 1.0
             self.sizes[row] += 1.0 / scale[i, lane]
             for j in code.range(self.nv):
-                row = self.rows[self.mass[i, j]]
+                row = self.rows[self.system[i, j]]
                 adjoints[row, i] -= accelerations[j, lane]
                 self.sizes[row] += abs(accelerations[j, lane]) / scale[i, lane]
         instructions = code.array("instructions")
@@ -86,21 +88,36 @@ def _evaluate(code: Writer) -> None:
     solution, radius, scale = code.array("solution", nv, 2), code.array("radius", nv), code.array("scale", nv)
     factor, terms, places = code.array("factor", nv, nv), code.array("terms", 3, nv), code.array("of_terms", nv)
     weights, work = code.array("weights", program.width_of_rows * LANES), Workspace(code.array("work", nv + 3, nv + 3))
-    sensitivity, doubt = code.array("sensitivity", LANES), code.array("doubt", LANES)
-    matrix, inverse = work.mass, work.inverse
+    sensitivity, doubt, spread = code.array("sensitivity", LANES), code.array("doubt", LANES), code.array("spread")
+    mass, is_metric = code.array("mass", nv), equals(code.argument("has_system"), 0)
     for block, count in program.states(inputs):
         for i in code.range(nv):
             for term in code.range(3):
                 terms[block, term, i] = program.values[places[term, i], 0]
             for j in code.range(nv):
-                matrix[i, j] = program.values[program.mass[i, j], 0]
-        here, found = scale.part(block), solution.part(block)
-        factorise(code, nv, matrix, here, factor.part(block), inverse)
-        equations = LinearEquations(code, nv, program.values, program.mass, program.force, here)
-        solve(equations, inverse, work, found, radius.part(block))
+                work.matrix[i, j] = program.values[mass[i, j], 0]
+        metric, found = (scale.part(block), factor.part(block)), solution.part(block)
+        factorise(code, nv, work.matrix, *metric)
+        with code.when(is_metric):
+            work.take(code, nv, *metric)
+        with code.when(~is_metric):
+            for i in code.range(nv):
+                for j in code.range(nv):
+                    work.matrix[i, j] = program.values[program.system[i, j], 0]
+            factorise(code, nv, work.matrix, work.scale, work.factor)
+        equations = LinearEquations(code, nv, program.values, program.system, program.force, work.scale)
+        solve(equations, work, found, radius.part(block))
+        spread[block] = 0.0
+        with code.when(is_metric):
+            rows_of_factor(code, nv, work)
+        with code.when(~is_metric):
+            spread[block] = rows_of_inverse(code, nv, *metric, work)
+            for i in code.range(nv):
+                entries = ((j, program.values[program.system[i, j], 0] - program.values[mass[i, j], 0]) for j in code.range(nv))
+                terms[block, 2, i] += code.total((-(entry * found[j, 0]) for j, entry in entries), first=code.lanes(0.0))
         for lane in code.range(count):
-            inverses, own_scale, accelerations = inverse.in_numbers(nv + 3, LANES), here.in_numbers(LANES), found.in_numbers(2 * LANES)
-            norms = SumOfNorms(code, nv, inverses, own_scale, lane, weights)
+            own_scale, accelerations = work.scale.in_numbers(LANES), found.in_numbers(2 * LANES)
+            norms = SumOfNorms(code, nv, work.rows_of_norm.in_numbers(nv + 3, LANES), own_scale, lane, weights)
             sizes = code.variable(0.0)
             for i, derivatives, size in program.sweep(lane, accelerations, own_scale):
                 norms.add(derivatives, scales[block, i, lane])
@@ -183,7 +200,7 @@ def _measure_one(code: Writer, state: Value) -> None:
         code.array(name)[state] = result
 
 
-_VECTORS = dict.fromkeys(("given", "solution", "radius", "scale", "factor", "terms", "work"), "vectors")
+_VECTORS = dict.fromkeys(("given", "solution", "radius", "scale", "factor", "terms", "work", "spread"), "vectors")
 _MEASURED = (
     "scale", "factor", "accelerations", "radii", "velocities", "terms", "rotating", "norm_factor", "condition", "radius", "motion",
     "instability", "inverse", "room", "columns",
@@ -193,7 +210,7 @@ PARTS: dict[str, Function] = {"run": (write_run, RUN), "sweep": (write_sweep, SW
 LOOPS: dict[str, Function] = {
     "evaluate": (
         _evaluate,
-        {**_SIZES, **_PROGRAM, **_ROOM, "of_terms": "integers", "gamma": "number", **_VECTORS}
+        {**_SIZES, **_PROGRAM, **_ROOM, "mass": "integers", "has_system": "integer", "of_terms": "integers", "gamma": "number", **_VECTORS}
         | dict.fromkeys(("scales", "sensitivity", "doubt", "weights"), "numbers"),
     ),
     "outputs": (_outputs, _OUTPUTS),

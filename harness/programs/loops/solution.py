@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from harness.programs.loops.double_double import UNDERFLOW, Known, add, multiply, negative, number_at, store_total
 from harness.programs.loops.language import Writer
-from harness.programs.loops.values import Array, Value, as_number, equals, larger, root_of, select, smaller, sum_of_lanes
+from harness.programs.loops.values import Array, Value, as_number, differs, equals, larger, root_of, select, smaller, sum_of_lanes
 from harness.programs.numbers import LANES, UNIT_ROUNDOFF
 
 _REFINEMENTS = 4
@@ -26,8 +26,8 @@ _SETTLED = 2.0**-106
 _SQUARE, _MOST_SWEEPS = 1e-10, 40
 
 
-def factorise(code: Writer, nv: Value, mass: Array, scale: Array, factor: Array, inverse: Array) -> None:
-    """Scale and factor as ``harness.truth.balls.scaled_cholesky``, and L^-1; NaN for the scale where M has none."""
+def factorise(code: Writer, nv: Value, mass: Array, scale: Array, factor: Array) -> None:
+    """Scale and factor as ``harness.truth.balls.scaled_cholesky``; NaN for the scale where M has none."""
     zero = code.lanes(0.0)
     is_regular = code.variable(zero)
     for i in code.range(nv):
@@ -43,7 +43,6 @@ def factorise(code: Writer, nv: Value, mass: Array, scale: Array, factor: Array,
             factor[i, j] = (mass[i, j] / scale[i] / scale[j] - known) / factor[j, j]
     for i in code.range(nv):
         scale[i] += is_regular.value
-    invert(code, nv, factor, inverse, zero)
 
 
 def invert(code: Writer, nv: Value, factor: Array, inverse: Array, zero: Value) -> None:
@@ -57,7 +56,7 @@ def invert(code: Writer, nv: Value, factor: Array, inverse: Array, zero: Value) 
 
 @dataclass(frozen=True)
 class LinearEquations:
-    """M a = f in the function that is being written: ``matrix`` (nv, nv) and ``right`` (nv,) are places among ``values``.
+    """A a = f in the function that is being written: ``matrix`` (nv, nv) and ``right`` (nv,) are places among ``values``.
 
     ``scale``, (nv,), makes the diagonal of the matrix about 1.
     """
@@ -74,17 +73,27 @@ class Workspace:
     """Seven matrices (nv + 3, nv + 3) by their names; what is needed at different times shares one.
 
     Attributes:
-        mass: M in float64, (nv, nv). inverse: L^-1 of ``factorise``, (nv, nv).
+        matrix: M, and then that of the equations, in float64, (nv, nv).
+        scale, factor: of the latter, (nv,) and (nv, nv); the factor until the solution has bounds. inverse: that of the factor, (nv, nv).
         approximate: the approximate inverse of the scaled matrix, (nv, nv).
         residual: f - M a in double-double, (nv, 3). steps: the changes of the scaled solution, (nv,).
         entries, sizes: the entries of the scaled matrix, (nv, nv), and their absolute values with their errors.
-        rows: row sums of |I - X M|, (nv,). errors: |X r| with its roundings, (nv,).
+        rows: row sums of |I - X A|, (nv,). errors: |X r| with its roundings, (nv,).
+        rows_of_norm: columns of W, by rows, with |A^-1 x|_M = |W x|, (nv, nv), once there is a solution.
     """
 
     def __init__(self, matrices: Array) -> None:
         self.entries, self.steps, self.sizes = matrices.part(0), matrices.part(0, 0), matrices.part(1)
-        self.rows, self.errors = matrices.part(2, 0), matrices.part(2, 1)
-        self.approximate, self.residual, self.mass, self.inverse = (matrices.part(place) for place in range(3, 7))
+        self.rows, self.errors, self.scale = (matrices.part(2, row) for row in range(3))
+        self.approximate, self.residual, self.matrix, self.inverse = (matrices.part(place) for place in range(3, 7))
+        self.factor, self.rows_of_norm = self.sizes, self.entries
+
+    def take(self, code: Writer, nv: Value, scale: Array, factor: Array) -> None:
+        """Have the scale and the factor of M for those of the equations."""
+        for i in code.range(nv):
+            self.scale[i] = scale[i]
+            for j in code.range(i + 1):
+                self.factor[i, j] = factor[i, j]
 
 
 def defect(code: Writer, n: Value, i: Value, approximate: Array, entries: Array, sizes: Array) -> Value:
@@ -133,9 +142,10 @@ def _bounds(equations: LinearEquations, work: Workspace, radius: Array) -> None:
         radius[i] = found * (1 + 1e-10) / scale[i] + lost
 
 
-def solve(equations: LinearEquations, inverse: Array, work: Workspace, solution: Array, radius: Array) -> None:
-    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with L^-1 of ``factorise``."""
-    code, nv, approximate = equations.code, equations.nv, work.approximate
+def solve(equations: LinearEquations, work: Workspace, solution: Array, radius: Array) -> None:
+    """The accelerations in double-double, (nv, 2), and the bounds of their errors, (nv,), with the factor of ``work``."""
+    code, nv, approximate, inverse = equations.code, equations.nv, work.approximate, work.inverse
+    invert(code, nv, work.factor, inverse, code.lanes(0.0))
     for i in code.range(nv):
         for j in code.range(i + 1):
             entry = code.total((inverse[k, i] * inverse[k, j] for k in code.range(i, nv)), first=code.lanes(0.0))
@@ -196,32 +206,64 @@ def in_metric(code: Writer, nv: Value, inverse: Array, entry: Callable[[Value], 
     return norm(code, found, nv)
 
 
-class SumOfNorms:
-    """sum over columns of |L^-1 D^-1 column|, for columns in whole vectors.
+def rows_of_factor(code: Writer, nv: Value, work: Workspace) -> None:
+    """``Workspace.rows_of_norm`` where A is M = D L L' D: W = L^-1 D^-1."""
+    for j in code.range(nv):
+        for i in code.range(j):
+            work.rows_of_norm[j, i] = 0.0
+        for i in code.range(j, nv):
+            work.rows_of_norm[j, i] = work.inverse[i, j] / work.scale[j]
 
-    ``inverse`` and ``scale`` have a lane behind their other places.
-    ``weights``, (nv + 2, nv rounded up to whole vectors), is room for L^-1 D^-1 by columns, and for one product with it.
+
+def rows_of_inverse(code: Writer, nv: Value, scale: Array, factor: Array, work: Workspace) -> Value:
+    """The same where A is another matrix and M = D L L' D has this scale and factor: W = L' D S^-1 X S^-1, X for the inverse of A scaled.
+
+    Returns, over the root of the condition number of M scaled, a bound of what X may be wrong by in any norm |W x|, relative to it.
+    |X - A^-1| |y| in a norm where A is scaled is |I - X A| |y| at most, and |y| is that norm over the least singular value of L' D S^-1.
+    """
+    zero = code.lanes(0.0)
+    for j in code.range(nv):
+        for i in code.range(nv):
+            terms = (factor[k, i] * (scale[k] / work.scale[k]) * work.approximate[k, j] for k in code.range(i, nv))
+            work.rows_of_norm[j, i] = code.total(terms, first=zero) / work.scale[j]
+    wrong = code.largest((work.rows[i] for i in code.range(nv)), first=zero)
+    return as_number(nv) * wrong * code.largest((work.scale[i] / scale[i] for i in code.range(nv)), first=zero)
+
+
+class SumOfNorms:
+    """sum over columns of |W column|, for columns in whole vectors.
+
+    ``rows``, W by columns, and ``scale`` have a lane behind their other places.
+    ``weights``, (nv + 2, nv rounded up to whole vectors), is room for that of one lane, and for one product with it.
     """
 
-    def __init__(self, code: Writer, nv: Value, inverse: Array, scale: Array, lane: Value, weights: Array) -> None:
+    def __init__(self, code: Writer, nv: Value, rows: Array, scale: Array, lane: Value, weights: Array) -> None:
         self._code, self._nv, self._blocks = code, nv, (nv + (LANES - 1)) // LANES
         self._weights, self._product = weights.in_vectors(self._blocks), weights.part(nv)
         self.total, square = code.variable(0.0), code.variable(0.0)
         for j in code.range(nv):
             for i in code.range(self._blocks * LANES):
                 weights[j, i] = 0.0
-            for i in code.range(j, nv):
-                weights[j, i] = inverse[i, j, lane] / scale[j, lane]
-                square.value += inverse[i, j, lane] * inverse[i, j, lane]
+            for i in code.range(nv):
+                weights[j, i] = rows[j, i, lane]
+                unscaled = rows[j, i, lane] * scale[j, lane]
+                square.value += unscaled * unscaled
         self.of_inverse = root_of(square.value)
 
     def add(self, column: Array, factor: Value) -> None:
-        """Add the norm of a column times a factor."""
+        """Add the norm of a column times a factor, which is that of an input that is zero near the smallest number."""
         code, products = self._code, self._product.in_vectors(self._blocks)
+        is_felt = code.variable(0.0)
         for block in code.range(self._blocks):
-            rest = (self._weights[j, block] * column[j] for j in code.range(1, self._nv))
-            products[0, block] = code.total(rest, first=self._weights[0, block] * column[0]) * factor
-        self.total.value += norm(code, self._product, self._nv)
+            products[0, block] = 0.0
+        for j in code.range(self._nv):
+            # Most inputs are felt by few equations: a number of a joint's limit by one.
+            with code.when(differs(column[j], 0.0)):
+                is_felt.value = 1.0
+                for block in code.range(self._blocks):
+                    products[0, block] += self._weights[j, block] * column[j]
+        with code.when(is_felt.value > 0.0):
+            self.total.value += norm(code, self._product, self._nv) * factor
 
 
 def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> Value:

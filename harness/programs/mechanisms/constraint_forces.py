@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Constraints
-from harness.programs.program import OUTPUTS, StraightLineProgram, position_count, without_unused
+from harness.programs.program import OUTPUTS, SYSTEM, StraightLineProgram, position_count, upper_triangle, without_unused
 from harness.programs.terms import Builder, Matrix, Term, Vector, dot, length, matrix, symmetric, vector
 
 MULTIPLIERS, ACCELERATIONS = "multipliers", "accelerations"
@@ -48,6 +48,12 @@ class Tied:
     @property
     def nv(self) -> int:
         return len(self.force)
+
+    def with_system(self, system: Matrix, forces: Vector) -> StraightLineProgram:
+        """The tree's program with ``system`` qdd in the place of M qdd, and those of its forces that no acceleration makes."""
+        outputs: dict[str, Iterable[Term]] = {name: self.equations[name] for name in OUTPUTS}
+        outputs |= {"passive": vector(self.equations["passive"]) + forces, SYSTEM: [system[i, j] for i, j in upper_triangle(self.nv)]}
+        return without_unused(self.builder.program(outputs))
 
     def with_forces(self, forces: Vector, multipliers: Sequence[Term] = ()) -> StraightLineProgram:
         """The tree's program with the forces of constraints among the passive ones."""

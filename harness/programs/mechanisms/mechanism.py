@@ -167,6 +167,8 @@ class Mechanism:
         driving: the laws of the actuators, which are no part of the program until ``harness.programs.mechanisms.driven`` makes them one;
             None without any. left_out: what ``smooth`` left out, as rows of ``bounded`` and ``driving`` are called.
         softened: the rows of constraints that give, those of ``constraints`` first and then those that need not hold; None without.
+        stiffened: the equations of a program whose constraints give, where no acceleration is eliminated: their matrix is another than
+            M, see ``harness.programs.program.SYSTEM``; None where there is nothing to be eliminated.
         program: the equations of motion; see ``harness.programs.kernels`` for its inputs and outputs.
         other_charts: the same in other Euler angles; charts_in_body: all charts with the linear velocity
             of free joints in the body's frame, () where there is no free joint.
@@ -203,6 +205,7 @@ class Mechanism:
     energies_text: str = ""
     constraints: Constraints | None = None
     softened: Constraints | None = None
+    stiffened: StraightLineProgram | None = None
     bounded: Constraints | None = None
     dry_friction: tuple[tuple[str, str], ...] = ()
     driving: Driving | None = None

@@ -6,14 +6,15 @@ Proofs and sources: docs/inside/numerics.md, "Constraint forces".
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from harness.programs.mechanisms.cones import sliding_weights
 from harness.programs.mechanisms.constraint_forces import Tied, solved, solved_from_tips, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.terms import Matrix, Term, Vector, matrix, vector
+from harness.storage import Kept
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,12 @@ class Softness:
     def has_range(self) -> bool:
         return self.force_range != Softness.force_range
 
+    @property
+    def form(self) -> Hashable:
+        """Equal for laws of which there is one program, whatever their numbers are."""
+        weighs = tuple(one is None for one in self.inverse_masses)
+        return weighs, self.has_bias, self.has_range, len(self.friction), self.is_round, self.sliding_damping is None, self.bound
+
 
 # Numbers of a law that a state may have of its own, behind the names of constraint and row.
 IMPEDANCE, REST, DISTANCE, SLOPE, INVERSE_MASS = "impedance", "rest of impedance", "distance", "slope", "inverse mass"
@@ -75,6 +82,7 @@ class SoftenedProgram:
         ranged: the rows with a range by their constraint and number among all. round: the constraints with elliptic cones.
         problem: a program of the same inputs: ``mass`` and ``force`` of the tree, ``jacobian``, ``wanted`` (aref less J' v) and
             ``weights`` (D) of the rows in the order of ``unbounded``, and then of those that hold on both sides.
+        stiffened: the program whose accelerations are not eliminated; None where rows are rigid.
     """
 
     program: StraightLineProgram
@@ -83,10 +91,15 @@ class SoftenedProgram:
     ranged: list[tuple[str, int]]
     round: list[str]
     problem: StraightLineProgram
+    stiffened: StraightLineProgram | None = None
+
+
+# Those whose laws had other numbers last: a diagnosis tries one after the other.
+_WRITTEN: Kept[SoftenedProgram] = Kept(8)
 
 
 def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> SoftenedProgram:
-    """The program of the softened problem.
+    """The program of the softened problem, which is written once for all numbers of the laws.
 
     ``laws`` is that of every constraint, redundant rows included. The program has an output more, the ``multipliers``, minus the force of
     each row: share D (r - b - J a) + constant, where a share of 1 and a constant of 0 are those of rows without a range of forces.
@@ -102,6 +115,13 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
         count = f"{sum(given.values())} laws for {len(constraints.rows)} rows"
         raise ValueError(f"{count}, of which {constraints.holonomic} hold positions")
     numbers = [number for name, rows in places.items() for number in _numbers(name, rows, laws[name])]
+    form = tuple((name, laws[name].form) for name in places)
+    return replace(_WRITTEN.get((constraints.key, form), lambda: _written(constraints, laws, places, numbers)), numbers=numbers)
+
+
+def _written(
+    constraints: Constraints, laws: Mapping[str, Softness], places: Mapping[str, list[int]], numbers: list[tuple[str, float]]
+) -> SoftenedProgram:
     tied = tied_equations(constraints, [name for name, _ in numbers], independent_only=False)
     builder, mass, jacobian, zero = tied.builder, tied.mass, tied.jacobian, tied.builder.number(0)
     known = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
@@ -145,6 +165,7 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
     stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
     pushed = [force + column @ constants for force, column in zip(tied.force, jacobian.T, strict=True)]
     pulled = vector(force + column @ required for force, column in zip(pushed, weighted.T, strict=True))
+    given = vector(row @ constants + column @ required for row, column in zip(jacobian.T, weighted.T, strict=True))
     # Rows of loops would lose digits from the tips, and gain nothing.
     is_of_single_joints = all(sum(entry.value != 0 for entry in row) == 1 for row in jacobian)
     [moved] = (solved_from_tips if is_of_single_joints else solved)(stiffened, [pulled])
@@ -166,6 +187,7 @@ def softened_program(constraints: Constraints, laws: Mapping[str, Softness]) -> 
         ranged,
         list(blocks),
         without_unused(builder.program(asked)),
+        tied.with_system(stiffened, given),
     )
 
 
