@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from harness.files.findings import ACTUATORS, FRICTION, LIMITS
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
 from harness.library import MODEL_SUFFIXES, Library
-from harness.programs.mechanisms.mechanism import Mechanism, smooth
+from harness.programs.mechanisms.mechanism import Mechanism, smooth, undriven, without
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
 from harness.storage import Kept
@@ -182,7 +182,7 @@ def truth_of(assignment: Assignment) -> Truth:
         from harness.explain.as_read import ReadTruth
 
         if left_out:
-            return DepartedTruth(_own_truth(replace(assignment, mechanism=smooth(assignment.mechanism))), of_file)
+            return DepartedTruth(truth_without(assignment, left_out), of_file)
         if departures:
             return DepartedTruth(_own_truth(replace(assignment, departures=tuple(one.name for one in departures))), of_file)
         file = assignment.file_as_read
@@ -203,15 +203,24 @@ def _own_truth(assignment: Assignment) -> Truth:
 def why_left_out(assignment: Assignment) -> Mapping[str, str]:
     """Reasons why what the mechanism has does not act, by its kind: actuators, dry friction or limits; none where all do."""
     bounded, driving = assignment.mechanism.bounded, assignment.mechanism.driving
-    if assignment.model is None or not assignment.asked.is_default:
+    if assignment.model is None or not assignment.asked.is_default or (bounded is None and driving is None):
         return {}
-    if driving is not None:
-        return {ACTUATORS: reason} if (reason := _why_undriven(assignment, assignment.model)) else {}
-    if bounded is None:
-        return {}
-    kinds = dict.fromkeys(FRICTION if name in dict(assignment.mechanism.dry_friction) else LIMITS for name in bounded.names)
+    why_undriven = "" if driving is None else _why_undriven(assignment, assignment.model)
     why_off = load_engine(assignment.library, assignment.subject.engine).why_off
-    return {kind: why_off[kind] for kind in kinds if kind in why_off}
+    kinds = () if bounded is None else dict.fromkeys(_kind_of(assignment.mechanism, name) for name in bounded.names)
+    return {kind: why_off[kind] for kind in kinds if kind in why_off} | ({ACTUATORS: why_undriven} if why_undriven else {})
+
+
+def truth_without(assignment: Assignment, kinds: Collection[str]) -> Truth:
+    """The truth of what the subject is asked for, without what the mechanism has of these kinds, as of ``why_left_out``."""
+    mechanism = undriven(assignment.mechanism) if ACTUATORS in kinds else assignment.mechanism
+    bounds = () if mechanism.bounded is None else mechanism.bounded.names
+    gone = [name for name in bounds if _kind_of(mechanism, name) in kinds]
+    return _own_truth(replace(assignment, mechanism=without(mechanism, gone)))
+
+
+def _kind_of(mechanism: Mechanism, bound: str) -> str:
+    return FRICTION if bound in dict(mechanism.dry_friction) else LIMITS
 
 
 def _why_undriven(assignment: Assignment, model: ModelFile) -> str:

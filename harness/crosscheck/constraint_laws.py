@@ -17,7 +17,7 @@ from harness.files.findings import CONTACTS, EQUALITIES
 from harness.files.model_file import ModelFile
 from harness.files.touching import Touch
 from harness.library import Library
-from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.mechanisms.mechanism import Mechanism, all_rows
 from harness.programs.states import States
 from harness.results.readings import Effect
 from harness.trees.robot import tree_of
@@ -42,7 +42,7 @@ def laws_of(library: Library, engine: str, read: ModelFile, departures: Collecti
     from harness.explain.changes.departures import departed, departures_of
 
     chosen = [one for one in departures_of(engine, load_engine(library, engine).reader) if one.name in departures]
-    return departed(chosen, tree_of(read, 0.0), read.constraints, laws)
+    return departed(chosen, tree_of(read, 0.0), read.all_acting, laws)
 
 
 def departures_from(library: Library, engine: str, read: ModelFile) -> dict[Departure, list[Constraint]]:
@@ -54,7 +54,7 @@ def departures_from(library: Library, engine: str, read: ModelFile) -> dict[Depa
 
     found, tree = {}, tree_of(read, 0.0)
     for departure in departures_of(engine, load_engine(library, engine).reader):
-        concerned = departure.concerned(tree, read.constraints, laws)
+        concerned = departure.concerned(tree, read.all_acting, laws)
         own = laws_of(library, engine, read, (departure.name,))
         if felt := [one for one in concerned if _differ(read, laws[one.name], own[one.name])]:
             found[departure] = felt
@@ -98,7 +98,7 @@ def softening(laws: Mapping[str, ConstraintLaw], read: ModelFile) -> Callable[[M
 
         weights = _weights(read, laws.values())
         try:
-            return declared(mechanism, laws, weights, mechanism.bounded)
+            return declared(mechanism, laws, weights, all_rows(mechanism))
         except ValueError as error:
             line = next((one.line for one in read.constraints if repr(one.name) in str(error)), read.root_line)
             raise InvalidModel(read.path, line, str(error)) from error

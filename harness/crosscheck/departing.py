@@ -6,7 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.crosscheck.assignment import Assignment, acceleration_truth_of, departures_of, truth_of, why_left_out
+from harness.crosscheck.assignment import (
+    Assignment,
+    acceleration_truth_of,
+    departures_of,
+    truth_of,
+    truth_without,
+    why_left_out,
+)
 from harness.crosscheck.constraint_laws import DepartedTruth, effect_of
 from harness.engines import load_engine
 from harness.explain.documented import softening_of
@@ -30,7 +37,7 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
     documented = truth_of(about)
     assert isinstance(documented, DepartedTruth) and isinstance(documented.of_file, AccelerationTruth)
     sampled = sample(assignment.mechanism, STATES, seed)
-    if why_left_out(about):
+    if LIMITS in why_left_out(about):
         # At rest where their ranges begin, too: some of those are stops.
         low = [low if bounds is None else bounds[0] for bounds, low in zip(assignment.mechanism.position_ranges, sampled.q[0], strict=True)]
         sampled = States.concatenate([sampled, replace(sampled, q=np.tile(low, (STATES, 1)), v=np.zeros_like(sampled.v))])
@@ -40,7 +47,8 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
     for what, sentence in why_left_out(about).items():
         assert assignment.model is not None
         lines, is_driving = _lines(assignment.model, what), what == ACTUATORS
-        smooth = acceleration_truth_of(about).evaluate(states)
+        left = truth_without(about, [what]).evaluate(states)
+        assert isinstance(left, Reference)
         found.append(
             Effect(
                 name=what,
@@ -48,8 +56,8 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
                 concerns="actuators" if is_driving else "joints",
                 lines=tuple(dict.fromkeys(lines)),
                 count=controls_of(assignment.mechanism) if is_driving else len(lines),
-                # Of the smooth accelerations: where a mechanism sticks it has none.
-                alone=largest_change(smooth, reference.high, reference.certified & smooth.certified & moves(smooth)),
+                # Of the accelerations without: where a mechanism sticks it has none.
+                alone=largest_change(left, reference.high, reference.certified & left.certified & moves(left)),
                 source="its documentation of forward dynamics, whose one input of forces is tau",
                 remedy="add J' f of each actuator to tau, f its force at the control" if is_driving else "",
             )

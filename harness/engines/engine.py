@@ -211,7 +211,7 @@ class Engine(MovesFiles):
 
     def constraint_laws(self, file: ModelFile) -> Mapping[str, ConstraintLaw]:
         """The laws that the engine documents for the constraints of a file, by name; those without one are held rigid."""
-        acting = [*file.constraints, *(one for one in (file.bounded if file.acting else ()) if one.name in file.acting)]
+        acting = file.all_acting
         return self.laws(document_of(file).root, file.format, acting) if acting else {}
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:

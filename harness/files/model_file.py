@@ -35,7 +35,7 @@ they are listed like those of a URDF (``harness.files.facts``). It states constr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -114,6 +114,11 @@ class ModelFile:
     def with_text(self, text: str) -> ModelFile:
         """What the file would be with another text; raises as ``read_model``."""
         return replace(_validated(self.path, text, self.format), acting=self.acting, driven=self.driven)
+
+    @property
+    def all_acting(self) -> Sequence[Constraint]:
+        """Its constraints, and the dry friction and limits that act."""
+        return [*self.constraints, *(one for one in (self.bounded if self.acting else ()) if one.name in self.acting)]
 
     @property
     def mimics(self) -> tuple[Equality, ...]:

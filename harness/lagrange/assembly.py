@@ -298,9 +298,16 @@ def _names(bounds: tuple[sp.Symbol, sp.Symbol]) -> tuple[str, str]:
 
 
 def _symbols_of(system: System, names: Sequence[str]) -> tuple[list[sp.Symbol], dict[sp.Expr, sp.Symbol]]:
-    """The inputs of a mechanism, of which the first are the coordinates and then their rates, and those by what they are in the system."""
-    nv, inputs = len(system.coordinates), [sp.Symbol(name, real=True) for name in names]
-    symbols = dict(zip([*system.rates, *system.coordinates], [*inputs[nv : 2 * nv], *inputs[:nv]], strict=True))
+    """The inputs of a mechanism, of which the first are the positions and then the rates, and those by what they are in the system.
+
+    Of ball and free joints they are not its coordinates and rates: what is written takes those of other joints alone.
+    """
+    order, inputs = list(system.coordinates), [sp.Symbol(name, real=True) for name in names]
+    nv, last = len(order), [order.index(attitude.angles[-1]) for attitude in system.attitudes]
+    # A rotation takes four positions.
+    positions = [inputs[place + sum(place > other for other in last)] for place in range(nv)]
+    first = nv + len(last)
+    symbols = dict(zip([*system.rates, *order], [*inputs[first : first + nv], *positions], strict=True))
     return inputs, symbols | {parameter: inputs[names.index(parameter.name)] for parameter in system.parameters}
 
 

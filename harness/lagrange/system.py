@@ -282,8 +282,8 @@ class System:
 
     def _of_bounds(self) -> Iterator[str]:
         bounded = {**self.dry_friction, **self.limits}
-        if bounded and (self.constraints or self.attitudes):
-            yield "dry friction or limits beside constraints, or ball and free joints; expected hinges and slides of a tree"
+        if bounded and (self.attitudes or any(one.is_rolling(self.rates) for one in self.constraints.values())):
+            yield "dry friction or limits beside rolling constraints, or ball and free joints; expected hinges and slides"
         yield from (f"dry friction or a limit of {q}, which is no coordinate" for q in bounded if q not in self.coordinates)
         for symbol in (*self.dry_friction.values(), *itertools.chain(*self.limits.values())):
             if symbol not in self.parameters:
@@ -304,12 +304,14 @@ class System:
                 yield f"contact {name!r} has the friction {contact.friction}; expected a parameter whose value is not negative"
 
     def _of_actuators(self) -> Iterator[str]:
-        if self.actuators and (self.constraints or self.attitudes or self.dry_friction or self.limits):
-            yield "actuators beside constraints, dry friction, limits, or ball and free joints; expected hinges and slides of a smooth tree"
+        of_several = [q for q, joint in self.coordinates.items() if list(self.coordinates.values()).count(joint) > 1]
         for name, actuator in self.actuators.items():
             if any(map(_depends_on_time, (actuator.force, *actuator.moments.values()))):
                 yield f"actuator {name!r} depends on time explicitly; expected a function of coordinates, rates and its control"
             yield from (f"actuator {name!r} {one}" for one in actuator.contradictions(self.coordinates, self.rates, self.parameters))
+            functions = sp.Tuple(actuator.force, *actuator.moments.values(), *actuator.moments).atoms(AppliedUndef)
+            strange = [q for q in of_several if q in functions]
+            yield from (f"actuator {name!r} feels or moves {q} of a ball or free joint; expected hinges and slides" for q in strange)
 
 
 def _is_finite(value: Any) -> bool:

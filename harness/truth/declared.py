@@ -76,6 +76,11 @@ class DeclaredMechanism(Mechanism):
         return super().key, self.laws
 
     @property
+    def holds_rigid(self) -> bool:
+        """Whether its constraints hold rigid beside dry friction or limits, so that states have to close them."""
+        return self.constraints is not None and bool(self.laws) and all(law.is_rigid for _, law in self.laws)
+
+    @property
     def widths(self) -> list[float]:
         """Those in which the impedance of a constraint varies [m or rad]."""
         return [law.impedance.width for _, law in self.laws if not law.impedance.is_constant]

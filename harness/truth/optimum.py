@@ -60,10 +60,11 @@ def held_rigid(mechanism: Mechanism) -> Mechanism:
 
     Source: Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, chapter 5.
     """
-    if mechanism.bounded is None:
+    tied, bounded = mechanism.constraints, mechanism.bounded
+    if bounded is None:
         return mechanism
     values, bounds = {name: value for name, value, _ in mechanism.parameters}, dict(mechanism.dry_friction)
-    ranges = {
-        name: (-values[bounds[name]], values[bounds[name]]) if name in bounds else (0.0, math.inf) for name in mechanism.bounded.names
-    }
-    return declared(mechanism, {name: rigid_law(one) for name, one in ranges.items()}, {}, mechanism.bounded)
+    ranges = {name: (-values[bounds[name]], values[bounds[name]]) if name in bounds else (0.0, math.inf) for name in bounded.names}
+    ranges |= {} if tied is None else dict.fromkeys(tied.names, ConstraintLaw.force_range)
+    rows = bounded if tied is None else tied.some(tied.independent).beside(bounded)
+    return declared(mechanism, {name: rigid_law(ranges[name]) for name in rows.names}, {}, rows)

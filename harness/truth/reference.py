@@ -176,13 +176,13 @@ class ReferenceKernel:
         inputs = self.mechanism.inputs(states, parameters)
         free = free_size(tied, inputs, states.tau, found.norm_factor)
         cancelling = found.instability + ROUNDINGS * self.mechanism.nv * found.condition * free
-        if isinstance(self.mechanism, DeclaredMechanism):
+        if isinstance(self.mechanism, DeclaredMechanism) and not self.mechanism.holds_rigid:
             # It has accelerations wherever its constraints are.
             radius = found.radius + lost(self.mechanism) * UNIT_ROUNDOFF**2 * found.sensitivity
             return replace(found, radius=radius, instability=cancelling)
         # Without a configuration in which the constraints hold there is no motion to be asked for.
-        certified = found.certified & closes(self.mechanism, states, parameters)
-        return replace(found, certified=certified, instability=cancelling * rank_condition(tied, inputs, found.norm_factor))
+        certified, held = found.certified & closes(self.mechanism, states, parameters), self.mechanism.constraints or tied
+        return replace(found, certified=certified, instability=cancelling * rank_condition(held, inputs, found.norm_factor))
 
 
 # Programs of one file with other numbers are the same.

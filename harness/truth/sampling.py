@@ -67,15 +67,15 @@ def kinds(count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def on_manifold(mechanism: Mechanism, states: States) -> States:
     """``harness.truth.manifold.closed``, of which nothing is imported for a tree; with what drives the actuators that act."""
-    if mechanism.constraints is None:
-        if mechanism.driving is not None:
-            from harness.programs.mechanisms.driven import driven
+    if mechanism.constraints is not None:
+        from harness.truth.manifold import closed
 
-            mechanism = driven(mechanism)
-        return states if mechanism.actuation is None else mechanism.actuation.controlled(states)
-    from harness.truth.manifold import closed
+        states = closed(mechanism, states)
+    if mechanism.driving is not None:
+        from harness.programs.mechanisms.driven import driven
 
-    return closed(mechanism, states)
+        mechanism = driven(mechanism)
+    return states if mechanism.actuation is None else mechanism.actuation.controlled(states)
 
 
 def sample(mechanism: Mechanism, count: int, seed: int) -> States:

@@ -49,7 +49,7 @@ def bounded_program(constraints: Constraints, laws: Mapping[str, Softness]) -> S
     numbered = [share_and_constant(tied, known, laws[name], number_of(name, "", row)) for row, name in rows]
     shares, constants = vector(share for share, _ in numbered), vector(constant for _, constant in numbered)
     stiffness, damping, compliance = (vector(known[number_of(name, what)] for _, name in rows) for what in (STIFFNESS, DAMPING, COMPLIANCE))
-    wanted = vector(-(damping[row] * tied.rate[row] + stiffness[row] * tied.residual[row]) for row, _ in rows)
+    wanted = vector(-(damping[row] * tied.rate[row] + stiffness[row] * tied.residual[row] + tied.bias[row]) for row, _ in rows)
     *columns, free = solved_from_tips(tied.mass, [*jacobian, tied.force])
     delassus = matrix([jacobian @ column for column in columns]).T
     rigid = vector(delassus[row, row] for row, _ in rows)

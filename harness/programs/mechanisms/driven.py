@@ -13,9 +13,10 @@ import numpy as np
 
 from harness.programs.mechanisms.actuation import Actuation
 from harness.programs.mechanisms.clamps import Clamp
+from harness.programs.mechanisms.constraint_forces import by_multipliers, constrained_program
 from harness.programs.mechanisms.mechanism import BIAS, GAIN, MOMENTS, Driving, Mechanism
 from harness.programs.mechanisms.zones import Zones
-from harness.programs.program import without_unused
+from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.terms import Builder, Term, vector
 from harness.storage import Kept
 
@@ -66,7 +67,30 @@ def _own(driving: Driving) -> Iterator[tuple[str, float]]:
 
 
 def _driven(mechanism: Mechanism, driving: Driving) -> Mechanism:
-    program, nv, own = mechanism.program, mechanism.nv, list(_own(driving))
+    tied, bounded = mechanism.constraints, mechanism.bounded
+    # What ranges hold is of joints of one coordinate, and so the same in every chart.
+    tree, actuation = _with_forces(mechanism, driving, mechanism.program if tied is None else tied.tree)
+    others, in_body = (
+        tuple(_with_forces(mechanism, driving, program)[0] for program in charts)
+        for charts in (mechanism.other_charts, mechanism.charts_in_body)
+    )
+    tied = None if tied is None else tied.on(tree)
+    return replace(
+        mechanism,
+        driving=None,
+        parameters=(*mechanism.parameters, *((name, value, "") for name, value in _own(driving))),
+        program=tree if tied is None else constrained_program(tied, by_multipliers),
+        constraints=tied,
+        bounded=None if bounded is None else bounded.on(tree),
+        actuation=actuation,
+        other_charts=others,
+        charts_in_body=in_body,
+    )
+
+
+def _with_forces(mechanism: Mechanism, driving: Driving, program: StraightLineProgram) -> tuple[StraightLineProgram, Actuation]:
+    """The equations of motion of a tree with the forces of its actuators, and what each state gives to these."""
+    nv, own = mechanism.nv, list(_own(driving))
     builder = Builder((*program.inputs, *(name for name, _ in own)))
     writer = _Writer(builder, len(program.inputs) - len(mechanism.parameters), {name: value for name, value, _ in mechanism.parameters})
     outputs, laws, controls = builder.append(program), builder.append(driving.program), dict[int, Clamp]()
@@ -92,13 +116,7 @@ def _driven(mechanism: Mechanism, driving: Driving) -> Mechanism:
         clamped_controls=tuple(controls.items()),
         zones=Zones(clamps, without_unused(builder.program({"held": held}))) if held else None,
     )
-    return replace(
-        mechanism,
-        driving=None,
-        parameters=(*mechanism.parameters, *((name, value, "") for name, value in own)),
-        program=without_unused(builder.program({**outputs, "passive": np.ravel(passive).tolist()})),
-        actuation=actuation,
-    )
+    return without_unused(builder.program({**outputs, "passive": np.ravel(passive).tolist()})), actuation
 
 
 def _values(writer: _Writer, bounds: Range) -> tuple[float, float] | None:

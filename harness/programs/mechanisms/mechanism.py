@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.programs.program import ENERGY_OUTPUTS, StraightLineProgram, used_instructions, without_unused
 from harness.programs.states import States
+from harness.programs.terms import Builder
 
 if TYPE_CHECKING:
     from harness.programs.mechanisms.kernel import MechanismKernel
@@ -71,11 +72,28 @@ class Constraints:
 
     def first(self, count: int) -> Constraints | None:
         """The first rows alone, all of which hold positions; None of none."""
-        if not count:
-            return None
-        sizes = {RESIDUAL: count, JACOBIAN: count * len(self.assembly), RATE: count, BIAS: count}
-        program = replace(self.program, outputs={name: self.program.outputs[name][:size] for name, size in sizes.items()})
-        return replace(self, rows=self.rows[:count], redundant=self.redundant[:count], holonomic=count, program=program)
+        return self.some(range(count)) if count else None
+
+    def some(self, numbers: Sequence[int]) -> Constraints:
+        """Some rows alone, all of which hold positions."""
+        nv, outputs = len(self.assembly), self.program.outputs
+        chosen = {name: tuple(outputs[name][row] for row in numbers) for name in (RESIDUAL, RATE, BIAS)}
+        chosen[JACOBIAN] = tuple(place for row in numbers for place in outputs[JACOBIAN][row * nv : (row + 1) * nv])
+        program = replace(self.program, outputs={name: chosen[name] for name in (RESIDUAL, JACOBIAN, RATE, BIAS)})
+        rows, redundant = tuple(self.rows[row] for row in numbers), tuple(self.redundant[row] for row in numbers)
+        return replace(self, rows=rows, redundant=redundant, holonomic=len(rows), program=program)
+
+    def beside(self, others: Constraints) -> Constraints:
+        """These rows, which hold positions, and then others of the same tree, which need not hold."""
+        builder = Builder(self.program.inputs)
+        own, further = (builder.append(one.program) for one in (self, others))
+        program = without_unused(builder.program({name: [*own[name], *further[name]] for name in (RESIDUAL, JACOBIAN, RATE, BIAS)}))
+        rows, redundant = (*self.rows, *others.rows), (*self.redundant, *others.redundant)
+        return replace(self, rows=rows, redundant=redundant, holonomic=len(rows), program=program)
+
+    def on(self, tree: StraightLineProgram) -> Constraints:
+        """The same rows beside other forces of the tree, whose program has further inputs behind its own."""
+        return replace(self, program=replace(self.program, inputs=tree.inputs), tree=tree)
 
     @property
     def key(self) -> Hashable:
@@ -341,11 +359,34 @@ class Mechanism:
 
 def smooth(mechanism: Mechanism) -> Mechanism:
     """The mechanism without dry friction, limits and actuators, of which quantities other than accelerations are asked."""
-    parts = [
-        *(() if mechanism.bounded is None else mechanism.bounded.names),
-        *(() if mechanism.driving is None else mechanism.driving.rows),
-    ]
-    return replace(mechanism, bounded=None, dry_friction=(), driving=None, left_out=tuple(parts)) if parts else mechanism
+    return without(undriven(mechanism), () if mechanism.bounded is None else mechanism.bounded.names)
+
+
+def undriven(mechanism: Mechanism) -> Mechanism:
+    """The mechanism without its actuators."""
+    driving = mechanism.driving
+    return mechanism if driving is None else replace(mechanism, driving=None, left_out=(*mechanism.left_out, *driving.rows))
+
+
+def without(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
+    """The mechanism without dry friction and limits of these names."""
+    if mechanism.bounded is None or not names:
+        return mechanism
+    left = [row for row, name in enumerate(mechanism.bounded.rows) if name not in names]
+    gone = tuple(name for name in mechanism.bounded.names if name in names)
+    return replace(
+        mechanism,
+        bounded=mechanism.bounded.some(left) if left else None,
+        dry_friction=tuple(one for one in mechanism.dry_friction if one[0] not in names),
+        left_out=(*mechanism.left_out, *gone),
+    )
+
+
+def all_rows(mechanism: Mechanism) -> Constraints | None:
+    """The rows of constraints, and behind them those of dry friction and limits; None without any."""
+    if mechanism.constraints is None or mechanism.bounded is None:
+        return mechanism.bounded or mechanism.constraints
+    return mechanism.constraints.beside(mechanism.bounded)
 
 
 def controls_of(mechanism: Mechanism) -> int:

@@ -146,7 +146,9 @@ class AccelerationTruth(Truth):
         from harness.truth.displaced import opened, pressed
 
         assert isinstance(self.mechanism, DeclaredMechanism)
-        return (opened if self.mechanism.bounded is None else pressed)(self.mechanism, states, share)
+        if self.mechanism.constraints is not None:
+            states = opened(self.mechanism, states, share)
+        return states if self.mechanism.bounded is None else pressed(self.mechanism, states, share)
 
     def evaluate(self, states: States) -> Reference:
         """See ``Truth``."""
@@ -190,16 +192,21 @@ class AccelerationTruth(Truth):
 
 def with_all(mechanism: Mechanism) -> Mechanism:
     """The mechanism with its actuators, and with rigid dry friction and limits, where it has some."""
-    # Imported late: a smooth mechanism needs nothing of these.
-    if mechanism.driving is not None:
-        from harness.programs.mechanisms.driven import driven
-
-        return driven(mechanism)
+    mechanism = _driven(mechanism)
     if mechanism.bounded is None:
         return mechanism
+    # Imported late: a smooth mechanism needs nothing of it.
     from harness.truth.optimum import held_rigid
 
     return held_rigid(mechanism)
+
+
+def _driven(mechanism: Mechanism) -> Mechanism:
+    if mechanism.driving is None:
+        return mechanism
+    from harness.programs.mechanisms.driven import driven
+
+    return driven(mechanism)
 
 
 def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> ReferenceKernel:
@@ -216,7 +223,7 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
 
         far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
     rigid = AccelerationTruth(with_all(mechanism), *about, far_links=far_links)
-    return rigid if basis.softened is None else AccelerationTruth(basis.softened(basis.mechanism), *about, rigid)
+    return rigid if basis.softened is None else AccelerationTruth(basis.softened(_driven(basis.mechanism)), *about, rigid)
 
 
 _KERNELS: Kept[ReferenceKernel] = Kept(64)
