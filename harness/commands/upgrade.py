@@ -58,7 +58,8 @@ def command(bracket: Bracket, asked: UpgradeOptions) -> None:
 
     Both versions are asked about the same mechanisms, or robots' FILEs, at the same states, as their user calls them. Compared are
     verdicts and errors, what each version makes of the file, the numbers that it holds after loading, those of actuators and contacts
-    among them, and the accelerations without these. What is not compared is said; --verbose tells what it costs, too.
+    among them, and the accelerations without contacts. Of an MJCF's contacts it is told whether their points, their law or what the solver
+    makes of it changed, with the shapes that touch. What is not compared is said; --verbose tells what it costs, too.
 
     A version that is not installed beside the harness is one of `harness engines add`; 3.13 is 3.13.0.
     With --bisect, the versions in between that the package index offers are installed as they are needed.

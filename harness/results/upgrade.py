@@ -20,6 +20,9 @@ from harness.results.trend_numbers import MEDIAN, PERCENTILE_99, WORST
 from harness.verdict import AGREEMENT, DEPARTS, SOUND, Verdict
 
 ACCELERATIONS, READING, TERMS, NUMBERS = "accelerations", "reading", "terms", "compiled numbers"
+# Of contacts: where they are; which forces belong to them; and how near to these the solver ends.
+CONTACT_POINTS, CONTACT_LAW, CONTACT_SOLVER = "contact points", "law of contacts", "solver of contacts"
+_OF_CONTACTS = (CONTACT_POINTS, CONTACT_LAW, CONTACT_SOLVER)
 # Kinds of changes that say nothing of a motion by themselves.
 _ERRORS, _MINOR = (MEDIAN, PERCENTILE_99, WORST), (TIME, WORST, MESSAGE)
 # Objects, lines and systems that are named; the others are counted.
@@ -236,11 +239,15 @@ class Upgraded:
             numbers = telling(sorted(numbers, key=lambda one: -one.size), lambda one: one.size)[0]
             by = f" {_by_up_to(numbers[0].size)}" if math.isfinite(numbers[0].size) else ""
             parts.append(f"compiled numbers{by} ({_named(list(dict.fromkeys(one.quantity for one in numbers)))})")
+        touching = [change for one in changed for change in one.changes if change.what in _OF_CONTACTS]
+        for what in _OF_CONTACTS:
+            if own := [change for change in touching if change.what == what]:
+                parts.append(f"{what} ({max(own, key=lambda change: change.size or 0.0).now})")
         others = [one for one in changed if one.before.verdict != one.now.verdict and not one.moved]
         verdicts = [f"from {old} to {new}" for old, new in dict.fromkeys((one.before.verdict, one.now.verdict) for one in others)]
         parts += [_named(verdicts)] if verdicts else []
         unfelt = "; the accelerations that are compared are the same to rounding"
-        return f"{' and '.join(parts) or 'what stands below'}{unfelt if numbers and not moved and not others else ''}"
+        return f"{' and '.join(parts) or 'what stands below'}{unfelt if numbers and not moved and not others and not touching else ''}"
 
     @property
     def not_compared(self) -> str:
@@ -300,6 +307,8 @@ class Upgraded:
             yield f"accelerations move by up to {change.now}"
         elif change.what == NUMBERS:
             yield f"{change.what} {change.now}"
+        elif change.what in _OF_CONTACTS:
+            yield f"{change.what} changed: {change.now}"
         elif change.what in (READING, TERMS) and change.is_better:
             yield f"no longer: {change.before}"
         elif change.what in (READING, TERMS):

@@ -17,7 +17,7 @@ from harness.engines.interface import QUATERNION, CompiledNumber
 from harness.engines.request import Refused
 from harness.engines.tree_request import model_request
 from harness.explain.meant import meant, question_of
-from harness.files.findings import ACTUATORS, LeftOut
+from harness.files.findings import ACTUATORS, CONTACTS, LeftOut
 from harness.library import Library
 from harness.results.readings import share_text
 from harness.results.table import error_text, grouped
@@ -28,6 +28,7 @@ from harness.trees.mechanism import RobotMechanism
 from harness.trees.robot import Robot
 from harness.truth.compare import Certified
 from harness.truth.sampling import generic_sample
+from harness.upgrade.touching import ContactPortrait, contact_changes, contacts_portrayed
 from harness.verdict import AGREEMENT
 
 # States at which two versions are held against each other.
@@ -43,7 +44,7 @@ class Portrait:
     Attributes:
         numbers: that it holds. accelerations: (n, nv) in the kinetic-energy metric, as shares of the certified ones; roundoff: (n,) data
             roundoff in the same measure; both empty where there are none. left_out: what of a file nobody is asked about. actuators: of
-            a file, how many act. failure: of what gives the portrait, a sentence.
+            a file, how many act. contacts: of a file; None where they are not compared. failure: of what gives the portrait, a sentence.
     """
 
     numbers: Sequence[CompiledNumber] = ()
@@ -51,6 +52,7 @@ class Portrait:
     roundoff: Array = field(default_factory=lambda: np.empty(0))
     left_out: Sequence[LeftOut] = ()
     actuators: int = 0
+    contacts: ContactPortrait | None = None
     failure: str = ""
 
 
@@ -68,7 +70,10 @@ def portray(library: Library, system: str, subject: Subject, seed: int, note: No
     answered = _answers(one, seed) if robot is None else _answers_on_file(one, robot, seed)
     found = Portrait(numbers)
     if robot is not None:
-        found = replace(found, left_out=tuple(_left_out(robot)), actuators=len(robot.tree.actuators))
+        note(f"contacts of {subject}")
+        contacts = contacts_portrayed(library, robot, subject.engine, seed)
+        left_out = tuple(part for part in _left_out(robot) if contacts is None or part.what != CONTACTS)
+        found = replace(found, left_out=left_out, actuators=len(robot.tree.actuators), contacts=contacts)
     if answered is None:
         return found
     shares, roundoff = _in_metric(*answered)
@@ -132,6 +137,7 @@ def changes_between(system: str, subject: str, before: Portrait, now: Portrait) 
             moved, roundoffs = float(by[felt].max()), float((by / roundoff).max())
             said = f"{share_text(moved)} of their size, {error_text(roundoffs)} data roundoffs"
             found.append(RunChange(system=system, subject=subject, what=ACCELERATIONS, before="", now=said, size=moved))
+    found += contact_changes(system, subject, before.contacts, now.contacts)
     return found, list(_numbers(system, subject, _by_name(before), _by_name(now)))
 
 
