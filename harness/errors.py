@@ -44,7 +44,7 @@ class InvalidRequest(Exception):
 
 DISTRIBUTION = "rigid-body-harness"
 # The extra of the distribution that installs a module; every other module that is used is a dependency.
-EXTRAS = {"bokeh": "report", "cma": "search", "distributed": "cluster", "heyoka": "lagrange"}
+EXTRAS = {"bokeh": "report", "cma": "search", "distributed": "cluster", "heyoka": "lagrange", "pxr": "usd"}
 
 
 def require(needed_for: str, *modules: str) -> None:

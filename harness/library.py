@@ -45,7 +45,8 @@ class Stance(StrEnum):
 
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 # Endings by which a name is that of a file, be it there or not.
-FILE_SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf")
+STAGE_SUFFIXES = (".usda", ".usd", ".usdc", ".usdz")
+FILE_SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf", *STAGE_SUFFIXES)
 # Of a file that xacro makes a URDF of.
 TEMPLATE_SUFFIX = ".xacro"
 # Kinds of mechanism: of energies, the same under constraints, and of a file, which has no energies.

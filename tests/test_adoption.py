@@ -287,7 +287,7 @@ def test_every_system_that_the_wheel_names_is_tried_and_no_other_is_let_in() -> 
 def test_the_oldest_versions_are_the_lower_bounds() -> None:
     found = runpy.run_path(str(REPOSITORY / ".ci" / "lowest.py"))["lowest"](PROJECT)
     named = {Requirement(one).name for one in PROJECT["dependencies"]}
-    assert named | set(EXTRAS) <= set(found)
+    assert named | set(EXTRAS) - {"pxr"} | {"usd-core"} <= set(found)
     with pytest.raises(ValueError, match="has no lower bound"):
         runpy.run_path(str(REPOSITORY / ".ci" / "lowest.py"))["lowest"](PROJECT | {"dependencies": ["numpy"]})
 

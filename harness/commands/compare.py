@@ -72,7 +72,7 @@ class CompareOptions:
 def command(bracket: Bracket, asked: CompareOptions) -> None:
     """Compare engines on a robot's FILE, or several FILEs.
 
-    FILE is a URDF or an MJCF, as its root element says. Begins with whether the engines agree with the
+    FILE is a URDF or an MJCF, as its root element says, or USD. Begins with whether the engines agree with the
     file, or whether several files are one robot; then come the few rows that say why, each with its
     share of the acceleration, its lines and what to do. --verbose prints all that is known.
     Plain is an engine as its user calls it; aided, one with what it leaves out of the file supplied.

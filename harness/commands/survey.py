@@ -40,7 +40,7 @@ def command(
 ) -> None:
     """Compare engines on every robot of a FOLDER or PACKAGE.
 
-    Finds URDF and MJCF files by their root elements. Begins with how many robots every engine agrees
+    Finds URDF and MJCF files by their root elements, and USD stages. Begins with how many robots every engine agrees
     on; a line for each engine follows, and a row for each other robot: what every engine makes of it,
     the readings that explain most, and the links that no body can be.
     `harness compare FILE` shows one of them in full. A file without meaning is a row too.

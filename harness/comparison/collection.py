@@ -12,6 +12,7 @@ entry for it::
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import os
 import re
@@ -24,9 +25,9 @@ import msgspec
 from harness.errors import InvalidInput, InvalidRequest
 from harness.files.document.xml import MAXIMUM_BYTES, irregular
 from harness.files.reading import FORMATS
-from harness.library import TEMPLATE_SUFFIX
+from harness.library import STAGE_SUFFIXES, TEMPLATE_SUFFIX
 
-SUFFIXES = (".urdf", ".xml", ".mjcf")
+SUFFIXES = (".urdf", ".xml", ".mjcf", *STAGE_SUFFIXES)
 # The first tag that is no comment or instruction, or the root that a DOCTYPE names.
 _ROOT = re.compile(rb"<\s*(!DOCTYPE\s+)?([A-Za-z_][\w.:-]*)")
 _COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)", re.DOTALL)
@@ -34,6 +35,8 @@ _COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)", re.DOTALL)
 _OTHER_FILE = re.compile(rb"\bfile\s*=")
 # A part of a model that others include has no world.
 _WORLD = {b"robot": b"<robot", b"mujoco": b"<worldbody"}
+# Layers that a stage names.
+_LAYER = re.compile(rb"@([^@\n]+)@")
 
 
 def find_files(places: Sequence[str]) -> list[Path]:
@@ -52,14 +55,25 @@ def find_files(places: Sequence[str]) -> list[Path]:
                 place, None, f"holds no model of a robot: no {', '.join(SUFFIXES)} file with <robot> or <mujoco> as root element{what}"
             )
         found |= dict.fromkeys(own)
-    return list(found)
+    layers = {layer for path in found if path.suffix.lower() in STAGE_SUFFIXES for layer in _layers(path)}
+    return [path for path in found if path.resolve() not in layers or str(path) in places]
+
+
+def _layers(path: Path) -> Iterator[Path]:
+    """The layers that the text of a stage names, which are parts of it."""
+    with contextlib.suppress(OSError):
+        content = b"" if irregular(path) else path.read_bytes()
+        for name in _LAYER.findall(content) if content.startswith(b"#usda") else ():
+            yield (path.parent / os.fsdecode(name)).resolve()
 
 
 def format_of(path: Path) -> str:
-    """The format of what looks like a model, "urdf" or "mjcf"; "" for other files, such as a part of an MJCF, which has no world.
+    """The format of what looks like a model; "" for other files, such as a part of an MJCF, which has no world.
 
-    A file looks like one by its root element, or by its suffix where it cannot be read.
+    Stages are told by their suffix. Another file looks like one by its root element, or by its suffix where it cannot be read.
     """
+    if path.suffix.lower() in STAGE_SUFFIXES:
+        return FORMATS["usd"]
     by_suffix = "urdf" if path.suffix.lower() == ".urdf" else ""
     try:
         if irregular(path):
@@ -127,7 +141,8 @@ def is_as_before(now: Path, before: Path) -> bool:
     if irregular(now) or irregular(before):
         return False
     text = now.read_bytes()
-    return text == before.read_bytes() and (format_of(now) == "urdf" or not _OTHER_FILE.search(text))
+    names_others = _LAYER if now.suffix.lower() in STAGE_SUFFIXES else _OTHER_FILE
+    return text == before.read_bytes() and (format_of(now) == "urdf" or not names_others.search(text))
 
 
 NAME = "expected_robots.toml"

@@ -20,7 +20,7 @@ from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidModel, InvalidRequest
 from harness.explain.as_read import read_by
 from harness.explain.meant import request_of
-from harness.files.document.xml import read_any
+from harness.files.document.source import read_any
 from harness.files.joint_kinds import JointKind
 from harness.files.reading import format_of
 from harness.files.rules import StepRule

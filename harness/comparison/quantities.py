@@ -9,24 +9,28 @@ Source: Kabsch, A solution for the best rotation to relate two sets of vectors, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.explain.meant import Meant, effects_of_numbers, reference_of
+from harness.explain.changes.readings import with_bodies, with_tree
+from harness.explain.meant import Meant, change, effects_of_numbers, read_as, reference_of
 from harness.files.given import MOMENTS, SPACE, Given, Place, Placement, Quaternion, Vector
-from harness.files.tree import WORLD, Body, Inertia, Joint
+from harness.files.tree import WORLD, Body, Coupling, Inertia, Joint, Spring
 from harness.results.comparison import FileDifference
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.canonical import CanonicalNode, Mass, canonical
 from harness.trees.robot import Robot
 
-# Vectors in canonical axes carry the rounding of the rotations that brought them there.
-ROUNDING = 64 * 2.0**-53
+# Vectors in canonical axes carry the rounding of the rotations that brought them there [unit roundoffs].
+_ROUNDINGS = 64
 # A turn explains what a joint carries where it leaves this share of the difference.
 LEFT_BY_TURN = 1e-2
 # Lengths [m] and moments [kg m^2] below which a difference is counted as if they were so large.
@@ -50,25 +54,26 @@ class FileQuantity:
 
     Attributes:
         what: in words. values: in the axes of the first file. scale: by which their difference is measured. places: in either file.
-        names: of the numbers where there are several.
+        rounding: share of the scale that rounding explains. names: of the numbers where there are several.
     """
 
     what: str
     values: tuple[Array, Array]
     scale: float
     places: tuple[Place | None, Place | None]
+    rounding: float
     names: Sequence[str] = ("",)
 
     @property
     def differs(self) -> bool:
         """True where the difference is more than rounding."""
         first, second = self.values
-        return bool(np.abs(first - second).max() > ROUNDING * self.scale)
+        return bool(np.abs(first - second).max() > self.rounding * self.scale)
 
     @property
     def texts(self) -> tuple[str, str]:
         """Either's numbers that differ, each with its name, to a thousandth of the difference or to rounding."""
-        rounding, first, second = ROUNDING * self.scale, list[str](), list[str]()
+        rounding, first, second = self.rounding * self.scale, list[str](), list[str]()
         for name, one, other in zip(self.names, *(values.ravel().tolist() for values in self.values), strict=True):
             if (apart := abs(one - other)) > rounding:
                 for texts, value in ((first, one), (second, other)):
@@ -76,70 +81,79 @@ class FileQuantity:
         return ", ".join(first), ", ".join(second)
 
 
+def rounding_of(first: Robot, second: Robot) -> float:
+    """Relative difference of numbers of two files that rounding explains, in the precision of the format that holds fewer digits."""
+    return _ROUNDINGS * max(first.unit_roundoff, second.unit_roundoff)
+
+
 def quantities(first: Robot, second: Robot) -> dict[Key, FileQuantity]:
     """All quantities of two robots with equal names of joints, those of a joint before those of the joints that it carries."""
-    nodes = canonical(first), canonical(second)
+    nodes, rounding = (canonical(first), canonical(second)), rounding_of(first, second)
     vectors = tuple(np.array([float(value) for value in robot.tree.gravity]) for robot in (first, second))
     gravity = (vectors[0], vectors[1])
     places = (first.tree.places.get("gravity"), second.tree.places.get("gravity"))
-    found: dict[Key, FileQuantity] = {("", "gravity"): FileQuantity("gravity", gravity, float(np.abs(gravity).max()), places, SPACE)}
+    found: dict[Key, FileQuantity] = {
+        ("", "gravity"): FileQuantity("gravity", gravity, float(np.abs(gravity).max()), places, rounding, SPACE)
+    }
     turns: dict[str, Array] = {"": np.eye(3)}
     for name, one in nodes[0].items():
         other, turn = nodes[1][name], turns[one.parent]
         below = [(child, nodes[1][key]) for key, child in nodes[0].items() if child.parent == name]
         carried = [(one.axis, other.axis), (one.total.centre, other.total.centre)]
         carried += [pair for child, its_like in below for pair in ((child.anchor, its_like.anchor), (child.axis, its_like.axis))]
-        turns[name] = _turn(carried, turn)
-        of_node = (*_of_joint(one, other, turn, turns[name]), *_of_masses(one, other, turns[name]))
+        turns[name] = _turn(carried, turn, rounding)
+        of_node = (*_of_joint(one, other, (turn, turns[name]), rounding), *_of_masses(one, other, turns[name], rounding))
         found |= {(name, key): quantity for key, quantity in of_node}
     return found
 
 
-def _of_joint(one: CanonicalNode, other: CanonicalNode, before: Array, own: Array) -> Iterator[tuple[str, FileQuantity]]:
-    """Quantities of the joint: its origin, the orientation of what it carries, its axis and its numbers."""
-    name = one.joint.name
+def _of_joint(one: CanonicalNode, other: CanonicalNode, turns: tuple[Array, Array], rounding: float) -> Iterator[tuple[str, FileQuantity]]:
+    """Quantities of the joint: its origin, the orientation of what it carries, its axis and its numbers; ``turns``: before it, its own."""
+    name, (before, own) = one.joint.name, turns
     size = max(float(np.linalg.norm(one.anchor)), float(np.linalg.norm(one.total.centre)), LEAST_LENGTH)
     frames = (one.body.places.get("pose"), other.body.places.get("pose"))
-    yield "anchor", FileQuantity(f"origin of joint {name}", (one.anchor, before @ other.anchor), size, frames, SPACE)
-    yield (
-        "turn",
-        FileQuantity(f"orientation of joint {name}", (_quaternion(np.eye(3)), _quaternion(own @ before.T)), 1.0, frames, ("w", *SPACE)),
-    )
+    yield "anchor", FileQuantity(f"origin of joint {name}", (one.anchor, before @ other.anchor), size, frames, rounding, SPACE)
+    turned = _quaternion(np.eye(3)), _quaternion(own @ before.T)
+    yield "turn", FileQuantity(f"orientation of joint {name}", turned, 1.0, frames, rounding, ("w", *SPACE))
     axes = (one.joint.places.get("axis"), other.joint.places.get("axis"))
-    yield "axis", FileQuantity(f"axis of joint {name}", (one.axis, own @ other.axis), 1.0, axes, SPACE)
+    yield "axis", FileQuantity(f"axis of joint {name}", (one.axis, own @ other.axis), 1.0, axes, rounding, SPACE)
     for number, words in JOINT_NUMBERS.items():
         first, second = (np.array([float(getattr(node.joint, number))]) for node in (one, other))
         places = (one.joint.places.get(number), other.joint.places.get(number))
-        yield number, FileQuantity(f"{words} of joint {name}", (first, second), float(max(abs(first[0]), abs(second[0]))), places)
+        scale = float(max(abs(first[0]), abs(second[0])))
+        yield number, FileQuantity(f"{words} of joint {name}", (first, second), scale, places, rounding)
 
 
-def _of_masses(one: CanonicalNode, other: CanonicalNode, turn: Array) -> Iterator[tuple[str, FileQuantity]]:
+def _of_masses(one: CanonicalNode, other: CanonicalNode, turn: Array, rounding: float) -> Iterator[tuple[str, FileQuantity]]:
     """Mass, centre and moments of each body where the bodies have the same names, else of all that moves with the joint."""
     if one.bodies.keys() == other.bodies.keys():
         for body in one.bodies:
             elements = (one.elements[body], other.elements[body])
-            yield from _of_mass(body, f"link {body}", (one.bodies[body], other.bodies[body].turned(turn)), elements)
+            masses = one.bodies[body], other.bodies[body].turned(turn)
+            yield from _of_mass((body, f"link {body}"), masses, elements, rounding)
     else:
         totals = (one.total, other.total.turned(turn))
-        yield from _of_mass("", f"all that moves with joint {one.joint.name}", totals, (_heaviest(one), _heaviest(other)))
+        yield from _of_mass(("", f"all that moves with joint {one.joint.name}"), totals, (_heaviest(one), _heaviest(other)), rounding)
 
 
-def _of_mass(key: str, owner: str, masses: tuple[Mass, Mass], bodies: tuple[Body, Body]) -> Iterator[tuple[str, FileQuantity]]:
-    first, second = masses
+def _of_mass(
+    named: tuple[str, str], masses: tuple[Mass, Mass], bodies: tuple[Body, Body], rounding: float
+) -> Iterator[tuple[str, FileQuantity]]:
+    (key, owner), (first, second) = named, masses
 
     def places(part: str) -> tuple[Place | None, Place | None]:
         one, other = (body.inertia.places.get(part) if body.inertia is not None else body.place for body in bodies)
         return one, other
 
     amounts = (np.array([first.mass]), np.array([second.mass]))
-    yield f"mass {key}", FileQuantity(f"mass of {owner}", amounts, float(max(amounts)[0]), places("mass"))
+    yield f"mass {key}", FileQuantity(f"mass of {owner}", amounts, float(max(amounts)[0]), places("mass"), rounding)
     size = max(float(np.linalg.norm(first.centre)), LEAST_LENGTH)
-    yield f"centre {key}", FileQuantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"), SPACE)
+    yield f"centre {key}", FileQuantity(f"centre of mass of {owner}", (first.centre, second.centre), size, places("pose"), rounding, SPACE)
     moments = (_six(first.moments), _six(second.moments))
     # The moments of several bodies together carry the rounding of what their distances add.
     added = 0.0 if key else float(max(amounts)[0]) * size**2
     scale = max(float(np.abs(moments).max()), added, LEAST_MOMENT)
-    yield f"moments {key}", FileQuantity(f"moments of inertia of {owner}", moments, scale, places("moments"), MOMENTS)
+    yield f"moments {key}", FileQuantity(f"moments of inertia of {owner}", moments, scale, places("moments"), rounding, MOMENTS)
 
 
 def _heaviest(node: CanonicalNode) -> Body:
@@ -151,18 +165,18 @@ def _six(moments: Array) -> Array:
     return np.array([moments[0, 0], moments[1, 1], moments[2, 2], moments[0, 1], moments[0, 2], moments[1, 2]])
 
 
-def _turn(pairs: list[tuple[Array, Array]], before: Array) -> Array:
+def _turn(pairs: list[tuple[Array, Array]], before: Array, rounding: float) -> Array:
     """The rotation of the second's vectors into the first's: that of the joint before, or another one that makes them fit."""
     kept = [(one, before @ other) for one, other in pairs if min(np.linalg.norm(one), np.linalg.norm(other)) > LEAST_LENGTH * 1e-6]
     if not kept:
         return before
     first, second = (np.array([pair[side] / np.linalg.norm(pair[side]) for pair in kept]) for side in (0, 1))
     apart = float(np.abs(first - second).max())
-    if apart <= ROUNDING or np.linalg.matrix_rank(second, tol=1e-6) < 2:
+    if apart <= rounding or np.linalg.matrix_rank(second, tol=1e-6) < 2:
         return before
     left, _, right = np.linalg.svd(first.T @ second)
     turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    fits = float(np.abs(first - second @ turn.T).max()) <= max(LEFT_BY_TURN * apart, ROUNDING)
+    fits = float(np.abs(first - second @ turn.T).max()) <= max(LEFT_BY_TURN * apart, rounding)
     return np.asarray(turn @ before) if fits else before
 
 
@@ -181,7 +195,70 @@ def differences_of_nodes(first: Meant, second: Robot) -> list[FileDifference]:
     found = quantities(first.robot, second)
     differing = {key: one for key, one in found.items() if one.differs}
     effects = _effects(first, found, differing) if differing else {}
-    return [difference_of(one.what, one.texts, one.places, effects[key]) for key, one in differing.items()]
+    return [
+        *(difference_of(one.what, one.texts, one.places, effects[key]) for key, one in differing.items()),
+        *_differences_of_shares(first, second),
+        *_differences_of_springs(first, second),
+    ]
+
+
+def _differences_of_shares(first: Meant, second: Robot) -> Iterator[FileDifference]:
+    """The shares of gravity that bodies of one name do not feel."""
+    others, rounding = {body.name: body for body in second.tree.bodies}, rounding_of(first.robot, second)
+    for body in first.robot.tree.bodies:
+        other = others.get(body.name, body)
+        shares = body.gravity_compensation, other.gravity_compensation
+        if abs(shares[0] - shares[1]) > rounding * max(map(abs, shares)):
+            robot = with_tree(first.robot, with_bodies(first.robot.tree, partial(_with_share, body.name, shares[1])))
+            texts = [f"{float(share):.15g}" for share in shares]
+            places = [one.places.get("gravity_compensation") for one in (body, other)]
+            alone = change(first, read_as(first, robot))
+            yield difference_of(f"gravity compensation of link {body.name}", texts, places, alone)
+
+
+def _with_share(name: str, share: Fraction, body: Body) -> Body:
+    return replace(body, gravity_compensation=share) if body.name == name else body
+
+
+_Force = Spring | Coupling
+_OF_FORCES = ("stiffness", "damping", "free_length", "rest", "armature")
+
+
+def _differences_of_springs(first: Meant, second: Robot) -> Iterator[FileDifference]:
+    """The springs and dampers between points, and those on sums of joint positions, by what they join."""
+    tree, rounding = first.robot.tree, rounding_of(first.robot, second)
+    ones, others = (_forces(one.springs, one.couplings) for one in (tree, second.tree))
+    for key in dict.fromkeys([*ones, *others]):
+        one, other = ones.get(key), others.get(key)
+        values: list[dict[str, float]] = [{} if force is None else _numbers_of(force) for force in (one, other)]
+        differing = [name for name in _OF_FORCES if not math.isclose(*(each.get(name, 0.0) for each in values), rel_tol=rounding)]
+        if one is not None and other is not None and not differing:
+            continue
+        texts = ["none" if not each else ", ".join(f"{name} {each.get(name, 0.0):.15g}" for name in differing) for each in values]
+        places = [None if force is None else force.places.get("".join(differing[:1]), force.place) for force in (one, other)]
+        alone = None
+        if one is not None:
+            kept = [] if other is None else [replace(one, **{name: getattr(other, name) for name in differing})]
+            springs = tuple(own for force in tree.springs for own in (kept if force is one else [force]) if isinstance(own, Spring))
+            couplings = tuple(own for force in tree.couplings for own in (kept if force is one else [force]) if isinstance(own, Coupling))
+            alone = change(first, read_as(first, with_tree(first.robot, replace(tree, springs=springs, couplings=couplings))))
+        yield difference_of(f"spring between {' and '.join(key[:-1])}", texts, places, alone)
+
+
+def _forces(springs: Sequence[Spring], couplings: Sequence[Coupling]) -> dict[tuple[str, ...], _Force]:
+    """By the sorted names of bodies or joints, and a number among those of the same."""
+    found: dict[tuple[str, ...], _Force] = {}
+    every: list[_Force] = [*springs, *couplings]
+    for force in every:
+        names = [body for body, _ in force.ends] if isinstance(force, Spring) else [name for name, _ in force.joints]
+        number = sum(key[:-1] == (*sorted(names),) for key in found)
+        found[(*sorted(names), str(number))] = force
+    return found
+
+
+def _numbers_of(force: _Force) -> dict[str, float]:
+    found = {name: getattr(force, name, None) for name in _OF_FORCES}
+    return {name: float(value) for name, value in found.items() if value is not None}
 
 
 def difference_of(what: str, values: Sequence[str], places: Sequence[Place | None], alone: float | None) -> FileDifference:

@@ -16,16 +16,17 @@ import numpy as np
 
 from harness.comparison.constraints import constraint_differences, not_held
 from harness.comparison.matching import Matching, SameStates, locked, match, renamed_to
-from harness.comparison.quantities import difference_of, differences_of_nodes, place_text
+from harness.comparison.quantities import difference_of, differences_of_nodes, place_text, rounding_of
 from harness.explain.changes.readings import freed, with_joints, with_tree
 from harness.explain.meant import Meant, change, columns_of, effects_of_numbers, read_as, reference_of, worst
 from harness.files.given import MOMENTS, Given
 from harness.files.tree import Body, Inertia, Joint, Tree
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.comparison import FileDifference, LockedJoint, PairRecord, names_apart
 from harness.results.table import number_text
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
-from harness.truth.compare import compare
+from harness.truth.compare import Comparison, Flags, compare
 from harness.verdict import Verdict
 
 # What is said of a number by the field of a tree that holds it.
@@ -47,6 +48,8 @@ _NAMES = {
     "gravity": "gravity",
     "gravity_compensation": "gravity compensation",
 }
+# A share of numbers that are rounded to fewer digits than those of float64.
+_ROUNDED = 1e-9
 # Numbers that no equation of motion holds.
 _NOT_FELT = ("friction_loss", "limits", "margin", "friction_softness", "limit_softness")
 
@@ -81,9 +84,13 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str], withou
     if other.undetermined:
         return replace(record, problem=f"{second.path.name}: {other.undetermined}")
     columns = columns_of(other.joints, first.robot.joints)
-    compared = compare(first.truth, same_states.of_first(other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns])
-    verdicts = set(compared.verdicts[first.truth.certified & other.truth.certified].tolist())
-    alike = verdicts == {Verdict.AGREES.value} and not led
+    answers = same_states.of_first(other.truth.high.astype(np.longdouble) + other.truth.low)[:, columns]
+    compared, both = compare(first.truth, answers), first.truth.certified & other.truth.certified
+    # Numbers that a format rounds have the decimals of the other file, or else are no nearer than its precision.
+    precision = max(first.robot.unit_roundoff, second.unit_roundoff)
+    if in_float32 := precision > UNIT_ROUNDOFF and not _agree(compared, both):
+        compared = compare(first.truth.for_unit_roundoff(precision), answers)
+    alike = _agree(compared, both) and not led
     try:
         differences, are_built_alike = _different_numbers(first, second), True
     except _OtherShape:
@@ -95,12 +102,18 @@ def hold_against(first: Meant, second: Robot, renamed: Mapping[str, str], withou
         constraints=constraints,
         not_held=not_held(first.robot, second, are_built_alike),
         alike=alike,
+        in_float32=in_float32,
         backward_error=worst(compared),
         relative_error=worst(compared, "relative_error"),
         equivalent=alike and bool(differences),
         # The one that alone moves the accelerations of the first file most comes first.
         differences=[*(one for _, one in led), *sorted(differences, key=lambda one: -(one.alone or 0.0))],
     )
+
+
+def _agree(compared: Comparison, both: Flags) -> bool:
+    """True where both files have certified truths and these agree."""
+    return set(compared.verdicts[both].tolist()) == {Verdict.AGREES.value}
 
 
 def _locked(matching: Matching, first: Robot, second: Robot, without: Sequence[str]) -> list[tuple[LockedJoint, str, str]]:
@@ -163,6 +176,10 @@ class _NumberPair:
     first: Fraction
     second: Fraction
 
+    def differs(self, rounding: float) -> bool:
+        """True where the two are further apart than a share of them."""
+        return self.first != self.second and abs(self.first - self.second) > rounding * max(abs(self.first), abs(self.second))
+
 
 def _different_numbers(first: Meant, second: Robot) -> list[FileDifference]:
     """The numbers that differ, in the order of the first, with what each does alone.
@@ -170,7 +187,11 @@ def _different_numbers(first: Meant, second: Robot) -> list[FileDifference]:
     Raises:
         _OtherShape: bodies, joints or rotations are other ones.
     """
-    pairs = [pair for pair in _pairs(first.robot.tree, second.tree, "", "") if pair.first != pair.second]
+    # Files of one format hold the same decimals, or others.
+    rounding = (
+        0.0 if first.robot.format == second.format or rounding_of(first.robot, second) < _ROUNDED else rounding_of(first.robot, second)
+    )
+    pairs = [pair for pair in _pairs(first.robot.tree, second.tree, "", "") if pair.differs(rounding)]
     # A number that is no parameter of the first is set to the first's value in the second.
     effects = _effects(read_as(first, second), [(pair.second, pair.first) for pair in pairs])
     effects |= _effects(first, [(pair.first, pair.second) for pair in pairs])

@@ -168,6 +168,7 @@ def _file_record(found: Meant, engines: Iterable[str]) -> FileRecord:
         left_out=left_out,
         impossible=list(robot.impossible),
         trunk=robot.trunk_on_the_world,
+        unread=not asked,
     )
 
 

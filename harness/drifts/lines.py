@@ -14,7 +14,8 @@ from harness.comparison.robot_library import robot_at
 from harness.drifts.plan import HeldSides, MovingSide, Plan
 from harness.engines.moving import HeldNumbers, NumberKey
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, read_any
+from harness.files.document.source import read_any
+from harness.files.document.xml import Document
 from harness.files.given import Given, every_number_in
 from harness.results.cause import DriftCause
 from harness.results.drift import SideDifference

@@ -123,9 +123,12 @@ def frame_of(pose: Pose) -> tuple[Array, Array]:
     """Orientation (3, 3) and origin (3,) of a pose, in float64."""
     turn, origin = np.eye(3), np.zeros(3)
     for placement in pose:
-        origin = origin + turn @ _position(placement)
+        own, position = np.eye(3), _position(placement)
         for part in placement.rotation:
-            turn = turn @ _rotation(part)
+            own = own @ _rotation(part)
+        if placement.is_inverse:
+            own, position = own.T, -own.T @ position
+        turn, origin = turn @ own, origin + turn @ position
     return turn, origin
 
 

@@ -9,6 +9,12 @@ EQUALITIES, ACTUATORS, FRICTION, LIMITS, TENDON_LIMITS = "equalities", "actuator
 CONTACTS = "contacts"
 # Those of a URDF that an engine may apply to other inputs than tau.
 EFFORT, TRANSMISSIONS = "effort and velocity limits", "transmissions"
+# What a file's author does about a base that is fixed, by the file's format.
+FREE_BASE = {
+    "urdf": "--floating-base",
+    "mjcf": "give it a <freejoint/>",
+    "usd": "disable the joint that fixes it",
+}
 SWITCHED_OFF = "is switched off in the file"
 
 

@@ -182,11 +182,15 @@ Rotation = tuple[Turn | Quaternion | Axes | Direction, ...]
 
 @dataclass(frozen=True)
 class Placement:
-    """A frame in another: its origin [m], which is the middle between two points where ``other_end`` is given, and its orientation."""
+    """A frame in another: its origin [m], which is the middle between two points where ``other_end`` is given, and its orientation.
+
+    ``is_inverse`` says that these are of the other frame in it.
+    """
 
     position: Vector = ORIGIN
     rotation: Rotation = ()
     other_end: Vector | None = None
+    is_inverse: bool = False
 
 
 # Frames one in the other, the outermost first.

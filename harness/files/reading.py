@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 from lxml import etree
 
-from harness.files.document.source import PassedOver, Source, Unread, refuse_irregular_files
-from harness.files.document.xml import Document, describe, literal_tag, read_any
+from harness.files.document.source import PassedOver, Source, Unread, read_any, refuse_irregular_files
+from harness.files.document.xml import Document, describe, literal_tag
 from harness.files.equalities import Equality
 from harness.files.findings import LeftOut
 from harness.files.left_out import Declared, left_out_of_mjcf, left_out_of_urdf
@@ -30,9 +30,11 @@ from harness.library import TEMPLATE_SUFFIX
 if TYPE_CHECKING:
     from harness.files.shapes import Shapes
 
-FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
+FORMATS = {"robot": "urdf", "mujoco": "mjcf", "usd": "usd"}
 # What an empty file should have been.
-EXPECTED = "a robot: a URDF, whose root element is <robot>, or an MJCF, whose root element is <mujoco>"
+EXPECTED = "a robot: a URDF, whose root element is <robot>, an MJCF, whose root element is <mujoco>, or a USD file"
+# Of the numbers of a format, where it is not that of float64.
+_FLOAT32 = 2.0**-24
 # [m/s^2, along -z], of a URDF, which holds none.
 GRAVITY = 9.81
 
@@ -42,7 +44,7 @@ class Meaning:
     """A model file as its format's documentation gives it meaning.
 
     Attributes:
-        format: "urdf" or "mjcf", as its root element says.
+        format: as its root element says, or its name.
         tree: without the forces and inertias of ``unread``, and without those of ``spring_dampers``.
         equalities: what is tied beside the tree; a joint that mimics another is one, and follows the other in the tree.
         passed_over: what no model of a mechanism may say, in the order in which it was found.
@@ -50,6 +52,7 @@ class Meaning:
         declared: elements that are left out and bear on the motion, but limits, friction and equalities.
         actuators: of the file, which the tree leaves out. force_limits: as of ``Tree``.
         shapes: of an MJCF, that may touch; None of a file without such.
+        unit_roundoff: of the numbers that the format holds.
     """
 
     format: str
@@ -64,6 +67,7 @@ class Meaning:
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
     shapes: Shapes | None = None
+    unit_roundoff: float = 2.0**-53
 
     @cached_property
     def moving(self) -> tuple[Joint, ...]:
@@ -116,7 +120,28 @@ def read(document: Document, *, floating_base: bool = False, compile_meshes: Com
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
     shapes: Shapes | None = None
-    if (format := _format(source)) == "urdf":
+    format = _format(source)
+    if format == "usd":
+        if floating_base:
+            source.refuse(source.root, "is a USD file, which says itself which body floats; leave the floating base out")
+        # A check of a mechanism needs none of that.
+        from harness.files.usd.reading import meaning_of_stage
+
+        stage = meaning_of_stage(document)
+        return Meaning(
+            format,
+            stage.tree,
+            stage.equalities,
+            stage.left_out,
+            passed_over=(),
+            unread=stage.unread,
+            spring_dampers=stage.spring_dampers,
+            declared=stage.declared,
+            actuators=stage.actuators,
+            force_limits=stage.force_limits,
+            unit_roundoff=_FLOAT32,
+        )
+    if format == "urdf":
         refuse_irregular_files(source)
         reader = UrdfReader(source)
         tree, equalities = reader.read(GRAVITY, floating_base)

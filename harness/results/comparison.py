@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from harness.files.findings import Impossible, LeftOut
+from harness.files.findings import FREE_BASE, Impossible, LeftOut
 from harness.results.readings import FELT, Effect, are_misread
 from harness.results.run import StudyResult
 from harness.results.switched_on import SwitchedOnRecord
@@ -18,8 +18,7 @@ from harness.verdict import Verdict
 
 def fixed_base(trunk: str, model_format: str) -> str:
     """Advice where a trunk is fixed to the world, a sentence; "" where none is."""
-    remedy = "--floating-base for a free one" if model_format == "urdf" else "give it a <freejoint/> for a free one"
-    return f"fixed base: {trunk} hangs on the world without a joint; {remedy}" if trunk else ""
+    return f"fixed base: {trunk} hangs on the world without a joint; {FREE_BASE[model_format]} for a free one" if trunk else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +29,7 @@ class FileRecord:
         problem: why it has no meaning; "" where it has one. gravity: [m/s^2].
         undecided: number of states without certified truth. remark: why there are no states; "" where there are some.
         meshes: lines of geoms whose inertia is that of a mesh as MuJoCo compiled it.
+        unread: whether no engine of the run reads its format.
         trunk: the body that hangs on the world without a joint though its limbs speak of one that floats; "" for none.
     """
 
@@ -49,6 +49,7 @@ class FileRecord:
     left_out: list[LeftOut] = field(default_factory=list)
     impossible: list[Impossible] = field(default_factory=list)
     trunk: str = ""
+    unread: bool = False
 
     @property
     def base(self) -> str:
@@ -226,7 +227,8 @@ class PairRecord:
     """Two files held against each other.
 
     Attributes:
-        same: whether they are one robot to ``AGREEMENT`` data roundoffs, their constraints among it. backward_error, relative_error: of
+        same: whether they are one robot to ``AGREEMENT`` data roundoffs, their constraints among it. in_float32: whether those are data
+            roundoffs of float32, which one of the formats holds its numbers in. backward_error, relative_error: of
             the second's truth against that of the first. problem: why they cannot be compared.
         alike: the same of what moves in both, while the joints ``locked`` stand still.
         equivalent: True where numbers differ and no acceleration feels it. remarks: on how joints were matched.
@@ -237,6 +239,7 @@ class PairRecord:
     first: str
     second: str
     same: bool
+    in_float32: bool = False
     backward_error: float | None = None
     relative_error: float | None = None
     problem: str = ""
@@ -264,7 +267,9 @@ class FilesComparison(StudyResult):
     def as_expected(self) -> bool:
         """True where an engine was asked about every file, every answer is as expected, and all files are one robot."""
         answers = all(subject.as_expected for subject in self.subjects) and all(one.explained for one in self.switched_on)
-        return not self.unasked and answers and self.is_one_robot
+        # A format that no engine reads is held against the file of another.
+        unasked = [file for file in self.unasked if not (file.unread and self.subjects)]
+        return not unasked and answers and self.is_one_robot
 
     @property
     def is_one_robot(self) -> bool:

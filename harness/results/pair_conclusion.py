@@ -109,7 +109,8 @@ def _verdict(pair: PairRecord, felt: Sequence[_Group], tied: Sequence[_Group]) -
     if not pair.alike:
         whole = f" (in all {share_text(pair.relative_error)})" if len(felt) > 1 and pair.relative_error else ""
         return f"differ: {_told(felt[0])}{whole}" if felt else f"differ by {share_of_qdd(share_text(pair.relative_error))}"
-    apart = "" if pair.backward_error is None else f" ({error_text(pair.backward_error)} data roundoffs apart, {AGREEMENT:g} are allowed)"
+    unit = f"data roundoffs{' of float32' if pair.in_float32 else ''}"
+    apart = "" if pair.backward_error is None else f" ({error_text(pair.backward_error)} {unit} apart, {AGREEMENT:g} are allowed)"
     but = f" but for {counted(len(lacking), 'joint')} that the files do not share" if lacking else ""
     left_out = f", {counted(len(pair.locked) - len(lacking), 'joint')} left out" if len(pair.locked) > len(lacking) else ""
     if tied:

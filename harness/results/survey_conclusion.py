@@ -18,15 +18,16 @@ MOST_COUNTED = 4
 # A relative change of accelerations that matters to users.
 MOVED = 0.01
 # What is said of so many robots, the gravest first; of one, and of several.
-_UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES = (
+_UNREAD, _UNEXPLAINED, _REFUSED, _UNASKED, _OTHERWISE, _STILL, _AGREES = (
     ("{} cannot be read", "{} cannot be read"),
     ("{} has an answer that no known reading explains", "{} have an answer that no known reading explains"),
     ("{} is not answered by every engine", "{} are not answered by every engine"),
+    ("no engine of the run reads {}", "no engine of the run reads {}"),
     ("{} is read otherwise than written, for a known reason", "{} are read otherwise than written, for a known reason"),
     ("{} holds nothing that moves", "{} hold nothing that moves"),
     ("every engine agrees on {}", "every engine agrees on {}"),
 )
-_ORDER = (_UNREAD, _UNEXPLAINED, _REFUSED, _OTHERWISE, _STILL, _AGREES)
+_ORDER = (_UNREAD, _UNEXPLAINED, _REFUSED, _UNASKED, _OTHERWISE, _STILL, _AGREES)
 
 
 def conclude_survey(found: FilesComparison) -> Conclusion:
@@ -75,6 +76,8 @@ def _state(found: FilesComparison, file: FileRecord) -> tuple[str, str]:
     held = found.switched_on_of(file.path)
     if not all(one.explained for one in plain) or not all(one.explained for one in held):
         return _UNEXPLAINED
+    if file.unread and not plain:
+        return _UNASKED
     if file.remark and not plain:
         return _STILL
     if any(not one.is_answered for one in plain):

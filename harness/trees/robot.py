@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, read_any
+from harness.files.document.source import read_any
+from harness.files.document.xml import Document
 from harness.files.equalities import Equality
 from harness.files.findings import Impossible, LeftOut
 from harness.files.given import Given
@@ -68,7 +69,7 @@ class Robot:
             is one, and follows the other in the tree.
         declared: elements that no equation of motion holds and that bear on the motion, but limits, friction and equalities.
         actuators: of the file, none of which acts in the tree. force_limits: as of ``Tree``.
-        shapes: as of ``Meaning``.
+        shapes, unit_roundoff: as of ``Meaning``.
     """
 
     path: Path
@@ -84,6 +85,7 @@ class Robot:
     actuators: tuple[Actuator, ...] = ()
     force_limits: ForceLimits = ()
     shapes: Shapes | None = None
+    unit_roundoff: float = 2.0**-53
 
     @property
     def bodies(self) -> int:
@@ -191,6 +193,7 @@ def _robot(path: Path, meaning: Meaning) -> Robot:
         actuators=meaning.actuators,
         force_limits=meaning.force_limits,
         shapes=meaning.shapes,
+        unit_roundoff=meaning.unit_roundoff,
         equalities=tuple(one for one in meaning.equalities if one.kind != BALL_CONSTRAINT),
     )
     if robot.degrees_of_freedom > MOST_DEGREES_OF_FREEDOM:

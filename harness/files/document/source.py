@@ -19,9 +19,9 @@ from typing import NoReturn
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.xml import Document, describe, irregular, literal_tag, shorten
+from harness.files.document.xml import Document, describe, irregular, literal_tag, parse_any, read_text, shorten
 from harness.files.given import Given, Place
-from harness.library import nearest
+from harness.library import STAGE_SUFFIXES, nearest
 
 UNIT_TOLERANCE = 1e-6
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -272,6 +272,23 @@ class Source:
         """``numbers`` of one."""
         (value,) = self.numbers(element, attribute, None if default is None else (default,), check, 1)
         return value
+
+
+def read_any(path: Path, expected: str) -> Document:
+    """Read and parse ``path``, whatever its root element is; ``expected`` says what an empty file should have been.
+
+    Prefixes need not be declared: engines read tags as they are written. The elements of a USD file are its prims, without attributes;
+    the document has their values.
+
+    Raises:
+        InvalidModel: not a readable file of well-formed XML in UTF-8, or beyond the limits of ``harness.files.document.xml``; or no USD
+            file that can be read.
+    """
+    if path.suffix.lower() in STAGE_SUFFIXES:
+        from harness.files.document.stage import read_stage
+
+        return read_stage(path)
+    return parse_any(path, read_text(path), expected, any_prefix=True)
 
 
 def children(element: etree._Element, *tags: str) -> Iterator[etree._Element]:

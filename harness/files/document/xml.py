@@ -88,19 +88,12 @@ def parse_document(path: Path, text: str, root_tag: str) -> Document:
     return document
 
 
-def read_any(path: Path, expected: str) -> Document:
-    """Read and parse ``path``, whatever its root element is; ``expected`` says what an empty file should have been.
-
-    Prefixes need not be declared: engines read tags as they are written.
+def parse_any(path: Path, text: str, expected: str, any_prefix: bool = False) -> Document:
+    """The document of a file at ``path`` that would hold ``text``, whatever its root element is; ``expected`` as of ``read_any``.
 
     Raises:
-        InvalidModel: not a readable file of well-formed XML in UTF-8, or beyond the limits above.
+        InvalidModel: not well-formed XML, or beyond the limits above.
     """
-    return parse_any(path, read_text(path), expected, any_prefix=True)
-
-
-def parse_any(path: Path, text: str, expected: str, any_prefix: bool = False) -> Document:
-    """The document of a file at ``path`` that would hold ``text``; raises as ``read_any``."""
     if not text.strip("\ufeff \t\r\n"):
         raise InvalidModel(path, None, f"is empty; expected {expected}")
     # Readers of robots' files take any version; every one that is met means the first.

@@ -20,8 +20,8 @@ from fractions import Fraction
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.files.document.source import Numbers, Source, not_negative, not_zero, refuse_irregular_files
-from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, read_any, shorten
+from harness.files.document.source import Numbers, Source, not_negative, not_zero, read_any, refuse_irregular_files
+from harness.files.document.xml import MAXIMUM_ELEMENTS, describe, shorten
 from harness.files.equalities import Equality
 from harness.files.given import ORIGIN, Given, Vector, vector
 from harness.files.joint_kinds import JointKind

@@ -205,5 +205,8 @@ def placed(builder: FileBuilder, pose: Pose, frame: Frame | None = None) -> Fram
         position = builder.vector(placement.position)
         if placement.other_end is not None:
             position = builder.number(Fraction(1, 2)) * (position + builder.vector(placement.other_end))
-        found = Frame(found.turn @ rotation(builder, placement), found.at(position))
+        turn = rotation(builder, placement)
+        if placement.is_inverse:
+            turn, position = turn.T, -(turn.T @ position)
+        found = Frame(found.turn @ turn, found.at(position))
     return found

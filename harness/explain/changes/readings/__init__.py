@@ -22,7 +22,7 @@ from packaging.specifiers import SpecifierSet
 
 from harness.arrays import Array
 from harness.environments import split_name
-from harness.files.document.xml import read_any
+from harness.files.document.source import read_any
 from harness.files.given import Given, Place, Pose
 from harness.files.tree import WORLD, Body, Inertia, Joint, Solid, Tree
 from harness.registry import declared

@@ -26,7 +26,7 @@ from harness.explain.changes.readings import (
     with_solids,
     without_bodies,
 )
-from harness.files.document.xml import read_any
+from harness.files.document.source import read_any
 from harness.files.given import ORIGIN, Given, Placement, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.mjcf.attributes import KINDS, childclass_of, of_class, resolved, resolved_text
