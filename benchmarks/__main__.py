@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -129,14 +130,16 @@ def page(path: Path) -> None:
 
 @main.command(name="solvers")
 def write_solvers() -> None:
-    """Measure solvers of constraints on the robots of dm_control's suite, and write docs/reference/solvers.md."""
-    from benchmarks.solvers import PAGE, files, measured, page
+    """Measure solvers of constraints on dm_control's robots and over numbers of contacts, and write docs/reference/solvers.md."""
+    from benchmarks.solvers import PAGE, files, measured, page, trays
 
     try:
         paths = files()
     except LookupError as error:
         raise click.UsageError(str(error.args[0])) from None
-    PAGE.write_text(page(measured(paths)), encoding="utf-8")
+    with tempfile.TemporaryDirectory() as folder:
+        of_trays = measured(trays(Path(folder)))
+    PAGE.write_text(page(measured(paths), of_trays), encoding="utf-8")
 
 
 def _read(path: Path) -> list[Run]:

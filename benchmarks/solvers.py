@@ -1,9 +1,10 @@
-"""docs/reference/solvers.md: how near each solver of constraints comes to the optimum, on the robots of dm_control's suite."""
+"""docs/reference/solvers.md: how near each solver of constraints comes to the optimum, on known robots and over numbers of contacts."""
 
 from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,8 @@ from harness.results.table import relative_text
 
 PAGE = REPOSITORY / "docs" / "reference" / "solvers.md"
 METHODS = ("Newton", "CG", "PGS")
+# Contacts of a tray on so many feet.
+FEET, CONES = (1, 10, 50), ("pyramidal", "elliptic")
 
 
 def files() -> list[Path]:
@@ -30,6 +33,30 @@ def files() -> list[Path]:
     return sorted(Path(found.submodule_search_locations[0], "suite").glob("*.xml"))
 
 
+def tray(feet: int, cone: str) -> str:
+    """An MJCF of a tray that falls from 5 mm on feet that are spread over it as the seeds of a sunflower."""
+    angles = [number * math.pi * (3 - math.sqrt(5)) for number in range(feet)]
+    radii = [0.3 * math.sqrt((number + 0.5) / feet) for number in range(feet)]
+    geoms = "".join(
+        f'<geom size="0.02" pos="{radius * math.cos(angle):.6f} {radius * math.sin(angle):.6f} -0.1"/>'
+        for radius, angle in zip(radii, angles, strict=True)
+    )
+    inertial = '<inertial pos="0 0 0" mass="2" diaginertia="0.05 0.05 0.09"/>'
+    body = f'<body name="tray" pos="0 0 0.125"><freejoint/>{inertial}{geoms}</body>'
+    floor = '<geom name="floor" type="plane" size="2 2 1"/>'
+    return f'<mujoco><option cone="{cone}"/><worldbody>{floor}{body}</worldbody></mujoco>'
+
+
+def trays(folder: Path) -> list[Path]:
+    """The files of trays of each number of feet with each kind of cones, which are written."""
+    found = []
+    for feet in FEET:
+        for cone in CONES:
+            found.append(folder / f"{feet} {'contact' if feet == 1 else 'contacts'}, {cone}.xml")
+            found[-1].write_text(tray(feet, cone), encoding="utf-8")
+    return found
+
+
 def measured(paths: Iterable[Path]) -> dict[str, Any]:
     """The JSON of ``harness bench --solvers`` on these files."""
     with tempfile.TemporaryDirectory() as folder:
@@ -41,14 +68,11 @@ def measured(paths: Iterable[Path]) -> dict[str, Any]:
     return content
 
 
-def page(found: Mapping[str, Any]) -> str:
-    """The page with a row for each file on which something is left to a solver."""
+def page(found: Mapping[str, Any], of_trays: Mapping[str, Any]) -> str:
+    """The page with a row for each file on which something is left to a solver, and one for each number of contacts."""
     version = found["benchmark"]["run"]["versions"]["mujoco"]
-    costs: dict[str, list[Mapping[str, Any]]] = {}
-    for cost in found["benchmark"]["solvers"]:
-        if cost["states"]:
-            costs.setdefault(Path(cost["system"]).name, []).append(cost)
-    rows = "\n".join(f"| {' | '.join([name, *_cells(own)])} |" for name, own in sorted(costs.items()))
+    rows = "\n".join(f"| {' | '.join([name, *_cells(own)])} |" for name, own in sorted(_by_file(found).items()))
+    of_contacts = "\n".join(f"| {' | '.join([Path(name).stem, *_timed(own)])} |" for name, own in _by_file(of_trays).items())
     return f"""# Solvers
 
 How far MuJoCo {version} is from the optimum that it documents, on the robots of dm_control's suite with everything on that is judged,
@@ -63,7 +87,33 @@ and say within how many iterations every answer is right to the last digit, or w
 
 PGS with elliptic cones leaves out contacts whose force begins with friction: their optimum is out of its reach.
 `harness bench FILE --solvers --all` has every step, with its time.
+
+## Over cones and numbers of contacts
+
+A tray that falls on so many feet, at 64 states. The first figure of each solver is that of the table above, the second the median time of a
+call then. *As the file says* is Newton at MuJoCo's default tolerance.
+
+| contacts | states | where bodies touch | as the file says | {" | ".join(METHODS)} |
+| --- | --- | --- | --- | {" | ".join("---" for _ in METHODS)} |
+{of_contacts}
 """
+
+
+def _by_file(found: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
+    """Costs by the names of files on which something is left to a solver."""
+    costs: dict[str, list[Mapping[str, Any]]] = {}
+    for cost in found["benchmark"]["solvers"]:
+        if cost["states"]:
+            costs.setdefault(Path(cost["system"]).name, []).append(cost)
+    return costs
+
+
+def _timed(costs: list[Mapping[str, Any]]) -> list[str]:
+    """The cells of a row, with the median time of the last call of each method."""
+    seconds = [costs[0]["seconds_per_state"]]
+    seconds += [[cost for cost in costs if cost["method"] == method][-1]["seconds_per_state"] for method in METHODS]
+    states, touching, *cells = _cells(costs)
+    return [states, touching, *(f"{cell}, {time * 1e6:.3g} µs" for cell, time in zip(cells, seconds, strict=True))]
 
 
 def _cells(costs: list[Mapping[str, Any]]) -> list[str]:

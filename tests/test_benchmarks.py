@@ -306,6 +306,22 @@ def test_the_page_on_solvers_says_what_each_needs_or_leaves() -> None:
         solver_cost("PGS", 1024, 63, 0.76),
         {"system": "suite/free.xml", "states": 0, "note": "nothing is left to a solver"},
     ]
-    text = solvers.page({"benchmark": {"run": {"versions": {"mujoco": "4.0.0"}}, "solvers": costs}})
+    of_trays = [{**cost, "system": "/tmp/10 contacts, elliptic.xml", "seconds_per_state": 1.234e-5} for cost in costs[:-1]]
+    run = {"versions": {"mujoco": "4.0.0"}}
+    text = solvers.page(*({"benchmark": {"run": run, "solvers": own}} for own in (costs, of_trays)))
     assert "MuJoCo 4.0.0" in text and "free.xml" not in text
+    assert "| 10 contacts, elliptic | 64 | 27 | 3.70e-14, 12.3 µs | 8, 12.3 µs | 256, 12.3 µs | 0.760 left, 12.3 µs |" in text
     assert "| hopper.xml | 64 | 27 | 3.70e-14 | 8 | 256 | 0.760 left |" in text
+
+
+@pytest.mark.parametrize("feet", solvers.FEET)
+def test_all_feet_of_a_tray_touch(feet: int, tmp_path: Path) -> None:
+    import mujoco
+
+    for path in solvers.trays(tmp_path):
+        assert path.read_text() in {solvers.tray(count, cone) for count in solvers.FEET for cone in solvers.CONES}
+    model = mujoco.MjModel.from_xml_string(solvers.tray(feet, "elliptic"))
+    data = mujoco.MjData(model)
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert data.ncon == feet
