@@ -239,6 +239,7 @@ class SensorKind(StrEnum):
     In the axes of its site: the acceleration of the site less gravity, its velocity, its angular velocity, and force and moment about it
     that the body of the site gets from the body that it hangs on. Along the world's axes: the acceleration of the site less gravity, and
     the angular acceleration. Of actuators: the force of one in its range, and what all do together on a joint in the range of that.
+    Of hinges and slides: position and velocity.
     """
 
     ACCELEROMETER = "accelerometer"
@@ -250,6 +251,8 @@ class SensorKind(StrEnum):
     ANGULAR_ACCELERATION = "frameangacc"
     ACTUATOR_FORCE = "actuatorfrc"
     JOINT_ACTUATOR_FORCE = "jointactuatorfrc"
+    JOINT_POSITION = "jointpos"
+    JOINT_VELOCITY = "jointvel"
 
     @property
     def is_transmitted(self) -> bool:
@@ -266,14 +269,20 @@ class SensorKind(StrEnum):
         """Whether it is what actuators do."""
         return self in (SensorKind.ACTUATOR_FORCE, SensorKind.JOINT_ACTUATOR_FORCE)
 
+    @property
+    def is_of_joints(self) -> bool:
+        """Whether it is where a joint is, or how fast."""
+        return self in (SensorKind.JOINT_POSITION, SensorKind.JOINT_VELOCITY)
+
 
 @dataclass(frozen=True)
 class Sensor(Placed):
-    """A sensor at a site, or of actuators.
+    """A sensor at a site, of a joint, or of actuators.
 
     Attributes:
         name: "" for none. number: among the sensors of the file, from 0. body, pose: of the site.
-        actuator, joint: whose force it measures, the former by its number among the actuators of the file; -1 and "" of all others.
+        actuator: whose force it measures, by its number among the actuators of the file; -1 of all others. joint: on which it measures
+            the force, or where that is, or how fast; "" of all others.
         why_not: why its value is not judged; "" where it is.
     """
 

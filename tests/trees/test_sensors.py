@@ -89,7 +89,7 @@ def test_a_pendulum_has_the_sensors_of_the_textbook() -> None:
     own, states = truth_of(text), states_of(text)
     kinds = ("accelerometer", "velocimeter", "gyro", "force", "torque", "framelinacc", "frameangacc")
     assert own.blocks == tuple(f"{kind} '{kind} of bob'" for kind in kinds)
-    assert set(kinds) == {kind for kind in SensorKind if not kind.is_of_actuators}
+    assert set(kinds) == {kind for kind in SensorKind if not (kind.is_of_actuators or kind.is_of_joints)}
     (q, v), a, zero = (one[:, 0] for one in (states.q, states.v)), own._accelerations(states)[:, 0], np.zeros(STATES)
     length, centre, mass, inertia = 0.75, 0.5, 2.0, 0.2
     sine, cosine = np.sin(q), np.cos(q)
@@ -183,7 +183,7 @@ def test_a_sign_of_gravity_and_the_other_body_s_force_are_red() -> None:
 @pytest.mark.parametrize(
     ("sensors", "said"),
     [
-        ('<jointpos joint="pin"/>', "the file has no sensor that the motion of its bodies or its actuators decide"),
+        ('<jointlimitpos joint="pin"/>', "the file has no sensor that the motion of its bodies or its actuators decide"),
         ('<gyro site="bob" cutoff="3"/>', "<gyro> has a cutoff, which hides what is beyond"),
         ('<framelinacc objtype="body" objname="bar"/>', "is about a body; name a site in its place to have it judged"),
         ('<gyro site="bob"/></sensor><option><flag sensor="disable"/></option><sensor>', "is switched off in the file"),

@@ -65,6 +65,7 @@ SENSORS = "".join(f'<{kind} name="{kind} {site}" site="{site}"/>' for site in SI
 SENSORS += "".join(f'<{kind} name="{kind} tip" objtype="site" objname="tip"/>' for kind in ("framelinacc", "frameangacc"))
 SENSORS += "".join(f'<actuatorfrc name="of {name}" actuator="{name}"/>' for name in ("push", "servo", "brake", "pull"))
 SENSORS += "".join(f'<jointactuatorfrc name="at {name}" joint="{name}"/>' for name in ("shoulder", "elbow", "rail"))
+SENSORS += "".join(f'<{kind} name="{kind} {name}" joint="{name}"/>' for kind in ("jointpos", "jointvel") for name in ("elbow", "rail"))
 FREE = ARM.replace("SENSORS", SENSORS).replace("FRICTION", "").replace("TENDON", "")
 RUBBING = (
     ARM.replace("SENSORS", SENSORS)
@@ -111,6 +112,22 @@ def test_mujoco_measures_it_with_all_on(rubbing: Asked) -> None:
     assert rubbing.certified.certified.all()
     assert {name.partition(" ")[0] for name in rubbing.truth.blocks} == set(SensorKind)
     assert rubbing.red(rubbing.answers()) == set()
+
+
+def test_joints_are_measured_where_they_are(rubbing: Asked) -> None:
+    """Another joint's position, or a velocity in its place, is red."""
+    places = {name: rubbing.assignment.mechanism.joints.index(name) for name in ("elbow", "rail")}
+    for name, place in places.items():
+        np.testing.assert_array_equal(rubbing.of(f"jointpos 'jointpos {name}'")[:, 0], rubbing.states.q[:, place])
+        np.testing.assert_array_equal(rubbing.of(f"jointvel 'jointvel {name}'")[:, 0], rubbing.states.v[:, place])
+    answers = rubbing.answers()
+    exchanged = answers.copy()
+    own, other = (rubbing.truth.blocks.index(f"jointpos 'jointpos {name}'") for name in ("elbow", "rail"))
+    exchanged[:, [own, other]] = answers[:, [other, own]]
+    assert rubbing.red(exchanged) == {"jointpos 'jointpos elbow'", "jointpos 'jointpos rail'"}
+    exchanged = answers.copy()
+    exchanged[:, own, 0] *= 1 + 1e-13
+    assert rubbing.red(exchanged) == {"jointpos 'jointpos elbow'"}
 
 
 @pytest.mark.ci

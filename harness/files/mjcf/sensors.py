@@ -1,4 +1,4 @@
-"""The sensors of an MJCF that its motion and its actuators decide: of sites, of what a body transmits at one, and forces of actuators.
+"""The sensors of an MJCF that its motion and its actuators decide: of sites and joints, of what a body transmits, and of actuators.
 
 Source: MuJoCo documentation, XML reference, ``sensor``.
 """
@@ -41,7 +41,7 @@ def _measured(source: Source, element: etree._Element, known: Sensor, between: E
     if known.kind is SensorKind.ACTUATOR_FORCE:
         actuators = {str(one.get("name")): number for number, one in enumerate(source.root.iterfind("actuator/*")) if one.get("name")}
         return replace(known, actuator=actuators[named(element, "actuator", actuators)])
-    if known.kind is SensorKind.JOINT_ACTUATOR_FORCE:
+    if known.kind is SensorKind.JOINT_ACTUATOR_FORCE or known.kind.is_of_joints:
         return replace(known, joint=named(element, "joint", between.singles))
     body, pose = between.at(_site(element, known.kind, between))
     return replace(known, body=body, pose=pose)

@@ -113,7 +113,10 @@ def sensors(motion: TreeMotion, ties: Mapping[str, Meeting] | None = None) -> It
     for one in tree.sensors:
         if not why_not_judged(tree, one):
             name = f"{one.kind} {one.name!r}" if one.name else f"{one.kind} of line {one.line}"
-            yield Block(name, *(of_actuators[one] if one.kind.is_of_actuators else _at_site(motion, points, one, pulls)))
+            if one.kind.is_of_joints:
+                yield Block(name, *_of_joint(motion, one))
+            else:
+                yield Block(name, *(of_actuators[one] if one.kind.is_of_actuators else _at_site(motion, points, one, pulls)))
 
 
 def _pulls(motion: TreeMotion, ties: Mapping[str, Meeting]) -> Iterator[_Pull]:
@@ -142,6 +145,16 @@ def _actuator_forces(motion: TreeMotion) -> dict[Sensor, tuple[Vector, Term]]:
             size = sum((size_of(moments[number][column] * alone) for number, alone in driven.alone.items()), size_of(force))
         found[one] = vector((force, zero, zero)), size
     return found
+
+
+def _of_joint(motion: TreeMotion, sensor: Sensor) -> tuple[Vector, Term]:
+    """Position or velocity of a hinge or slide, and its size."""
+    nodes = motion.kinematics
+    [joint] = [node.joint for node in nodes.nodes if node.joint.name == sensor.joint]
+    (column,) = nodes.coordinates.columns[sensor.joint]
+    is_position = sensor.kind is SensorKind.JOINT_POSITION
+    value = nodes.coordinates.position(joint) if is_position else nodes.coordinates.velocities[column]
+    return vector((value, nodes.builder.zero, nodes.builder.zero)), size_of(value)
 
 
 def _at_site(motion: TreeMotion, points: _MovingPoints, sensor: Sensor, pulls: Sequence[_Pull]) -> tuple[Vector, Term]:
