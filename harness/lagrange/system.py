@@ -77,8 +77,8 @@ class System:
         contacts: name to where bodies may touch. The equations of motion, and all that is asked of engines by name, are those between
             contacts; rigid contact is a truth of its own, see ``harness.truth.coulomb``.
 
-    Dry friction, limits and actuators are of joints' positions, and enter neither energies nor ``generalised_forces``. They may stand beside
-    loops; dry friction and limits neither beside rolling constraints nor beside ball and free joints, which no actuator may turn either.
+    Dry friction, limits and actuators are of joints' positions, and enter neither energies nor ``generalised_forces``. All may stand
+    beside loops; dry friction and limits neither beside rolling constraints nor beside ball and free joints, which no actuator turns.
 
     A number in an energy is the number that stands there: a system file's are exact, and a ``sympy.Float``, which SymPy rounds
     whenever it forms a product, is refused.
