@@ -51,7 +51,7 @@ class CompareOptions:
         click.option(
             "--by",
             multiple=True,
-            metavar="ENGINE/INTEGRATOR[@SECONDS]",
+            metavar="ENGINE[/INTEGRATOR[@SECONDS]]",
             help="Who moves the first file, and who the second or the same one; with --steps, twice. SECONDS is the step length. "
             "Without it the first two engines, by the integrator that the file chooses.",
         ),
@@ -127,14 +127,15 @@ def command(bracket: Bracket, asked: CompareOptions) -> None:
 
 def _compare_motions(bracket: Bracket, asked: CompareOptions, steps: int, renamed: dict[str, str]) -> None:
     """Print the gap between two motions, and end the command."""
-    from harness.comparison.gap_study import By, GapSettings, GapStudy, first_two
+    from harness.comparison.gap_study import GapSettings, GapStudy, beside_the_harness, first_two
+    from harness.engines.moving import MovedBy
     from harness.report.comparison import gap_sections
 
     if len(asked.files) > 2 or len(asked.by) not in (0, 2) or asked.html_path is not None:
         raise click.UsageError("--steps takes one file or two, --by twice or not at all, and no --html")
     if asked.subjects:
         raise click.UsageError("--subject chooses whose accelerations are compared; with --steps, --by says who moves the files")
-    first, second = map(By.parsed, asked.by) if asked.by else first_two(asked.files)
+    first, second = (beside_the_harness(MovedBy.parsed(text)) for text in asked.by) if asked.by else first_two(asked.files)
     settings = GapSettings(
         (asked.files[0], asked.files[-1]),
         (first, second),

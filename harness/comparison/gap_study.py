@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from harness.comparison.gap import LENGTH, OWN_RULES, Motion, advanced, gap_of
 from harness.comparison.matching import SameStates, match, refuse_unknown, renamed_to
 from harness.comparison.robot_library import engines_of_files, robot_at
 from harness.engines import NotOffered, installed_version, runs_elsewhere
+from harness.engines.moving import MovedBy
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidModel, InvalidRequest
@@ -35,46 +35,23 @@ from harness.trees.recursion import step_forces
 from harness.trees.robot import Robot
 from harness.workers import Outcome, Task
 
-_FORM = re.compile(r"(?P<engine>[^/@]+)/(?P<integrator>[^/@]+)(?:@(?P<length>[^/@]+))?")
 # Of two step lengths, relative: those that are multiples in decimals are so in float64 but for a rounding.
 _ALIKE = 1e-12
 
 
-@dataclass(frozen=True)
-class By:
-    """Who moves a file: an engine, its integrator, and the step length [s].
+def beside_the_harness(by: MovedBy) -> MovedBy:
+    """The same, of an engine that is installed beside the harness: its steps are taken in this process, state by state.
 
-    The integrator is "" for the one that the file chooses, or the first that the engine has; the length None for that of the file.
+    Raises:
+        InvalidRequest: no such engine moves robots.
     """
-
-    engine: str
-    integrator: str = ""
-    length: float | None = None
-
-    @classmethod
-    def parsed(cls, text: str) -> By:
-        """From ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@LENGTH.
-
-        Raises:
-            InvalidRequest: it is neither, or no engine beside the harness moves robots by that name.
-        """
-        form = _FORM.fullmatch(text)
-        try:
-            length = float(form["length"]) if form and form["length"] else None
-        except ValueError:
-            form = None
-        if form is None or (length is not None and not 0 < length < np.inf):
-            raise InvalidRequest(f"{text!r}: expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS, as mujoco/RK4@0.001")
-        (engine,) = select([form["engine"]], engines_of_files(), "engine")
-        # Its steps are taken in this process, state by state.
-        if runs_elsewhere(engine) or installed_version(engine) is None:
-            raise InvalidRequest(
-                f"{form['engine']} is not installed beside the harness, where steps are taken; install {engine.requires[1]}"
-            )
-        return cls(form["engine"], form["integrator"], length)
+    (engine,) = select([by.engine], engines_of_files(), "engine")
+    if runs_elsewhere(engine) or installed_version(engine) is None:
+        raise InvalidRequest(f"{by.engine} is not installed beside the harness, where steps are taken; install {engine.requires[1]}")
+    return by
 
 
-def first_two(paths: Sequence[Path]) -> tuple[By, By]:
+def first_two(paths: Sequence[Path]) -> tuple[MovedBy, MovedBy]:
     """The first two engines beside the harness, by name: the first that reads the first file, and the next that reads the last one.
 
     Raises:
@@ -87,7 +64,7 @@ def first_two(paths: Sequence[Path]) -> tuple[By, By]:
         chosen += [name for name, one in beside.items() if model_format in one.call and name not in chosen][:1]
     if len(chosen) < 2:
         raise InvalidRequest(f"{' and '.join(chosen) or 'no engine'} beside the harness reads the files; say by --by twice who moves them")
-    return By(chosen[0]), By(chosen[1])
+    return MovedBy(chosen[0]), MovedBy(chosen[1])
 
 
 @dataclass(frozen=True)
@@ -99,7 +76,7 @@ class GapSettings:
     """
 
     paths: tuple[Path, Path]
-    by: tuple[By, By]
+    by: tuple[MovedBy, MovedBy]
     steps: int
     floating_base: bool = False
     renamed: tuple[tuple[str, str], ...] = ()
@@ -191,7 +168,7 @@ def _given(text: str, nq: int, nv: int) -> tuple[Array, Array]:
     return q, v
 
 
-def _rule(robot: Robot, by: By) -> StepRule:
+def _rule(robot: Robot, by: MovedBy) -> StepRule:
     own = engines_of_files()[by.engine].own_rules(read_any(robot.path, "a model").root, robot.format)
     noun = "integrator" if own else f"integrator of one's own by {by.engine}'s accelerations"
     rule, *_ = select(filter(None, [by.integrator]), {rule.name: rule for rule in own or OWN_RULES}, noun)
@@ -205,7 +182,7 @@ def _as_long(steps: int, length: float, other: float) -> int:
     return count
 
 
-def _case(robot: Robot, by: By, rule: StepRule, steps: int) -> _Case:
+def _case(robot: Robot, by: MovedBy, rule: StepRule, steps: int) -> _Case:
     if any(joint.kind == JointKind.PLANAR for joint in robot.tree.joints):
         raise InvalidRequest(f"{robot.path.name} has a {JointKind.PLANAR} joint, which no rule moves")
     if any(joint.follows for joint in robot.tree.joints) or robot.equalities:

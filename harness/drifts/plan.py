@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -13,7 +12,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.comparison.shares import Chosen, along, sampled_orders
-from harness.engines.moving import Control, HeldNumbers, MotionsRequest, MovedFile, NumberKey, SimulatedFile, Timing
+from harness.engines.moving import Control, HeldNumbers, MotionsRequest, MovedBy, MovedFile, NumberKey, SimulatedFile, Timing
 from harness.errors import InvalidRequest
 from harness.files.joint_kinds import JointKind
 from harness.files.reading import format_of
@@ -25,7 +24,6 @@ MOST_EXACT, PAIRS_OF_ORDERS = 10, 40
 RECORDED, TOLD = 50, 5
 # Seeds of the motions that are rounded anew in each step, of each side.
 ROUNDINGS = (1, 2, 3)
-_FORM = re.compile(r"(?P<engine>[^/@]+(?:@[^/@]+)?)(?:/(?P<integrator>[^/@]*)(?:@(?P<length>[^/@]+))?)?")
 
 
 @dataclass(frozen=True)
@@ -45,19 +43,8 @@ class MovingSide:
     decimation: int = 1
 
     def by(self, text: str) -> MovingSide:
-        """The same by ENGINE[@VERSION][/INTEGRATOR][@SECONDS].
-
-        Raises:
-            InvalidRequest: the text is none.
-        """
-        form = _FORM.fullmatch(text)
-        try:
-            length = float(form["length"]) if form and form["length"] else None
-        except ValueError:
-            form = None
-        if form is None or (length is not None and not 0 < length < math.inf):
-            raise InvalidRequest(f"{text!r}: expected ENGINE[@VERSION][/INTEGRATOR[@SECONDS]], as mujoco@3.13.0 or mujoco/RK4@0.001")
-        return replace(self, engine=form["engine"], integrator=form["integrator"] or "", length=length)
+        """The same by whom a text says; raises as ``MovedBy.parsed``."""
+        return replace(self, **vars(MovedBy.parsed(text)))
 
     @property
     def file(self) -> MovedFile:
@@ -217,7 +204,8 @@ def _differing(settings: DriftSettings, held: HeldSides) -> dict[DriftCause, lis
 
 
 def _is_other(held: HeldSides, cause: DriftCause, key: NumberKey) -> bool:
-    return key in held.second[cause] and _differ(held.first[cause][key], held.second[cause][key])
+    is_idle = key in held.first.idle and key in held.second.idle
+    return not is_idle and key in held.second[cause] and _differ(held.first[cause][key], held.second[cause][key])
 
 
 def _differ(one: Array, other: Array) -> bool:

@@ -7,11 +7,11 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakKeyDictionary
 
 from harness.arithmetic import SAFE_LINKING, KeptArithmetic
-from harness.engines.interface import CompiledNumber, InvalidAnswer, MovesFiles, NotOffered, Unsupported
+from harness.engines.interface import CompiledNumber, InvalidAnswer, NotOffered, Unsupported
 from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
 from harness.engines.request import Ending, EngineAnswers, EngineQuestion, Refused, Request, by_joint
@@ -26,6 +26,7 @@ from harness.library import MODEL_SUFFIXES, CannotRun, run_file
 
 if TYPE_CHECKING:
     from harness.engines import Model
+    from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, MovedFile
     from harness.environments import Environment
     from harness.files.mjcf.inertias import CompiledMesh, Number
     from harness.programs.mechanisms.mechanism import Mechanism
@@ -57,7 +58,7 @@ class Subject:
         return Subject(split_name(self.engine)[0], self.format)
 
 
-class Engine(MovesFiles):
+class Engine:
     """The ``ENGINE`` of an engine file derives from this class.
 
     Attributes:
@@ -160,7 +161,7 @@ class Engine(MovesFiles):
         """
         handed = handed_over(source)
         if isinstance(handed, Request):
-            return self._of_file(handed)
+            return _model_of_file(self, handed)
         model: Model = self.load_model(require_model(handed, self.name), joints, gravity)
         return model
 
@@ -177,17 +178,17 @@ class Engine(MovesFiles):
         if self.why_no_constraints:
             refuse_unexpressed(file, self.why_no_constraints)
 
-    def _of_file(self, request: Request) -> Model:
-        try:
-            loaded = self.read(request)
-        except Refused as refusal:
-            raise Unsupported(f"{self.name} refuses the file: {refusal}") from refusal
-        if names := lacking(request, loaded.joints):
-            lines = {joint.name: f" (line {joint.line})" if joint.line else "" for joint in request.joints}
-            named = ", ".join(f"{name!r}{lines[name]}" for name in names[:MOST_NAMED])
-            named += f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-            raise Unsupported(f"{self.name} has no joint {named} after loading: its reader leaves out what holds it")
-        return cast("Model", FileModel(loaded, self.factorises_mass_matrix))
+    def held_numbers(self, file: MovedFile) -> HeldNumbers:
+        """What the engine holds of a file with everything on, by the causes that two motions of it may differ by.
+
+        Raises:
+            NotOffered: the engine file does not say. Refused: the engine does not read the file.
+        """
+        raise NotOffered("the harness exchanges no numbers that it holds")
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """Whole motions by the engine's own steps, with everything on; raises as ``held_numbers``, and ValueError of a control."""
+        raise NotOffered("the harness lets it take no steps with everything on")
 
     def ask(self, question: EngineQuestion) -> EngineAnswers:
         """Accelerations at all states; a refusal of the file is an answer, no exception."""
@@ -230,11 +231,25 @@ class Engine(MovesFiles):
         """The same of any file with this root element, where users leave the steps to the engine."""
         return ()
 
-    def for_files(self) -> Self:
-        """The same engine, asked about files that it reads by itself, for which states are converted."""
-        other = copy.copy(self)
-        other.linear_velocity_in_body = False
-        return other
+
+def for_files(engine: Engine) -> Engine:
+    """The same engine, asked about files that it reads by itself, for which states are converted."""
+    other = copy.copy(engine)
+    other.linear_velocity_in_body = False
+    return other
+
+
+def _model_of_file(engine: Engine, request: Request) -> Model:
+    try:
+        loaded = engine.read(request)
+    except Refused as refusal:
+        raise Unsupported(f"{engine.name} refuses the file: {refusal}") from refusal
+    if names := lacking(request, loaded.joints):
+        lines = {joint.name: f" (line {joint.line})" if joint.line else "" for joint in request.joints}
+        named = ", ".join(f"{name!r}{lines[name]}" for name in names[:MOST_NAMED])
+        named += f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        raise Unsupported(f"{engine.name} has no joint {named} after loading: its reader leaves out what holds it")
+    return cast("Model", FileModel(loaded, engine.factorises_mass_matrix))
 
 
 def handed_over(source: ModelFile | Mechanism | Request) -> ModelFile | Mechanism | Request:

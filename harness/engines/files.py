@@ -16,7 +16,17 @@ from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
-from harness.engines.engine import EQUATIONS, FOLDER, FORMATS, Engine, Subject, is_own_file, load_keeping_arithmetic, run_engine_file
+from harness.engines.engine import (
+    EQUATIONS,
+    FOLDER,
+    FORMATS,
+    Engine,
+    Subject,
+    for_files,
+    is_own_file,
+    load_keeping_arithmetic,
+    run_engine_file,
+)
 from harness.environments import Environment, environment_of, find_environments, split_name
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile
@@ -188,7 +198,7 @@ def load_engine(library: Library, name: str) -> Engine:
     name, version = split_name(name)
     engine = _engine_of(library, name)
     if library.reads_files:
-        engine = engine.for_files()
+        engine = for_files(engine)
     if version or (installed_version(engine) is None and find_environments(name)):
         return _elsewhere(engine, _path_of(library, name), environment_of(name, version))
     return engine

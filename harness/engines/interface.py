@@ -52,7 +52,6 @@ from harness.files.model_file import ModelFile
 from harness.library import nearest
 
 if TYPE_CHECKING:
-    from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, MovedFile
     from harness.programs.mechanisms.mechanism import Mechanism
 
 METHODS = (
@@ -217,22 +216,6 @@ class Misread(Unsupported):
 
 class NotOffered(Unsupported):
     """What was asked for is not among what the engine claims to compute, or the mechanism has nothing of the kind."""
-
-
-class MovesFiles:
-    """What an engine is asked for of whole motions of users' files."""
-
-    def held_numbers(self, file: MovedFile) -> HeldNumbers:
-        """What the engine holds of a file with everything on, by the causes that two motions of it may differ by.
-
-        Raises:
-            NotOffered: the engine file does not say. Refused: the engine does not read the file.
-        """
-        raise NotOffered("the harness exchanges no numbers that it holds")
-
-    def moved(self, request: MotionsRequest) -> Moved:
-        """Whole motions by the engine's own steps, with everything on; raises as ``held_numbers``, and ValueError of a control."""
-        raise NotOffered("the harness lets it take no steps with everything on")
 
 
 class InvalidAnswer(Exception):

@@ -6,6 +6,8 @@ numbers of another file, version or engine can be laid over them before the file
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,8 +23,37 @@ from harness.results.cause import DriftCause
 # An array of the engine, and the owner of a row of it.
 NumberKey = tuple[str, str]
 Numbers = Mapping[NumberKey, Array]
+_FORM = re.compile(r"(?P<engine>[^/@]+(?:@[^/@]+)?)(?:/(?P<integrator>[^/@]*)(?:@(?P<length>[^/@]+))?)?")
 # Rounding of a time that is a multiple of a period, relative.
 _ALIKE = 1e-9
+
+
+@dataclass(frozen=True)
+class MovedBy:
+    """Who moves a file: an engine, or a version of it as NAME@VERSION, its integrator, and the step length [s].
+
+    The integrator is "" for the one that the file chooses, or the first that the engine has; the length None for that of the file.
+    """
+
+    engine: str
+    integrator: str = ""
+    length: float | None = None
+
+    @classmethod
+    def parsed(cls, text: str) -> MovedBy:
+        """From ENGINE[@VERSION][/INTEGRATOR[@SECONDS]].
+
+        Raises:
+            InvalidRequest: the text is none.
+        """
+        form = _FORM.fullmatch(text)
+        try:
+            length = float(form["length"]) if form and form["length"] else None
+        except ValueError:
+            form = None
+        if form is None or (length is not None and not 0 < length < math.inf):
+            raise InvalidRequest(f"{text!r}: expected ENGINE[@VERSION][/INTEGRATOR[@SECONDS]], as mujoco@3.13.0 or mujoco/RK4@0.001")
+        return cls(form["engine"], form["integrator"] or "", length)
 
 
 @dataclass(frozen=True)
@@ -70,7 +101,7 @@ class HeldNumbers:
         rules: of integrators that users write by an engine's accelerations, the numbers by which this engine takes their steps.
         words: of an array that holds values of an enumeration, their names.
         control: of each actuator, by the same. servos: of each joint whose position one actuator alone is given, that.
-        named: numbers that may be wrong, each with one value.
+        named: numbers that may be wrong, each with one value. idle: those that bear on nothing as long as others are 0.
     """
 
     by_cause: Mapping[DriftCause, Numbers]
@@ -85,6 +116,7 @@ class HeldNumbers:
     rules: Mapping[str, Numbers] = field(default_factory=dict)
     servos: Mapping[str, str] = field(default_factory=dict)
     named: Sequence[NamedNumber] = ()
+    idle: frozenset[NumberKey] = frozenset()
 
     def __getitem__(self, cause: DriftCause) -> Numbers:
         return self.by_cause.get(cause, {})

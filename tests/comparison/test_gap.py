@@ -16,8 +16,9 @@ import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, harness
 
-from harness.comparison.gap_study import By, GapSettings, GapStudy
+from harness.comparison.gap_study import GapSettings, GapStudy, beside_the_harness
 from harness.comparison.robot_library import engines_of_files
+from harness.engines.moving import MovedBy
 from harness.errors import InvalidRequest
 from harness.files.rules import ImplicitPart, StepRule
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap
@@ -60,8 +61,12 @@ def heavier(tmp_path: Path) -> Path:
     return path
 
 
+def moved_by(text: str) -> MovedBy:
+    return beside_the_harness(MovedBy.parsed(text))
+
+
 def gap_of(first: Path, second: Path, *by: str, steps: int = 40, **further: Any) -> Gap:
-    study = GapStudy(GapSettings((first, second), (By.parsed(by[0]), By.parsed(by[-1])), steps, **further))
+    study = GapStudy(GapSettings((first, second), (moved_by(by[0]), moved_by(by[-1])), steps, **further))
     list(run_study(study, InThisProcess(1)))
     if study.problems:
         raise study.problems[0]
@@ -196,8 +201,8 @@ def test_an_engine_follows_the_declared_motion_for_many_steps() -> None:
 
 
 REFUSED = {
-    ("mujoco", "mujoco/RK4"): "expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS",
-    ("mujoco/RK4@0", "mujoco/RK4"): "expected ENGINE/INTEGRATOR or ENGINE/INTEGRATOR@SECONDS",
+    ("mujoco/RK4@x", "mujoco/RK4"): r"expected ENGINE\[@VERSION\]\[/INTEGRATOR\[@SECONDS\]\]",
+    ("mujoco/RK4@0", "mujoco/RK4"): r"expected ENGINE\[@VERSION\]\[/INTEGRATOR\[@SECONDS\]\]",
     ("mujocco/RK4", "mujoco/RK4"): "no engine is called 'mujocco'; .*mujoco",
     ("idyntree/RK4", "mujoco/RK4"): "idyntree is not installed beside the harness",
     ("mujoco/RK5", "mujoco/RK4"): "no integrator is called 'RK5'; .*RK4",

@@ -47,6 +47,18 @@ def test_a_user_reads_the_cause_first(folder: Path) -> None:
     assert (folder / "gap.svg").read_text().startswith("<svg")
 
 
+def test_what_bears_on_nothing_is_no_cause(tmp_path: Path) -> None:
+    """The reference of springs that a joint does not have, and ranges that limit nothing."""
+    text = """<mujoco><worldbody><body name="box" pos="0 0 {height}"><freejoint/><geom type="box" size=".1 .1 .1"/><body name="arm">
+      <joint name="hinge" {joint}/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></body></worldbody></mujoco>"""
+    (tmp_path / "a.xml").write_text(text.format(height=1.0, joint='limited="false" range="-1 1"'))
+    (tmp_path / "b.xml").write_text(text.format(height=1.5, joint='limited="false" range="-2 2" frictionloss="0" solreffriction="0.1 1"'))
+    assert prepare(DriftSettings(sides(tmp_path), 0.02), here=True).plan.causes == (DriftCause.TREE,)
+    (tmp_path / "b.xml").write_text(text.format(height=1.5, joint='limited="true" range="-2 2" stiffness="1" springref="0.3"'))
+    found = prepare(DriftSettings(sides(tmp_path), 0.02), here=True).plan.causes
+    assert set(found) == {DriftCause.TREE, DriftCause.SPRINGS, DriftCause.LIMITS}
+
+
 def test_the_study_finds_what_is_found_here(folder: Path) -> None:
     settings = DriftSettings(sides(folder), 0.1)
     study = DriftStudy(settings)

@@ -43,6 +43,17 @@ _FIELDS = {
     DriftCause.CONTACT_LAW: "geom_friction geom_solref geom_solimp geom_solmix geom_condim geom_priority geom_adhesion geom_surfacevel "
     "pair_friction pair_solref pair_solreffriction pair_solimp pair_dim pair_adhesion",
 }
+# What bears on nothing where a number of the same owner is 0.
+_IDLE = {
+    "jnt_limited": "jnt_range jnt_margin jnt_solref jnt_solimp",
+    "tendon_limited": "tendon_range tendon_margin tendon_solref_lim tendon_solimp_lim",
+    "dof_frictionloss": "dof_solref dof_solimp",
+    "tendon_frictionloss": "tendon_solref_fri tendon_solimp_fri",
+    "actuator_ctrllimited": "actuator_ctrlrange",
+    "actuator_forcelimited": "actuator_forcerange",
+    "jnt_actfrclimited": "jnt_actfrcrange",
+    "tendon_actfrclimited": "tendon_actfrcrange",
+}
 # Settings that are not of the solver.
 _OPTIONS = {
     "timestep": DriftCause.STEP,
@@ -96,6 +107,20 @@ def numbers_by_cause(model: Any) -> dict[DriftCause, Numbers]:
         on = bool(getattr(model.opt, flags) & bit) != (flags == "disableflags")
         found[_SWITCHES.get(switch, DriftCause.SOLVER)][f"flag_{switch}", ""] = np.array([float(on)])
     return dict(found)
+
+
+def idle_numbers(model: Any) -> frozenset[NumberKey]:
+    """Those that bear on nothing because another number of their owner is 0, as a range that does not limit."""
+    found = set[NumberKey]()
+    for switch, arrays in _IDLE.items():
+        values = getattr(model, switch, ())
+        owner = _owners(model, switch, len(values))
+        found |= {(array, owner[row]) for row, value in enumerate(values) if not np.any(value) for array in arrays.split()}
+    owner, ends = _owners(model, "qpos_spring", model.nq), [*model.jnt_qposadr[1:], model.nq][: model.njnt]
+    stiffnesses = np.hstack([np.atleast_2d(model.jnt_stiffness).T, getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 0)))])
+    for start, end, stiffness in zip(model.jnt_qposadr, ends, stiffnesses, strict=True):
+        found |= {("qpos_spring", owner[row]) for row in range(start, end) if not stiffness.any()}
+    return frozenset(found)
 
 
 def _drives_velocity(model: Any, row: int) -> bool:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.adapters.mujoco.causes import lay_over, numbers_by_cause, rules, switches_of, words
+from harness.engines.adapters.mujoco.causes import idle_numbers, lay_over, numbers_by_cause, rules, switches_of, words
 from harness.engines.adapters.mujoco.measured import named_numbers, servos_of
 from harness.engines.adapters.mujoco.model import sizes_of
 from harness.engines.adapters.mujoco.robot import plain_model, refusals
@@ -47,6 +47,7 @@ def held_numbers(file: MovedFile) -> HeldNumbers:
         rules(),
         servos_of(model),
         named_numbers(model),
+        idle_numbers(model),
     )
 
 
