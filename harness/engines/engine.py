@@ -18,11 +18,12 @@ from harness.engines.request import Ending, EngineAnswers, EngineQuestion, Refus
 from harness.engines.tree_request import model_request
 from harness.environments import split_name
 from harness.errors import InvalidEngine
+from harness.files.document.python import CannotRun, run_file
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import ConstraintLaw, StepRule
 from harness.files.touching import ConeKind
-from harness.library import MODEL_SUFFIXES, CannotRun, run_file
+from harness.library import MODEL_SUFFIXES
 
 if TYPE_CHECKING:
     from harness.engines import Model

@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from harness.errors import InvalidSystem
-from harness.library import CannotRun, Library, member_of, raised_in, run_file
+from harness.files.document.python import CannotRun, raised_in, run_file
+from harness.library import Library, member_of
 from harness.programs.mechanisms.applied_forces import forces_of
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import DEFAULT_RATES

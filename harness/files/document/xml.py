@@ -18,7 +18,8 @@ from xml.parsers import expat
 from lxml import etree
 
 from harness.errors import InvalidModel
-from harness.library import CannotRun, member_of, raised_in, run_file
+from harness.files.document.python import CannotRun, raised_in, run_file
+from harness.library import member_of
 
 MAXIMUM_BYTES = 10_000_000
 # Several times as many as the largest robots have; a second to read.
