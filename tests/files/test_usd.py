@@ -501,7 +501,13 @@ REFUSED = {
         ("rel physics:body0 = </arm/upper>", "rel physics:body0 = </arm/fore>"),
         "joins body </arm/fore> to itself; name two",
     ),
-    "a negative mass": (("mass = 17.4", "mass = -17.4"), r"arm.usda:{-17.4}: </arm/upper> physics:mass is -17.4; expected more than zero"),
+    "a negative mass": (
+        ("mass = 17.4", "mass = -17.4"),
+        r"arm.usda:{-17.4}: </arm/upper> physics:mass is -17.4; expected a finite number above zero",
+    ),
+    "an infinite mass": (("mass = 17.4", "mass = inf"), "physics:mass is inf; expected a finite number above zero"),
+    "words for a number": (("float physics:mass = 17.4", 'string physics:mass = "much"'), "physics:mass is 'much'; expected a number"),
+    "a unit of no size": (("metersPerUnit = 1", "metersPerUnit = 0"), r"arm.usda:{metersPerUnit}: metersPerUnit is no size of a unit"),
     "nan": (("mass = 17.4", "mass = nan"), "physics:mass is nan; expected a finite number"),
     "a quaternion of zeros": (
         ("point3f physics:localPos0 = (0.4318", "quatf physics:localRot0 = (0, 0, 0, 0)\npoint3f physics:localPos0 = (0.4318"),
@@ -584,3 +590,19 @@ def test_compare_takes_it_beside_an_mjcf(tmp_path: Path) -> None:
     files = [str(written(tmp_path, TWIN, "arm.xml")), str(written(tmp_path, ARM))]
     done = CliRunner().invoke(main, ["compare", *files, "--subject", "mujoco/mjcf"])
     assert done.output.startswith("arm.xml and arm.usda are the same robot"), done.output
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    put=st.sampled_from(["", "nan", "inf", "-1", "1e400", '"x"', "</a>", "None", "[1, 2]", "(1, 2)", "{", "}", "0"]),
+)
+def test_a_damaged_text_is_read_or_refused_in_a_sentence(seed: int, put: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    words = re.findall(r"\s+|[\w:.\-]+|.", ARM)
+    words[seed % len(words)] = put
+    path = tmp_path_factory.getbasetemp() / "damaged.usda"
+    path.write_text("".join(words))
+    try:
+        read_robot(path)
+    except InvalidModel as error:
+        assert str(error).startswith(str(path)) and re.search(r"; \w|expected", error.problem), str(error)

@@ -68,9 +68,11 @@ class Prim:
         """``numbers``; none where one is not finite, as USD writes that there is none.
 
         Raises:
-            InvalidModel: one is not a number.
+            InvalidModel: one is not a number, or the attribute holds words.
         """
         value = self.values.get(name)
+        if value is not None and value.words:
+            self.refuse(f"{name} is {shorten(' '.join(value.words))!r}; expected a number", name)
         if value is None or any(map(math.isinf, value.numbers)):
             return ()
         if any(map(math.isnan, value.numbers)):
@@ -128,16 +130,16 @@ def read_stage(path: Path) -> UsdDocument:
     try:
         _refuse_irregular_layers(usd, path)
         stage = usd.Usd.Stage.Open(str(path), usd.Usd.Stage.LoadAll)
-        problems = [str(problem) for problem in stage.GetCompositionErrors()]
+        if problems := [str(problem) for problem in stage.GetCompositionErrors()]:
+            told = f"is not composed: {shorten(problems[0])}; name a file that is there"
+            raise InvalidModel(path, _line_of(path, problems[0]), told)
+        return _Reader(usd, path, stage).document()
     except usd.Tf.ErrorException as error:
         raise _unreadable(path, message_of(error)) from None
     finally:
         # Warnings on what is no part of the composition are nobody's business here.
         delegate.TakeUncoalescedDiagnostics()
         del delegate
-    if problems:
-        raise InvalidModel(path, _line_of(path, problems[0]), f"is not composed: {shorten(problems[0])}; name a file that is there")
-    return _Reader(usd, path, stage).document()
 
 
 def _refuse_irregular(path: Path) -> None:
@@ -209,6 +211,8 @@ def _unreadable(path: Path, words: str) -> InvalidModel:
     if located is None:
         return InvalidModel(path, None, f"is no USD file that OpenUSD reads: {shorten(words)}; restore the file")
     at, what = Path(located["path"]), shorten(located["what"])
+    if "pxrInternal" in what:
+        what = "OpenUSD cannot parse what stands there"
     own = path if at.name == path.name else at
     return InvalidModel(own, int(located["line"]), f"is not well-formed USD: {what}; correct it, or restore the file")
 
@@ -263,7 +267,9 @@ class _Reader:
         if not stack:
             return None
         if isinstance(property, usd.Usd.Relationship):
-            strongest = next((spec for spec in stack if spec.targetPathList.GetAppliedItems()), stack[0])
+            # One layer may say attribute where another says relationship.
+            lists = [(spec, getattr(spec, "targetPathList", None)) for spec in stack]
+            strongest = next((spec for spec, listed in lists if listed is not None and listed.GetAppliedItems()), stack[0])
             place = self._place(strongest.layer, str(strongest.path), number, path)
             return Property(place, words=tuple(map(str, property.GetTargets())))
         if property.GetTypeName().isArray and property.GetName().partition(":")[0] not in ("newton", "mjc", "xformOpOrder"):
@@ -272,7 +278,7 @@ class _Reader:
         found = property.Get()
         if found is None:
             return None
-        strongest = next((spec for spec in stack if spec.HasDefaultValue()), stack[0])
+        strongest = next((spec for spec in stack if getattr(spec, "HasDefaultValue", bool)()), stack[0])
         place = self._place(strongest.layer, str(strongest.path), number, path)
         return _value(place, found, str(property.GetTypeName()))
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from harness.errors import InvalidModel
 from harness.files.document.stage import Prim, Property, UsdDocument
 from harness.files.given import ORIGIN, Axes, Given, Placement, Pose, Quaternion, Turn, Vector, vector
 
@@ -36,6 +37,11 @@ class Units:
 
     @classmethod
     def of(cls, layer: Mapping[str, Property]) -> Units:
+        """The units of a stage; raises InvalidModel for one that is no size."""
+        for name, _ in _UNITS:
+            value = layer.get(name)
+            if value is not None and not (value.numbers and 0 < value.numbers[0] < math.inf):
+                raise InvalidModel(value.place.path, value.place.line, f"{name} is no size of a unit; expected more than zero")
         return cls(*(layer[name].numbers[0] if name in layer else default for name, default in _UNITS))
 
     def lengths(self, numbers: Sequence[Given]) -> Vector:

@@ -91,8 +91,9 @@ class Masses:
 
     def _positive(self, prim: Prim, name: str) -> Given | None:
         number = prim.number(name)
-        if number is not None and number < 0:
-            prim.refuse(f"{name} is {float(number):g}; expected more than zero, or 0 for none", name)
+        if (name in prim.values and number is None) or (number is not None and number < 0):
+            found = prim.values[name].numbers
+            prim.refuse(f"{name} is {found[0] if found else 'empty'}; expected a finite number above zero, or 0 for none", name)
         return number or None
 
     # Shapes.
