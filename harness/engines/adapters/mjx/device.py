@@ -26,7 +26,7 @@ from mujoco import mjx
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, NotOffered, Unsupported
 from harness.engines.adapters.mujoco import robot
-from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, refuse_in_float32, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.versions import keep_what_is_on
 from harness.engines.loaded_file import EngineRun, LoadedFile
@@ -237,12 +237,8 @@ def read(request: Request) -> MjxFile:
 def load(file: ModelFile, joints: Sequence[str], in_float64: bool) -> MjxModel:
     """See ``harness.engines.Engine.load``."""
     mujoco.set_mju_user_warning(lambda message: None)
-    if (acting := [*file.acting, *(f"actuator {name}" for name in file.driven)]) and not in_float64:
-        raise Unsupported(f"{acting[0]}: of states that are rounded to float32 another side of it may hold than of those in float64")
-    if file.constraints and not in_float64:
-        one = file.constraints[0]
-        why = "positions that are rounded to float32 do not close it, and off it there is no truth to judge by"
-        raise Unsupported(f"line {one.line}: {one.couples} constraint {one.name!r}: {why}")
+    if not in_float64:
+        refuse_in_float32(file)
     model = mujoco.MjModel.from_xml_string(file.text)
     rub_and_limit_alone(model, joints, file.acting)
     driven = actuators_of(model, file.driven)
