@@ -43,7 +43,7 @@ class FoundDrift(DriftRecord):
 
 
 class MovedAlike(TypedDict, total=False):
-    """How both sides of a drift are moved.
+    """Settings by which both sides of a drift are moved.
 
     Attributes:
         seconds: how long, 1 by default. start: {joint: (positions, velocities)} of those that start elsewhere than in the first keyframe

@@ -1,4 +1,4 @@
-"""How near each solver of constraints comes to the optimum that its engine documents, over its iterations, and at which cost.
+"""Distances of solvers of constraints from the optimum that their engine documents, over iterations, and their cost.
 
 A robot's file has all on that is judged, at the states at which ``compare`` judges it. Tolerances are 0, so that a solver ends where
 nothing changes or where its iterations do, and each is given more of them until all of its answers agree. Beside that stands the one that

@@ -151,7 +151,7 @@ def _print_benchmark(summary: BenchmarkSummary, detail: Detail = Detail.BRIEF) -
 
 
 def _print_solvers(costs: Sequence[SolverCost], detail: Detail) -> None:
-    """What the file says and what each method needs in the end; more iterations with more detail."""
+    """Print what the file says and what each method needs in the end; more iterations with more detail."""
     from harness.report import benchmarks as tables
 
     asked = [cost for cost in costs if cost.states]

@@ -77,7 +77,7 @@ class EnergyNorm:
         return np.array([a @ self._mass @ b for a, b in zip(np.split(one, 2), np.split(other, 2), strict=True)])
 
     def sizes(self, vector: Array) -> list[float]:
-        """Of positions and of velocities."""
+        """The size of the half of positions, and of that of velocities."""
         return [float(size) for size in np.sqrt(np.maximum(self.product(vector, vector), 0.0))]
 
     def part(self, vector: Array, whole: Array) -> Array:

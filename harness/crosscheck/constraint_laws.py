@@ -129,7 +129,7 @@ class DepartedTruth(ReadTruth):
 
 
 def effect_of(departure: Departure, concerned: Sequence[Constraint], documented: Reference, departed: Reference) -> Effect:
-    """What a departure that concerns some constraints does: from the accelerations by the documented law to those with it."""
+    """The effect of a departure that concerns some constraints, from accelerations by the documented law to those with it."""
     kinds = set(map(_kind_of, concerned))
     return Effect(
         name=departure.name,

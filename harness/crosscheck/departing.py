@@ -1,4 +1,4 @@
-"""What an engine's departures from the law that it documents of constraints do to the accelerations of a mechanism, each alone."""
+"""Effects of an engine's departures from its documented law of constraints on the accelerations of a mechanism, each alone."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
 
 
 def effects_on_file(assignment: Assignment, seed: int) -> list[Effect]:
-    """What each departure from the documented law of a user's file does to its accelerations."""
+    """The effect of each departure from the documented law of a user's file on its accelerations."""
     mechanism, engine = assignment.mechanism, load_engine(assignment.library, assignment.subject.engine)
     assert isinstance(mechanism, RobotMechanism)
     states = assignment.truth.asked_at(sample(mechanism, STATES_OF_EFFECTS, seed))
@@ -84,7 +84,7 @@ def effects_on_file(assignment: Assignment, seed: int) -> list[Effect]:
 
 
 def _lines(model: ModelFile, what: str) -> list[int]:
-    """Of those that the mechanism has of a kind; of actuators that a file does not have, where it begins."""
+    """Lines of the constraints of a kind that the mechanism has; for actuators that a file does not have, its first line."""
     if what == ACTUATORS:
         return [line for name, line in model.actuators if name in model.driven] or [model.root_line]
     return [one.line for one in model.bounded if one.name in model.acting and _what(one) == what]

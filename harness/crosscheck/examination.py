@@ -1,4 +1,4 @@
-"""What happens to a model's accelerations when parts of its file change or go: all of it is asked of one engine.
+"""Changes of a model's accelerations when parts of its file change or go, all asked of one engine.
 
 It runs where the engine does, which it asks thousands of times, see ``Engine.run``. No truth is in it.
 """

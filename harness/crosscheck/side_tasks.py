@@ -1,4 +1,4 @@
-"""What the record of a subject tells beside its verdicts, as worker processes find it; none of it changes one."""
+"""Remarks on a record beside its verdicts, as worker processes find them; none changes a verdict."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def measure_componentwise(assignment: Assignment, state: States, beyond: float) 
 
 
 def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
-    """What explains the answers on a file: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
+    """Readings that explain answers, or why a file is refused: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
     if departures_of(assignment) or why_left_out(assignment):
         # Imported late: a run in which all is well needs nothing of it.
         from harness.crosscheck.departing import departures_and_refusal, effects_on_file

@@ -154,7 +154,7 @@ def compare_all(
 
 
 def _warmed_up(truth: Truth, model: Model, states: States) -> tuple[Calls, Calls]:
-    """What is asked at ``states``, behind the same at one state: what is compiled or allocated on first use is not charged to the engine.
+    """The calls at ``states`` behind the same at one state: what is compiled or allocated on first use is not charged to the engine.
 
     Raises:
         NotOffered: the model does not offer it.

@@ -47,7 +47,7 @@ _BELOW = {"joint": ("joint", "freejoint"), "geom": ("geom",), "body": ("body",),
 
 
 def differences_of(sides: tuple[MovingSide, MovingSide], held: HeldSides, plan: Plan) -> dict[DriftCause, list[SideDifference]]:
-    """What differs, by cause; of settings of the sides their values."""
+    """The differences of two sides by cause, with their lines; settings of the sides have values instead of lines."""
     files = tuple(FileLines(side.path) for side in sides)
     found: dict[DriftCause, list[SideDifference]] = {}
     for cause, keys in plan.differing.items():

@@ -52,7 +52,7 @@ class MeasuredSettings:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What moves: a request for one motion of the unchanged file, and all about the log.
+    """The model that moves: a request for one motion of the unchanged file, and all about the log.
 
     Attributes:
         columns: of the joints of the log, in v. measured: (k, joints) positions of the log at the recorded steps.
@@ -136,7 +136,7 @@ def _model(settings: MeasuredSettings, held: HeldNumbers) -> _Model:
 
 
 def _first_velocity(times: Array, positions: Array) -> float:
-    """Of the parabola through the first row that is nearest to those behind it; a difference of two rows is half a step late."""
+    """That of the parabola through the first row that is nearest to those behind it; a difference of two rows is half a step late."""
     few = slice(1, _FIRST_ROWS)
     t, moved = times[few], positions[few] - positions[0]
     return float(np.linalg.lstsq(np.column_stack([t, t**2]), moved)[0][0]) if len(t) > 1 else float(moved[0] / t[0])

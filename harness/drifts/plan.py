@@ -72,7 +72,7 @@ class DriftSettings:
 
 @dataclass(frozen=True, eq=False)
 class HeldSides:
-    """What the engines hold: each side's of its own file, and the first side's of the second file."""
+    """The numbers that engines hold: each side's of its own file, and the first side's of the second file."""
 
     first: HeldNumbers
     second: HeldNumbers

@@ -102,7 +102,7 @@ def _kept(plan: Plan, tracks: Mapping[Chosen, Track], own: Track, norms: Sequenc
     start = tuple(np.tile(each, (len(plan.times), 1)) for each in (plan.request.q, plan.request.v))
 
     def farthest(track: Track) -> Array:
-        """Of positions and of velocities, from the start."""
+        """The largest distance from the start, of positions and of velocities."""
         sound = _sound(track)
         moved = displacements(plan.kinds, (start[0][:sound], start[1][:sound]), (track[0][:sound], track[1][:sound]))
         return np.asarray(np.max([norm.sizes(each) for norm, each in zip(norms, moved, strict=False)], axis=0, initial=0.0))

@@ -151,7 +151,7 @@ class PreparedDrift:
 
 
 def _labels(sides: tuple[MovingSide, MovingSide]) -> list[str]:
-    """What tells the sides apart: their files; of one file, their engines; of one engine, as the command names its arguments."""
+    """Labels that tell the sides apart: their files, of one file their engines, and of one engine the names of the command's arguments."""
     if sides[0].path != sides[1].path:
         return list(names_apart([str(side.path) for side in sides]).values())
     engines = [side.engine for side in sides]
@@ -189,7 +189,7 @@ def prepare(settings: DriftSettings, here: bool = False) -> PreparedDrift:
 
 
 def measured_from(settings: MeasuredSettings, here: bool = False) -> MeasuredRecord:
-    """What a log would be explained by.
+    """The numbers that would explain a log.
 
     Raises:
         InvalidInput, InvalidRequest: as ``prepare``, and as ``measured_drift``.

@@ -37,7 +37,7 @@ class Call(NamedTuple):
 
 @dataclass(frozen=True)
 class Calls:
-    """What a model is asked, and what is made of its answers, which are in the order of the calls."""
+    """Calls of a model's methods, and what is formed of their answers, which are in the order of the calls."""
 
     each: tuple[Call, ...]
     formed: Callable[[Sequence[Any]], Any] = lambda answers: answers[0]
@@ -117,7 +117,7 @@ def accelerations(model: Model, states: States) -> Array:
 
 
 def gaps_of(model: Model, states: States) -> Mapping[str, Array]:
-    """What the constraints of a model leave at ``states``, (n, rows) each, by their names in order; none where it has or says none."""
+    """The gaps of a model's constraints at ``states``, (n, rows) each, by their names in order; none where it has or says none."""
     found: Mapping[str, Array] = timed_answers_of(model, [_asked_gaps(model, states)])[0][0]
     return found
 
@@ -142,7 +142,7 @@ def _asked_gaps(model: Model, states: States) -> Calls:
 
 
 def loaded_and_asked(engine: Engine, model: ModelFile, joints: Sequence[str], gravity: float, calls: Sequence[Call]) -> list[Any]:
-    """What a file answers to each call, for ``engine.run``: a changed file of hundreds is loaded to be asked once.
+    """The answers of a file to each call, for ``engine.run``: a changed file of hundreds is loaded to be asked once.
 
     Raises:
         ValueError: the engine refuses the model. harness.engines.Unsupported: it cannot express it. Others as ``timed_answers_of``.
@@ -158,7 +158,7 @@ def factorises_mass_matrix(model: Model) -> bool:
 
 
 def answer_each(model: Model, calls: Sequence[Call]) -> list[tuple[Any, float]]:
-    """What each call of a model in this process returns, and its seconds; equal answers in a row are one object."""
+    """The answer of a model in this process to each call, and its seconds; equal answers in a row are one object."""
     found: list[tuple[Any, float]] = []
     for call in calls:
         method, arguments = getattr(model, call.method), tuple(map(_copied, call.arguments))
@@ -172,7 +172,7 @@ def answer_each(model: Model, calls: Sequence[Call]) -> list[tuple[Any, float]]:
 
 
 def called(method: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-    """What a method of an engine or its model, which is called ``method``, returns.
+    """The answer of a method of an engine or its model, which is called ``method``.
 
     Raises:
         InvalidAnswer: it leaves other arithmetic behind.

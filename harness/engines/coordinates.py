@@ -99,7 +99,7 @@ def cross_matrix(vector: Array) -> Array:
 
 
 class Columns:
-    """Where the harness has the joints in q and v: by name the first column of each; ``sizes`` are (nq, nv) of each."""
+    """Columns of the joints in the harness's q and v: by name the first column of each; ``sizes`` are (nq, nv) of each."""
 
     def __init__(self, joints: Sequence[str], sizes: Mapping[str, tuple[int, int]]) -> None:
         self.sizes = {name: sizes[name] for name in dict.fromkeys(joints)}

@@ -129,7 +129,7 @@ class Engine:
         raise Refused(f"{self.name} reads no robots' files")
 
     def compiled(self, request: Request) -> tuple[CompiledNumber, ...]:
-        """What the engine holds of a file as its user loads it, by its own names: all that may bear on motion, actuators and contacts too.
+        """Numbers that the engine holds of a file as its user loads it, by its own names: all that may bear on motion.
 
         None where the engine file does not say.
 
@@ -147,7 +147,7 @@ class Engine:
         raise NotOffered(f"{self.name} weighs no meshes here")
 
     def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What ``function(self, *arguments)`` returns, a function of a module of the harness, where the engine is asked.
+        """The result of ``function(self, *arguments)``, a function of a module of the harness, where the engine is asked.
 
         For what asks the engine thousands of times: a request to another process costs what a small model takes for an answer.
         """
@@ -180,7 +180,7 @@ class Engine:
             refuse_unexpressed(file, self.why_no_constraints)
 
     def held_numbers(self, file: MovedFile) -> HeldNumbers:
-        """What the engine holds of a file with everything on, by the causes that two motions of it may differ by.
+        """Numbers that the engine holds of a file with everything on, by the causes that two motions of it may differ by.
 
         Raises:
             NotOffered: the engine file does not say. Refused: the engine does not read the file.
@@ -301,7 +301,7 @@ _LEFT_BEHIND: WeakKeyDictionary[type, str] = WeakKeyDictionary()
 
 
 def load_keeping_arithmetic(engine: Engine, source: Any, joints: Sequence[str], gravity: float) -> Any:
-    """What ``engine.load`` returns; raises what it raises.
+    """The model that ``engine.load`` returns; raises what it raises.
 
     Raises:
         InvalidAnswer: loading leaves other arithmetic behind, or has done so before in this process.

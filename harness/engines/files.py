@@ -45,7 +45,7 @@ LOADING_SECONDS = 600.0
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """What an engine file says, as plain data.
+    """Declarations of an engine file, as plain data.
 
     Attributes:
         requires, formats: as of ``Engine``; of a file that cannot be loaded, the formats that its text spells out, else all.

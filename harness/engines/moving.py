@@ -91,7 +91,7 @@ class NamedNumber:
 
 @dataclass(frozen=True)
 class HeldNumbers:
-    """What an engine holds of a file, and where the file starts.
+    """Numbers that an engine holds of a file, and the state in which the file starts.
 
     Attributes:
         by_cause: each number, as an array of what stands in its row.

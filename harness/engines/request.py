@@ -122,7 +122,7 @@ class Aid:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How an engine's solver of constraints goes, and how far.
+    """Method, tolerance and iterations of an engine's solver of constraints.
 
     Attributes:
         method: by the engine's own name. iterations: at most. tolerance: it ends where an iteration gains less, as the engine documents.
@@ -277,7 +277,7 @@ class EngineQuestion:
 
 @dataclass(frozen=True)
 class EngineAnswers:
-    """What an engine returned.
+    """The answers of an engine to one question.
 
     Attributes:
         accelerations: {joint: (n, velocities of the joint)} of the joints of the question that it has; with couplings, of those that

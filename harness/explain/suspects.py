@@ -226,7 +226,7 @@ class SuspectSearch:
         return sorted(found, key=lambda one: one.left)
 
     def _residual(self, answers: Array) -> Array:
-        """Of answers (n, nv) [data roundoffs]; 0 where that is not decided."""
+        """The error of answers (n, nv) [data roundoffs]; 0 where that is not decided."""
         with np.errstate(invalid="ignore"):
             residual = self._whitening.residual(answers)
         residual[~(self._documented.certified & np.isfinite(residual).all(axis=1))] = 0.0
@@ -282,7 +282,7 @@ def _worst(rows: Array) -> float:
 
 
 class _Moves:
-    """What the values of one suspect do, each computed once."""
+    """Effects of the values of one suspect, each computed once."""
 
     def __init__(self, search: SuspectSearch, suspect: Suspect) -> None:
         self._search, self._suspect, self._kept = search, suspect, dict[float, Array | None]()

@@ -48,7 +48,7 @@ class Answered:
         shutil.rmtree(self._folder(unit), ignore_errors=True)
 
     def count(self) -> int:
-        """How many outcomes the night has."""
+        """The number of outcomes of the night."""
         return sum(path.is_file() for path in self.folder.rglob("*"))
 
     def keep(self, unit: str, number: int, place: int, outcome: Outcome) -> None:

@@ -14,7 +14,7 @@ _MOST_LINES = 12
 
 
 def drift_sections(found: Drifts, detail: Detail = Detail.BRIEF) -> Iterator[Section]:
-    """What the gap is due to, by the time, and what differs."""
+    """The causes of the gap over time, and the differences of the sides."""
     for drift in found.drifts:
         yield Section(drift.sentence, is_answer=True)
         yield Section("The sides", [drift.first.title, drift.second.title])

@@ -236,12 +236,12 @@ class RigidDistance:
 
     @property
     def at(self) -> Annotated[str, Column("at")]:
-        """What is turned, with its value."""
+        """The knob with its value."""
         return f"{self.knob} {self.value:g}{_unit(self.unit)}"
 
     @property
     def number(self) -> Annotated[str, Column("measured")]:
-        """What is measured, with its unit."""
+        """The measured number with its unit."""
         return f"{self.measured}{f' [{self.measured_unit}]' if self.measured_unit != '1' else ''}"
 
     @property

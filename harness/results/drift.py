@@ -49,7 +49,7 @@ class DriftSide:
 
 @dataclass(frozen=True, kw_only=True)
 class SideDifference:
-    """What differs between the sides, of one cause.
+    """A difference between the sides, of one cause.
 
     Attributes:
         owner: of the numbers, as "actuator elbow"; "" for the whole model. what: the attribute of the file, or the engine's array.
@@ -124,12 +124,12 @@ class DriftRecord:
 
     @property
     def explained(self) -> float:
-        """How long the gap is divided [s]."""
+        """The time up to which the gap is divided [s]."""
         return max((time for time in self.times if self.horizon is None or time < self.horizon), default=0.0)
 
     @property
     def sentence(self) -> str:
-        """What the gap is due to, and what to set."""
+        """The causes of the gap, and what to set."""
         one, other = self.first.label, self.second.label
         if not any(self.of_positions) and not any(self.of_velocities):
             return f"{one} and {other} move alike to the last digit for {self.times[-1]:g} s."
@@ -165,7 +165,7 @@ class DriftRecord:
 
     @property
     def lines(self) -> list[str]:
-        """What differs, cause by cause."""
+        """The differences, cause by cause."""
         return [f"{share.name}: {line}" for share in self.ranked for line in _differences(share, (self.first.label, self.second.label))]
 
 

@@ -57,7 +57,7 @@ class MeasuredRecord:
 
     @property
     def sentence(self) -> str:
-        """What would explain most of the gap."""
+        """The number that would explain most of the gap."""
         size = f"{self.log} is {number_text(float(f'{self.gap:.2g}'))} of its way from the motion of {self.path} over {self.seconds:g} s"
         best = self.numbers[0] if self.numbers else None
         if best is None or best.explained < PROPOSED:

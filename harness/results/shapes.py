@@ -25,7 +25,7 @@ class ShapesRecord:
 
     @property
     def text(self) -> str:
-        """What is judged, a sentence."""
+        """The judgement as a sentence."""
         given = f"; {counted_nouns(self.given, 'contacts')} of other shapes taken as found" if self.given else ""
         if self.rest:
             more = f", and {counted_nouns(len(self.rest) - 1, 'further differences')}" if len(self.rest) > 1 else ""

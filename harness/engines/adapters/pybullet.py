@@ -57,7 +57,7 @@ class PybulletModel(StateByState):
         self._gravity = request.gravity
 
     def _ask(self, function: str, *arguments: Any, **further: Any) -> Any:
-        """What a function of PyBullet answers in the server of the body."""
+        """The answer of a function of PyBullet in the server of the body."""
         import pybullet
 
         return getattr(pybullet, function)(*arguments, **further, physicsClientId=self._server)

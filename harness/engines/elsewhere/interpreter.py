@@ -101,7 +101,7 @@ class Interpreter:
         self._forgotten.append(number)
 
     def ask(self, *request: Any) -> Any:
-        """What a method of ``server.Server`` returns, or raises; the request is its name and its arguments.
+        """The answer of a method of ``server.Server``, or what it raises; the request is its name and its arguments.
 
         Raises:
             EngineDied: in a process that is no worker. A worker dies as the interpreter did, and the harness names its death.
@@ -279,7 +279,7 @@ class EngineElsewhere:
         return moved
 
     def evaluate(self, method: str, *arguments: Any) -> Any:
-        """What a method of the engine file's ``ENGINE`` returns there, or raises."""
+        """The answer of a method of the engine file's ``ENGINE`` there, or what it raises."""
         return self._interpreter().ask("evaluate", str(self._path), self._said.name, method, arguments)
 
     def run(self, function: Callable[..., Any], *arguments: Any) -> Any:

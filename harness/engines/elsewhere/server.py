@@ -69,16 +69,16 @@ class Server:
         return self._kept(load_keeping_arithmetic(self._engine(path, name), *arguments))
 
     def evaluate(self, path: str, name: str, method: str, arguments: Sequence[Any]) -> Any:
-        """What a method of the ``ENGINE`` of an engine file returns."""
+        """The answer of a method of the ``ENGINE`` of an engine file."""
         return getattr(self._engine(path, name), method)(*arguments)
 
     def run(self, path: str, name: str, function: tuple[str, str], arguments: Sequence[Any]) -> Any:
-        """What a function of a module of the harness, both by name, returns of the engine of an engine file."""
+        """The answer of a function of a module of the harness, both by name, for the engine of an engine file."""
         module, own = function
         return getattr(importlib.import_module(module), own)(self._engine(path, name), *arguments)
 
     def call(self, number: int, method: str, arguments: Sequence[Any]) -> Any:
-        """What a method of a model returns; another model of its class stays here, also one that a tuple holds."""
+        """The answer of a method of a model; another model of its class stays here, also one that a tuple holds."""
         from harness.engines.calls import called
 
         model = self._models[number]
@@ -90,7 +90,7 @@ class Server:
         return tuple(map(handed_out, answer)) if type(answer) is tuple else handed_out(answer)
 
     def answer_each(self, calls: Sequence[tuple[int, Sequence[Call]]]) -> list[list[tuple[Any, float]]]:
-        """What each call of each model returns, and its seconds."""
+        """The answer of each model to each of its calls, and its seconds."""
         from harness.engines.calls import answer_each
 
         return [answer_each(self._models[number], own) for number, own in calls]

@@ -1,4 +1,4 @@
-"""What passes between the harness and the interpreter of an engine, as bytes that both can read.
+"""Messages between the harness and the interpreter of an engine, as bytes that both can read.
 
 Both have this package's sources, and may have different versions of NumPy, which do not read each other's pickles.
 """

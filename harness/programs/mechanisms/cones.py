@@ -26,7 +26,7 @@ from harness.programs.terms import Matrix, Term, Vector, length, sqrt
 
 
 class Zone(IntEnum):
-    """What a contact does."""
+    """Zones of a contact."""
 
     PARTS = 0
     STICKS = 1

@@ -19,7 +19,7 @@ from harness.storage import Kept
 
 @dataclass(frozen=True)
 class Softness:
-    """How one constraint gives: numbers of a model file.
+    """The softness of one constraint: numbers of a model file.
 
     Attributes:
         impedance: d where the constraint holds, above 0 and below 1. stiffness: k [1/s^2]. damping: b [1/s].

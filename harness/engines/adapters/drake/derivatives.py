@@ -36,7 +36,7 @@ class DifferentiatedPlant:
         self._dual_context = self._dual.CreateDefaultContext()
 
     def forward(self, states: Iterable[Own]) -> Array:
-        """Of accelerations by q, v and tau, (n, 3, nv, nv)."""
+        """Derivatives of accelerations by q, v and tau, (n, 3, nv, nv)."""
         plant, context = self._dual, self._dual_context
         force, acceleration = plant.get_applied_generalized_force_input_port(), plant.get_generalized_acceleration_output_port()
         found = []
@@ -46,7 +46,7 @@ class DifferentiatedPlant:
         return np.array(found)
 
     def inverse(self, states: Iterable[Own]) -> Array:
-        """Of applied forces by q, v and the accelerations, (n, 3, nv, nv), with springs and dampers."""
+        """Derivatives of applied forces by q, v and the accelerations, (n, 3, nv, nv), with springs and dampers."""
         plant, context, found = self._dual, self._dual_context, []
         for state in states:
             accelerations = self._place(state)

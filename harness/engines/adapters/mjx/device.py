@@ -56,7 +56,7 @@ def _inverse(model: Any, empty: Any, q: Any, v: Any, qdd: Any) -> Any:
 
 
 def _derivatives(function: Callable[..., Any], model: Any, empty: Any, q: Any, v: Any, third: Any) -> Any:
-    """Of a function of one state, by q, v and the third vector, (3, nv, nv)."""
+    """Derivatives of a function of one state by q, v and the third vector, (3, nv, nv)."""
 
     def after(moves: Any, v: Any, third: Any) -> Any:
         return function(model, empty, _moved(model, q, moves), v, third)

@@ -111,7 +111,7 @@ def _acts(root: etree._Element, constraint: Constraint) -> bool:
 
 
 def _least_time_constant(root: etree._Element) -> Fraction:
-    """What ``solref`` is raised to: two steps, unless the flag "refsafe" is off."""
+    """The least time constant, to which ``solref`` is raised: two steps, unless the flag "refsafe" is off."""
     return 2 * Fraction(_time_step(root)) if is_on(root, "refsafe") else Fraction(0)
 
 

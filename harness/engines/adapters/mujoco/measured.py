@@ -29,7 +29,7 @@ _LEAST_SHARE, _LENGTH = 1e-3, 1e-3
 
 
 def named_numbers(model: Any) -> tuple[NamedNumber, ...]:
-    """Of joints, actuators and bodies that move."""
+    """The numbers of joints, actuators and bodies that move."""
     return (*_of_joints(model), *_of_actuators(model), *_of_bodies(model))
 
 

@@ -1,4 +1,4 @@
-"""What meshes of an MJCF weigh, which no file states: MuJoCo's own compile of each."""
+"""Masses and inertias of the meshes of an MJCF, which no file states: MuJoCo's own compile of each."""
 
 from __future__ import annotations
 

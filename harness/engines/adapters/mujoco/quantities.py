@@ -1,4 +1,4 @@
-"""What MuJoCo holds after loading, and what it computes beside accelerations; ``harness.engines.interface`` says what each is.
+"""Numbers that MuJoCo holds, and quantities that it computes beside accelerations; ``harness.engines.interface`` says what each is.
 
 What it holds is placed in the world by its own kinematics.
 
@@ -127,7 +127,7 @@ class MujocoQuantities:
         return found
 
     def anchors(self, data: Any) -> Array:
-        """Of each joint the anchor of the last joint of its body, (joints, 3); that of a slide in ``xanchor`` is where it stood before."""
+        """The anchor of the last joint of each joint's body, (joints, 3); that of a slide in ``xanchor`` is where it stood before."""
         bodies, model = self._bodies, self.model
         last = model.body_jntadr[bodies] + model.body_jntnum[bodies] - 1
         arms = np.einsum("bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), model.jnt_pos[last])

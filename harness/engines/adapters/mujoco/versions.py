@@ -1,4 +1,4 @@
-"""What differs between the versions of MuJoCo that the harness knows, from 3.3 on.
+"""Differences between the versions of MuJoCo that the harness knows, from 3.3 on.
 
 Source: MuJoCo's changelog, and the versions themselves.
 """

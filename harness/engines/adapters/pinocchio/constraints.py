@@ -145,7 +145,7 @@ class LoopConstraints:
         return accelerations, found
 
     def gaps(self, configuration: Array) -> dict[str, Array]:
-        """What each constraint's rows leave, (n, 3) [m] of points and (n, 6) [m and rad] of frames, at q (nq, n)."""
+        """The gaps that each constraint's rows leave, (n, 3) [m] of points and (n, 6) [m and rad] of frames, at q (nq, n)."""
         found: dict[str, list[Array]] = {name: [] for name in self._names}
         for position in configuration.T:
             pinocchio.forwardKinematics(self._model, self._memory, position)
@@ -242,7 +242,7 @@ class MimicJoints:
         return accelerations, [pinocchio.Force.Zero() for _ in range(self._tree.njoints)]
 
     def generalised_forces(self, columns: Columns) -> Array:
-        """What the couplings exert on the joints of the tree, (n, nv) [N or N m]: its inverse dynamics without the forces given."""
+        """The forces of the couplings on the joints of the tree, (n, nv) [N or N m]: its inverse dynamics without the forces given."""
         moved = states(*columns, self.accelerations(columns).T)
         return np.array([pinocchio.rnea(self._tree, self._tree_data, q, v, a) - tau for q, v, tau, a in moved])
 

@@ -165,7 +165,7 @@ class ForceElements:
             forces[rows] -= damping * velocity[rows]
 
     def potential_energy(self, configuration: Array) -> float:
-        """Of the springs [J], at one configuration (nq,)."""
+        """The potential energy of the springs [J], at one configuration (nq,)."""
         found = sum(stiffness * (configuration[at] - reference) ** 2 / 2 for at, _, stiffness, reference in self._joint_springs)
         for spring, (first, second) in self.ends_of_point_springs(configuration) if self._point_springs else ():
             found += spring.stiffness * (float(np.linalg.norm(second - first)) - spring.free_length) ** 2 / 2
@@ -191,7 +191,7 @@ class ForceElements:
         return [pull_of(spring, self._point, velocity) for spring in self._point_springs]
 
     def derivatives(self, configuration: Array, velocity: Array) -> tuple[Array, Array]:
-        """Of the forces at one configuration (nq,) and velocity (nv,), by q and by v, (nv, nv) each."""
+        """Derivatives of the forces by q and by v, (nv, nv) each, at one configuration (nq,) and velocity (nv,)."""
         by_position, by_velocity = np.zeros((2, len(velocity), len(velocity)))
         for _, row, stiffness, _ in self._joint_springs:
             by_position[row, row] -= stiffness
@@ -210,7 +210,7 @@ class ForceElements:
         return by_position, by_velocity
 
     def on_bodies(self, configuration: Array, velocity: Array) -> list[Any]:
-        """What springs between points do to the body of each joint, as a ``pinocchio.Force`` in the frame of the joint, at one state."""
+        """The force of springs between points on each joint's body, as a ``pinocchio.Force`` in the frame of the joint, at one state."""
         found = [pinocchio.Force.Zero() for _ in range(self.model.njoints)]
         for pull in self.pulls(configuration, velocity):
             for (body, _), point, sign in zip(pull.spring.ends, pull.points, (1.0, -1.0), strict=True):

@@ -1,4 +1,4 @@
-"""What Pinocchio computes beside accelerations; ``harness.engines.interface`` says what each is.
+"""Quantities that Pinocchio computes beside accelerations; ``harness.engines.interface`` says what each is.
 
 What springs and dampers do is added from the file, as for ``aba``. Positions move along Pinocchio's tangent vectors,
 ``pinocchio.integrate``: the axes of the body for a ball or free joint.
@@ -98,7 +98,7 @@ class PlacedJoints:
 
 
 class PinocchioQuantities(PlacedJoints):
-    """What the model computes beside accelerations."""
+    """The quantities that a model computes beside accelerations."""
 
     def mass_matrix(self, q: Array) -> Array:
         """``crba``."""
@@ -128,7 +128,7 @@ class PinocchioQuantities(PlacedJoints):
         return self._derivatives("computeRNEADerivatives", q, v, qdd)
 
     def _derivatives(self, algorithm: str, q: Array, v: Array, third: Array) -> Array:
-        """Of accelerations by q, v and forces, or of forces by q, v and accelerations, with those of springs and dampers."""
+        """Derivatives of accelerations by q, v and forces, or of forces by q, v and accelerations, with those of springs and dampers."""
         if self.constraints is not None:
             raise NotOffered(f"{algorithm} is of trees; constraints and mimicking joints are no part of it")
         is_forward, elements = algorithm == "computeABADerivatives", self.force_elements

@@ -1,4 +1,4 @@
-"""What an engine file says of Pinocchio's constraint solvers; see ``stepping`` for how they are asked, and ``step_law`` for the problem."""
+"""The engine of Pinocchio's constraint solvers; see ``stepping`` for how they are asked, and ``step_law`` for the problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the adapter's modules share of Pinocchio, and what differs between the versions that the harness knows, from 2.7 on.
+"""Pieces of Pinocchio that the adapter's modules share, and differences between the versions that the harness knows, from 2.7 on.
 
 Source: Pinocchio's changelog, and the versions themselves.
 """

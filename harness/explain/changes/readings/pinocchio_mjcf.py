@@ -1,4 +1,4 @@
-"""What Pinocchio's reader of MJCF passes over without a word, or reads otherwise than the format's documentation says.
+"""Elements that Pinocchio's reader of MJCF passes over without a word, or reads otherwise than the format's documentation says.
 
 Each law is the behaviour of the reader's source, and ``tests/explain/test_pinocchio_mjcf.py`` holds it against the installed version.
 """
@@ -154,7 +154,7 @@ def _with_reference_in_degrees(joint: Joint) -> Joint:
 
 @law("least masses and inertias", "links")
 def _raised(robot: Robot) -> Tree:
-    """Of full moments the entries of the diagonal, whatever the principal moments are."""
+    """Of full moments it raises the entries of the diagonal, whatever the principal moments are."""
     tree, bounds = robot.tree, robot.tree.bounds
     if bounds is None:
         return tree
