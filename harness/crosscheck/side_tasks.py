@@ -29,7 +29,7 @@ def measure_componentwise(assignment: Assignment, state: States, beyond: float) 
 
 
 def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
-    """Readings that explain answers, or why a file is refused: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
+    """Readings that explain answers: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
     if departures_of(assignment) or why_left_out(assignment):
         # Imported late: a run in which all is well needs nothing of it.
         from harness.crosscheck.departing import departures_and_refusal, effects_on_file
