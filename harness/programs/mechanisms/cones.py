@@ -118,14 +118,16 @@ def sliding_weights(first: Term, friction: Vector, ratio: Term, towards: Vector)
     return found
 
 
-def sliding_weights_at(first: float, friction: Array, ratio: float, y: Array) -> Array:
-    """The same in float64."""
-    mu = friction[0] / np.sqrt(ratio)
-    lateral = friction * y[1:]
-    across = np.linalg.norm(lateral)
-    unit, steepness = lateral / across, mu * mu * y[0] / across
-    inner = np.empty((len(y), len(y)))
-    inner[0, 0], inner[0, 1:], inner[1:, 0] = 1.0, -mu * unit, -mu * unit
-    inner[1:, 1:] = steepness * np.outer(unit, unit) + (mu * mu - steepness) * np.eye(len(unit))
-    scales = np.array([mu, *friction])
-    return np.asarray(first / (mu * mu * (1 + mu * mu)) * np.outer(scales, scales) * inner)
+def sliding_weights_at(first: Array, friction: Array, ratio: Array, y: Array) -> Array:
+    """The same in float64 at n states, (n, rows, rows); ``first`` and ``ratio`` are (n,), ``friction`` (n, rows - 1), y (n, rows)."""
+    mu = friction[:, :1] / np.sqrt(ratio)[:, None]
+    lateral = friction * y[:, 1:]
+    across = np.linalg.norm(lateral, axis=1, keepdims=True)
+    unit, steepness = lateral / across, mu * mu * y[:, :1] / across
+    inner = np.empty((*y.shape, y.shape[1]))
+    inner[:, 0, 0], inner[:, 0, 1:], inner[:, 1:, 0] = 1.0, -mu * unit, -mu * unit
+    own = steepness[:, :, None]
+    inner[:, 1:, 1:] = own * unit[:, :, None] * unit[:, None, :] + ((mu * mu)[:, :, None] - own) * np.eye(unit.shape[1])
+    scales = np.hstack([mu, friction])
+    size = first / (mu * mu * (1 + mu * mu))[:, 0]
+    return np.asarray(size[:, None, None] * scales[:, :, None] * scales[:, None, :] * inner)

@@ -1,27 +1,26 @@
 """The least of F(a) = 1/2 |a - a0|_M^2 + s(J a - aref) in float64, where a proof of which rows act how begins.
 
-Newton's method with a search along each direction: F is convex and once differentiable, and its derivative along a line rises, so that
-the least on the line is where that is zero.
+Newton's method with a search along each direction, at all states at once: F is convex and once differentiable, and its derivative along
+a line rises, so that the least on the line is where that is zero.
 
 Source: Nocedal, Wright, Numerical Optimization, 2nd ed., section 3.1; MuJoCo documentation, Computation, section Primal problem.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Indices
 from harness.programs.evaluation import values
+from harness.programs.kernels import full_matrices
 from harness.programs.mechanisms.clamps import Ranges
-from harness.programs.mechanisms.cones import Cone, Zone, sliding_weights_at
+from harness.programs.mechanisms.cones import Cone, sliding_weights_at
 from harness.programs.mechanisms.mechanism import JACOBIAN
 from harness.programs.mechanisms.zones import Sides, Zones
 from harness.programs.program import StraightLineProgram
-from harness.programs.terms import symmetric
 
 # Steps of Newton's method, and of the search along one.
 _STEPS, _HALVINGS = 100, 60
@@ -31,25 +30,41 @@ _FLAT, _LEAST_STEP = 0.5, 1e-15
 
 @dataclass(frozen=True)
 class _RoundRows:
-    """The rows of an elliptic cone among all, and the parameters of the state."""
+    """The rows of an elliptic cone among all; friction (n, rows - 1) and ratio (n,) of n states."""
 
-    cone: Cone
-    rows: Sequence[int]
-    found: Array
+    rows: slice
+    friction: Array
+    ratio: Array
 
-    def slope(self, y: Array, weights: Array) -> Array | None:
-        """Minus the derivative of the forces by y, (rows, rows); None where the rows act by themselves, as where the contact sticks."""
-        zone = self.cone.zone(self.found, y.tolist(), math.sqrt)
-        if zone == Zone.STICKS:
-            return None
-        if zone != Zone.SLIDES:
-            return np.zeros((len(y), len(y)))
-        return sliding_weights_at(float(weights[0]), self.found[list(self.cone.friction)], float(self.found[self.cone.ratio]), y)
+    @classmethod
+    def of(cls, cone: Cone, rows: slice, found: Array) -> _RoundRows:
+        return cls(rows, found[:, list(cone.friction)], found[:, cone.ratio])
+
+    def __getitem__(self, states: Indices) -> _RoundRows:
+        return _RoundRows(self.rows, self.friction[states], self.ratio[states])
+
+    def act(self, y: Array, weights: Array, force: Array, slope: Array | None) -> None:
+        """Set forces, (n, rows), and minus their derivative by y, (n, rows, rows), where the rows do not act by themselves.
+
+        Where a contact sticks they do.
+        """
+        own = y[:, self.rows]
+        mu = self.friction[:, 0] / np.sqrt(self.ratio)
+        lateral = self.friction * own[:, 1:]
+        across, normal = np.linalg.norm(lateral, axis=1), mu * own[:, 0]
+        sticks, parts = mu * normal + across <= 0, normal - mu * across >= 0
+        bent = np.zeros((*own.shape, own.shape[1]))
+        slides = np.flatnonzero(~(sticks | parts))
+        bent[slides] = sliding_weights_at(weights[slides, self.rows.start], self.friction[slides], self.ratio[slides], own[slides])
+        others = np.flatnonzero(~sticks)
+        force[others, self.rows] = -np.einsum("nij,nj->ni", bent[others], own[others])
+        if slope is not None:
+            slope[others, self.rows, self.rows] = bent[others]
 
 
 @dataclass(frozen=True)
 class _Problem:
-    """F at one state: M, M a0, J, aref and D, the least and the largest force of each row, and the rows whose forces lie in cones."""
+    """F at n states: M, M a0, J, aref and D, the least and the largest force of each row, and the rows whose forces lie in cones."""
 
     mass: Array
     force: Array
@@ -60,58 +75,93 @@ class _Problem:
     high: Array
     cones: Sequence[_RoundRows]
 
-    def forces(self, y: Array) -> tuple[Array, Array]:
-        """Forces of rows that leave ``y``, and minus their derivative by it, (rows, rows)."""
+    def __getitem__(self, states: Indices) -> _Problem:
+        own = (self.mass, self.force, self.jacobian, self.wanted, self.weights, self.low, self.high)
+        return _Problem(*(one[states] for one in own), cones=[one[states] for one in self.cones])
+
+    def forces(self, y: Array) -> Array:
+        """Forces of rows that leave ``y``, (n, rows)."""
+        force: Array = np.clip(-self.weights * y, self.low, self.high)
+        for one in self.cones:
+            one.act(y, self.weights, force, None)
+        return force
+
+    def slopes(self, y: Array) -> tuple[Array, Array]:
+        """The same, and minus their derivative by y, (n, rows, rows)."""
         free = -self.weights * y
         inside = (free > self.low) & (free < self.high)
-        force, slope = np.clip(free, self.low, self.high), np.diag(np.where(inside, self.weights, 0.0))
+        force, slope = np.clip(free, self.low, self.high), np.zeros((*y.shape, y.shape[1]))
+        rows = np.arange(y.shape[1])
+        slope[:, rows, rows] = np.where(inside, self.weights, 0.0)
         for one in self.cones:
-            own = one.slope(y[one.rows], self.weights[one.rows])
-            if own is not None:
-                slope[np.ix_(one.rows, one.rows)], force[one.rows] = own, -own @ y[one.rows]
+            one.act(y, self.weights, force, slope)
         return force, slope
 
     @np.errstate(all="ignore")
     def least(self) -> Array:
-        """y = J a - aref at the least, (rows,), or where the search ends."""
+        """y = J a - aref at the least, (n, rows), or where the search ends."""
         a = _solved(self.mass, self.force)
+        left = np.arange(len(a))
         for _ in range(_STEPS):
-            y = self.jacobian @ a - self.wanted
-            force, slope = self.forces(y)
-            gradient = self.mass @ a - self.force - self.jacobian.T @ force
-            metric = self.mass + self.jacobian.T @ slope @ self.jacobian
+            own = self[left]
+            y = own.left_by(a[left])
+            force, slope = own.slopes(y)
+            gradient = _times(own.mass, a[left]) - own.force - np.einsum("nri,nr->ni", own.jacobian, force)
+            metric = own.mass + own.jacobian.transpose(0, 2, 1) @ slope @ own.jacobian
             direction = -_solved(metric, gradient)
-            if not np.isfinite(direction).all():
+            direction = np.where(np.isfinite(direction).all(axis=1)[:, None], direction, 0.0)
+            step = own._lengths(a[left], y, direction)[:, None] * direction
+            a[left] += np.where(np.isfinite(step), step, 0.0)
+            sizes = [np.sqrt(np.einsum("ni,nij,nj->n", one, metric, one)) for one in (direction, a[left])]
+            left = left[~(sizes[0] <= _LEAST_STEP * sizes[1])]
+            if not len(left):
                 break
-            a = a + self._length(a, y, direction) * direction
-            if np.sqrt(direction @ metric @ direction) <= _LEAST_STEP * np.sqrt(a @ metric @ a):
-                break
-        return np.asarray(self.jacobian @ a - self.wanted)
+        return self.left_by(a)
 
-    def _length(self, a: Array, y: Array, direction: Array) -> float:
-        along = self.jacobian @ direction
-        constant, linear = direction @ (self.mass @ a - self.force), direction @ self.mass @ direction
+    def left_by(self, a: Array) -> Array:
+        """y of accelerations, (n, rows)."""
+        return np.asarray(_times(self.jacobian, a) - self.wanted)
 
-        def slope(step: float) -> float:
-            return float(constant + step * linear - along @ self.forces(y + step * along)[0])
+    def _lengths(self, a: Array, y: Array, direction: Array) -> Array:
+        """Step along each direction, (n,)."""
+        along = _times(self.jacobian, direction)
+        constant = np.einsum("ni,ni->n", direction, _times(self.mass, a) - self.force)
+        linear = np.einsum("ni,nij,nj->n", direction, self.mass, direction)
 
-        start, low, high = slope(0.0), 0.0, 1.0
-        if abs(slope(high)) <= _FLAT * abs(start):
-            return high
-        while slope(high) < 0 and high < 2.0**_HALVINGS:
-            low, high = high, 2 * high
+        def slope(step: Array) -> Array:
+            return np.asarray(constant + step * linear - np.einsum("nr,nr->n", along, self.forces(y + step[:, None] * along)))
+
+        low, high = np.zeros(len(a)), np.ones(len(a))
+        start, found = np.abs(slope(low)), slope(high)
+        is_done = np.abs(found) <= _FLAT * start
+        length = np.where(is_done, high, 0.0)
         for _ in range(_HALVINGS):
+            goes_on = ~is_done & (found < 0)
+            if not goes_on.any():
+                break
+            low, high = np.where(goes_on, high, low), np.where(goes_on, 2 * high, high)
+            found = np.where(goes_on, slope(high), found)
+        for _ in range(_HALVINGS):
+            if is_done.all():
+                break
             middle = (low + high) / 2
             found = slope(middle)
-            if abs(found) <= _FLAT**4 * abs(start):
-                return middle
-            low, high = (middle, high) if found < 0 else (low, middle)
-        return (low + high) / 2
+            length = np.where(is_done, length, middle)
+            is_done |= np.abs(found) <= _FLAT**4 * start
+            low, high = np.where(found < 0, middle, low), np.where(found < 0, high, middle)
+        return length
 
 
-def _solved(matrix: Array, vector: Array) -> Array:
-    """The solution of a system, or the vector of least length that is nearest to one."""
-    return np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], dtype=np.float64)
+def _times(matrices: Array, vectors: Array) -> Array:
+    return np.asarray(np.einsum("nij,nj->ni", matrices, vectors))
+
+
+def _solved(matrices: Array, vectors: Array) -> Array:
+    """The solutions of n systems, or where one is singular the vectors of least length that are nearest to them."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        return np.array([np.linalg.lstsq(matrix, vector, rcond=None)[0] for matrix, vector in zip(matrices, vectors, strict=True)])
 
 
 def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, found: Array, ranges: Ranges | None) -> Sides:
@@ -125,16 +175,13 @@ def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, fo
     least, most = zones.bounds(found) if ranges is None else ranges
     low, beyond = np.full((len(found), rows), -np.inf), np.full((len(found), rows), np.inf)
     low[:, :clamps], beyond[:, :clamps] = least, most
-    y = np.zeros((len(found), rows))
-    for state in range(len(found)):
-        cones = [
-            _RoundRows(cone, range(clamps + part.start, clamps + part.stop), found[state])
-            for cone, part in zip(zones.cones, zones.parts, strict=True)
-        ]
-        mass = symmetric(outputs["mass"][:, state].tolist(), nv).astype(np.float64)
-        jacobian = outputs[JACOBIAN][:, state].reshape(rows, nv)
-        own = [outputs[name][:, state] for name in ("force", "wanted", "weights")]
-        y[state] = _Problem(mass, own[0], jacobian, own[1], own[2], low[state], beyond[state], cones).least()
-    free = -outputs["weights"].T[:, :clamps] * y[:, :clamps]
+    cones = [
+        _RoundRows.of(cone, slice(clamps + part.start, clamps + part.stop), found)
+        for cone, part in zip(zones.cones, zones.parts, strict=True)
+    ]
+    mass, jacobian = full_matrices(outputs["mass"]), outputs[JACOBIAN].T.reshape(len(found), rows, nv)
+    force, wanted, weights = (np.ascontiguousarray(outputs[name].T) for name in ("force", "wanted", "weights"))
+    y = _Problem(mass, force, jacobian, wanted, weights, low, beyond, cones).least()
+    free = -weights[:, :clamps] * y[:, :clamps]
     sides = np.where(free < least, -1.0, np.where(free > most, 1.0, 0.0))
     return zones.sides(sides, y[:, clamps : clamps + sum(cone.size for cone in zones.cones)], found)
