@@ -23,7 +23,9 @@ from harness.crosscheck.scene import with_parameters
 from harness.engines import NotOffered, engine_files, load_engine
 from harness.engines.moving import Control, MotionsRequest, MovedFile, SimulatedFile, Timing
 from harness.engines.request import Refused
-from harness.hard.cases.rigid import Edits, Interval, Numbers, RecordedMotion, RigidCase, rigid_cases
+from harness.environments import split_name
+from harness.files.tree import WORLD
+from harness.hard.cases.rigid import Edits, Interval, Numbers, RecordedMotion, RigidCase, UrdfChanges, rigid_cases
 from harness.lagrange.assembly import contact_rows
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.system import System
@@ -37,6 +39,9 @@ from harness.truth.coulomb import RigidContact, RigidContacts
 _RECORDED = 200
 # Length of a step [s] where nothing else is said, and a fine one.
 _LENGTH, _FINE = 2e-3, 2e-4
+MJCF, URDF = "mjcf", "urdf"
+# Of the world's surface, of products.
+_WORLD = {"lateral_friction": 1.0, "restitution": 1.0}
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,7 @@ def rigid_distances(name: str, library: Library, note: Note) -> list[RigidDistan
         place = _Place(case, value, own, case.rigid(rigid_contacts(system, turned), q, v, own))
         for engine in _engines(library):
             for setting in SETTINGS:
-                if case.only and setting.name not in case.only:
+                if (case.only and setting.name not in case.only) or (setting.edits and _format_of(library, engine) != MJCF):
                     continue
                 note(f"{engine}, {case.knob[0]} = {value!r}, {setting.name}")
                 try:
@@ -142,10 +147,16 @@ def rigid_distances(name: str, library: Library, note: Note) -> list[RigidDistan
 
 
 def _engines(library: Library) -> Iterator[str]:
-    """Names of engines that are installed and read MJCF."""
+    """Names of engines that are installed and read files, each in one version."""
     for name, file in engine_files(library).items():
-        if file.version is not None and file.outcome.value is not None and "mjcf" in file.outcome.value.formats:
+        is_there = file.version is not None and file.outcome.value is not None
+        if is_there and not split_name(name)[1] and {MJCF, URDF} & set(file.outcome.value.formats):
             yield name
+
+
+def _format_of(library: Library, engine: str) -> str:
+    """MJCF of an engine that reads it, as it says more of contacts."""
+    return MJCF if MJCF in engine_files(library)[engine].outcome.value.formats else URDF
 
 
 def _measured(library: Library, engine: str, place: _Place, setting: ContactSetting) -> float:
@@ -154,11 +165,13 @@ def _measured(library: Library, engine: str, place: _Place, setting: ContactSett
     start = tuple(np.array(part, dtype=np.float64) for part in case.start(own))
     steps = 1 if case.time is None else max(1, math.ceil(case.time(own) / setting.length))
     counts = tuple(dict.fromkeys(np.linspace(1, steps, min(steps, _RECORDED)).astype(int).tolist()))
-    source = Library.built_in().model_path(case.system, "mjcf")
+    model_format = _format_of(library, engine)
+    source = Library.built_in().model_path(case.system, model_format)
     with tempfile.TemporaryDirectory(prefix="harness-contact-") as folder:
         path = Path(folder) / source.name
-        path.write_bytes(_touching(source, case.edits(value), setting.edits))
-        motion = SimulatedFile(MovedFile(path, "mjcf", length=setting.length), {}, Timing(), counts)
+        is_mjcf = model_format == MJCF
+        path.write_bytes(_touching(source, case.edits(value), setting.edits) if is_mjcf else _rubbing(source, case.of_urdf(value)))
+        motion = SimulatedFile(MovedFile(path, model_format, length=setting.length), {}, Timing(), counts)
         joints = tuple(load_mechanism(Library.built_in(), case.system).joints)
         control = Control.constant({})
         moved = load_engine(library, engine).moved(MotionsRequest([motion], joints, start[0], start[1], control))
@@ -175,5 +188,19 @@ def _touching(path: Path, *edits: Edits) -> bytes:
     for place, attributes in (item for one in reversed(edits) for item in one.items()):
         for element in root.iterfind(place):
             element.attrib.update(attributes)
+    written: bytes = etree.tostring(root)
+    return written
+
+
+def _rubbing(path: Path, changes: UrdfChanges) -> bytes:
+    """A URDF whose links say how they touch."""
+    root = etree.fromstring(path.read_bytes(), etree.XMLParser(resolve_entities=False, remove_comments=True))
+    for place, attributes in changes.edits.items():
+        for element in root.iterfind(place):
+            element.attrib.update(attributes)
+    for link in root.iterfind("link"):
+        contact = etree.SubElement(link, "contact")
+        for name, value in (_WORLD if link.get("name") == WORLD else changes.surface).items():
+            etree.SubElement(contact, name, value=f"{value!r}")
     written: bytes = etree.tostring(root)
     return written

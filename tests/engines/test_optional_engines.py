@@ -249,3 +249,19 @@ def test_mjx_rubs_and_is_limited_as_the_file_says(environment: Callable[[str], P
         assert one["explained"] and one["backward_error"] < AGREEMENT and len(one["parts"]) == 7
     alone = [[part["alone"] for part in one["parts"] if part["what"] == "dry friction"] for one in (own, other)]
     np.testing.assert_allclose(alone[0], alone[1], rtol=1e-9)
+
+
+@pytest.mark.nightly
+def test_pybullet_is_near_rigid_contact_but_for_what_it_adds_to_a_bounce(
+    environment: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(environment("pybullet")))
+    done = harness("atlas", "stiff_spring", "--subject", "lagrange", "--contact", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = [one for one in json.loads((tmp_path / "out.json").read_text())["atlas"]["distances"] if one["engine"] == "pybullet"]
+    fine = {(one["case"], one["value"]): one for one in found if one["setting"] == "steps of 0.2 ms"}
+    near = ("block on an incline", "sphere on an incline", "sliding to rolling", "spinning disc", "stack of boxes", "Newton's cradle")
+    assert max(one["distance"] for (case, _), one in fine.items() if case in near) < 0.005
+    bounces = [one["found"] - value for (case, value), one in fine.items() if case == "bouncing ball"]
+    # Of the speed before the impact, by which the penetration of the last step is made good: its contactERP.
+    assert len(bounces) == 4 and all(added == pytest.approx(0.08, abs=0.005) for added in bounces)

@@ -5,7 +5,11 @@ Its own forward dynamics are those of a time step, with dampers treated implicit
 Gravity is what its user sets. By default the inertias of links are made of their collision shapes; an aided PyBullet takes those of the
 file, by ``URDF_USE_INERTIA_FROM_FILE``, and none for links that have none there.
 
-Source: PyBullet Quickstart Guide, ``loadURDF``, ``calculateMassMatrix``, ``calculateInverseDynamics``, ``calculateJacobian``.
+Motions are those of its own steps, with contacts, between links of the file too, and with the inertias that stand there. Motors of joints
+and damping, which it has by default, are off.
+
+Source: PyBullet Quickstart Guide, ``loadURDF``, ``stepSimulation``, ``setJointMotorControl2``, ``changeDynamics``,
+``calculateMassMatrix``, ``calculateInverseDynamics``, ``calculateJacobian``.
 """
 
 from __future__ import annotations
@@ -19,9 +23,10 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
-from harness.engines import Engine, LoadedModel, Unsupported
+from harness.engines import Engine, LoadedModel, NotOffered, Unsupported
 from harness.engines.coordinates import rotation
 from harness.engines.loaded_file import refuse_joints
+from harness.engines.moving import MotionsRequest, Moved, SimulatedFile
 from harness.engines.reading import (
     captured_output,
     elements_of,
@@ -37,6 +42,9 @@ from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS
 
 # pybullet.URDF_USE_INERTIA_FROM_FILE.
 _INERTIAS_OF_FILE = 2
+# pybullet.URDF_USE_SELF_COLLISION and URDF_USE_SELF_COLLISION_INCLUDE_PARENT: the ground may be a link of the file.
+_LINKS_TOUCH = 8 | 8192
+_GRAVITY = (0.0, 0.0, -9.81)
 _NOTHING = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
 
 
@@ -162,6 +170,47 @@ class PybulletEngine(Engine):
             read = _read(0, text_of(without_shapes(elements, meshes_alone=True)))
             return PybulletModel(read, (note,) if meshes else (), request)
         return PybulletModel(_read(_INERTIAS_OF_FILE, _with_inertias(request)), (), request)
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; numbers are laid over none, and no actuator is controlled."""
+        found = [_moved(motion, request) for motion in request.motions]
+        return Moved(np.array([q for q, _ in found]), np.array([v for _, v in found]), np.empty(0))
+
+
+def _moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]:
+    """q and v, (k, joints) each, after the recorded steps of one motion."""
+    import pybullet
+
+    if motion.over or motion.timing.period or motion.timing.delay or request.control.names:
+        raise NotOffered("PyBullet moves files as they stand, without controls")
+    server, body = _read(_INERTIAS_OF_FILE | _LINKS_TOUCH, motion.file.path.read_text(encoding="utf-8"))
+    try:
+        known = {}
+        for index in range(pybullet.getNumJoints(body, physicsClientId=server)):
+            known[pybullet.getJointInfo(body, index, physicsClientId=server)[1].decode()] = index
+        if lacking := [name for name in request.joints if name not in known]:
+            raise Refused(f"it has no joint {lacking[0]!r}")
+        joints = [known[name] for name in request.joints]
+        for index in range(-1, len(known)):
+            pybullet.changeDynamics(body, index, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=server)
+        pybullet.setJointMotorControlArray(
+            body, [*known.values()], pybullet.VELOCITY_CONTROL, forces=[0.0] * len(known), physicsClientId=server
+        )
+        pybullet.setGravity(*_GRAVITY, physicsClientId=server)
+        if motion.file.length is not None:
+            pybullet.setTimeStep(motion.file.length, physicsClientId=server)
+        for index, q, v in zip(joints, request.q.tolist(), request.v.tolist(), strict=True):
+            pybullet.resetJointState(body, index, q, v, physicsClientId=server)
+        states, done = [], 0
+        for until in motion.counts:
+            for _ in range(done, until):
+                pybullet.stepSimulation(physicsClientId=server)
+            done = until
+            states.append([one[:2] for one in pybullet.getJointStates(body, joints, physicsClientId=server)])
+    finally:
+        pybullet.disconnect(server)
+    found = np.array(states)
+    return found[:, :, 0], found[:, :, 1]
 
 
 def _read(flags: int, content: str) -> tuple[int, int]:

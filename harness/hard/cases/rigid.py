@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from harness.arrays import Array
 from harness.truth.coulomb import RigidContacts
@@ -36,6 +36,20 @@ class RecordedMotion:
     start: tuple[Array, Array]
 
 
+@dataclass(frozen=True)
+class UrdfChanges:
+    """Numbers of a URDF.
+
+    Attributes:
+        surface: by their names in the ``<contact>`` that Bullet reads of links, those of every link but the world; the world has lateral
+            friction and restitution 1, for Bullet takes the products of both.
+        edits: as of an MJCF.
+    """
+
+    surface: Numbers = field(default_factory=dict)
+    edits: Edits = field(default_factory=dict)
+
+
 @dataclass(frozen=True, kw_only=True)
 class RigidCase:
     """A family of motions with contacts.
@@ -43,7 +57,7 @@ class RigidCase:
     Attributes:
         name, system: of the family, and in the built-in library.
         knob: name and unit of what is turned; values: of it.
-        changes: value to parameters of the system that are not its own; edits: the same in an MJCF.
+        changes: value to parameters of the system that are not its own; edits, of_urdf: the same in an MJCF and in a URDF.
         start: parameters to q and v; closed: the contacts that touch there.
         time: parameters to the length of the motion [s]; None for one step.
         measured: name and unit of the number that is measured; measure: (motion, parameters) to it.
@@ -58,6 +72,7 @@ class RigidCase:
     values: tuple[float, ...]
     changes: Callable[[float], Numbers] = lambda value: {}
     edits: Callable[[float], Edits] = lambda value: {}
+    of_urdf: Callable[[float], UrdfChanges] = lambda value: UrdfChanges()
     start: Callable[[Numbers], tuple[Sequence[float], Sequence[float]]]
     closed: tuple[str, ...] = ()
     time: Callable[[Numbers], float] | None
@@ -103,6 +118,7 @@ BLOCK = RigidCase(
     values=(0.3, 0.7, 0.8, 1.2),
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
+    of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
     start=lambda own: ([0.0, own["h"], 0.0], [0.0] * 3),
     closed=_EDGES,
     time=lambda own: 1.0,
@@ -120,6 +136,7 @@ SPHERE = RigidCase(
     values=(0.1, 0.2, 0.25, 0.5),
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
+    of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
     start=lambda own: ([0.0, own["R"], 0.0], [0.0] * 3),
     closed=("incline",),
     time=lambda own: 1.0,
@@ -138,6 +155,7 @@ ROLLING = RigidCase(
     values=(0.1, 0.3, 0.9),
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
+    of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
     start=lambda own: ([0.0, own["R"], 0.0], [_THROWN, 0.0, 0.0]),
     closed=("floor",),
     time=lambda own: 1.5 * 2 * _THROWN / (7 * own["mu"] * own["g"]),
@@ -155,6 +173,7 @@ DISC = RigidCase(
     values=(0.005, 0.02, 0.08),
     changes=lambda mu: {"mu": mu},
     edits=_friction(condim=4),
+    of_urdf=lambda mu: UrdfChanges({"lateral_friction": 0.5, "spinning_friction": mu}),
     start=lambda own: ([own["foot"], 0.0], [0.0, _SPUN]),
     closed=("floor",),
     time=lambda own: _SPUN * own["R"] ** 2 / 2 / (own["mu"] * own["g"]) / 2,
@@ -183,6 +202,7 @@ BALL = RigidCase(
     knob=("speed after an impact of that before", "1"),
     values=(0.2, 0.5, 0.8, 0.95),
     edits=_bouncing,
+    of_urdf=lambda e: UrdfChanges({"restitution": e}),
     changes=lambda e: {"restitution": e},
     start=lambda own: ([own["R"] + 1e-9], [-_FALLING]),
     time=lambda own: 0.25,
@@ -199,6 +219,8 @@ CRADLE = RigidCase(
     knob=("stiffness of contacts", "1/s^2"),
     values=(1e4, 1e5, 1e6),
     edits=lambda k: {"worldbody//geom": {"solref": f"{-k!r} 0"}},
+    # Its contacts are rigid, and keep the energy.
+    of_urdf=lambda k: UrdfChanges({"restitution": 1.0}),
     start=lambda own: ([-0.02, 0.02, 0.0], [1.0, -1.0, 0.0]),
     time=lambda own: 0.2,
     measured=("speed of the last ball, of the first", "1"),
@@ -217,6 +239,7 @@ STACK = RigidCase(
     values=(1.0, 10.0, 100.0, 1000.0),
     changes=lambda mass: {"m3": mass},
     edits=lambda mass: {"worldbody/body/body/body/inertial": {"mass": f"{mass!r}"}},
+    of_urdf=lambda mass: UrdfChanges(edits={"link[@name='third_box']/inertial/mass": {"value": f"{mass!r}"}}),
     start=lambda own: ([0.0] * 3, [0.0] * 3),
     closed=_BOXES,
     time=lambda own: 2.0,
@@ -248,6 +271,7 @@ ROD = RigidCase(
     values=(0.8, 1.2, 1.6, 2.4),
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
+    of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
     start=_rod(5.0),
     closed=("end",),
     time=None,
