@@ -224,13 +224,17 @@ class SimulatedFile:
 
 @dataclass(frozen=True, eq=False)
 class MotionsRequest:
-    """Several motions from one start, q (nq,) and v (nv,) over ``joints`` in this order, under one control."""
+    """Several motions from one start, q (nq,) and v (nv,) over ``joints`` in this order, under one control.
+
+    ``as_it_stands``: whether files are moved without numbers laid over them, which takes no engine that says what it holds of them.
+    """
 
     motions: Sequence[SimulatedFile]
     joints: tuple[str, ...]
     q: Array
     v: Array
     control: Control
+    as_it_stands: bool = False
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ _RECORDED = 200
 # Length of a step [s] where nothing else is said, and a fine one.
 _LENGTH, _FINE = 2e-3, 2e-4
 MJCF, URDF = "mjcf", "urdf"
+_DRAKE = "{http://drake.mit.edu}"
 # Of the world's surface, of products.
 _WORLD = {"lateral_friction": 1.0, "restitution": 1.0}
 
@@ -155,8 +156,9 @@ def _engines(library: Library) -> Iterator[str]:
 
 
 def _format_of(library: Library, engine: str) -> str:
-    """MJCF of an engine that reads it, as it says more of contacts."""
-    return MJCF if MJCF in engine_files(library)[engine].outcome.value.formats else URDF
+    """The format that is an engine's own."""
+    formats: Sequence[str] = engine_files(library)[engine].outcome.value.formats
+    return next(one for one in formats if one in (MJCF, URDF))
 
 
 def _measured(library: Library, engine: str, place: _Place, setting: ContactSetting) -> float:
@@ -174,7 +176,7 @@ def _measured(library: Library, engine: str, place: _Place, setting: ContactSett
         motion = SimulatedFile(MovedFile(path, model_format, length=setting.length), {}, Timing(), counts)
         joints = tuple(load_mechanism(Library.built_in(), case.system).joints)
         control = Control.constant({})
-        moved = load_engine(library, engine).moved(MotionsRequest([motion], joints, start[0], start[1], control))
+        moved = load_engine(library, engine).moved(MotionsRequest([motion], joints, start[0], start[1], control, True))
     times = setting.length * np.array(counts, dtype=np.float64)
     return case.measure(RecordedMotion(times, moved.q[0], moved.v[0], (start[0], start[1])), own)
 
@@ -193,11 +195,15 @@ def _touching(path: Path, *edits: Edits) -> bytes:
 
 
 def _rubbing(path: Path, changes: UrdfChanges) -> bytes:
-    """A URDF whose links say how they touch."""
+    """A URDF that says how links touch: to Bullet by ``<contact>`` of links, to Drake, which takes harmonic means, by their shapes."""
     root = etree.fromstring(path.read_bytes(), etree.XMLParser(resolve_entities=False, remove_comments=True))
     for place, attributes in changes.edits.items():
         for element in root.iterfind(place):
             element.attrib.update(attributes)
+    for collision in root.iterfind("link/collision") if "lateral_friction" in changes.surface else ():
+        properties = etree.SubElement(collision, f"{_DRAKE}proximity_properties", nsmap={"drake": _DRAKE[1:-1]})
+        for name in ("mu_static", "mu_dynamic"):
+            etree.SubElement(properties, f"{_DRAKE}{name}", value=f"{changes.surface['lateral_friction']!r}")
     for link in root.iterfind("link"):
         contact = etree.SubElement(link, "contact")
         for name, value in (_WORLD if link.get("name") == WORLD else changes.surface).items():

@@ -172,7 +172,9 @@ class PybulletEngine(Engine):
         return PybulletModel(_read(_INERTIAS_OF_FILE, _with_inertias(request)), (), request)
 
     def moved(self, request: MotionsRequest) -> Moved:
-        """See ``harness.engines.Engine``; numbers are laid over none, and no actuator is controlled."""
+        """See ``harness.engines.Engine``; of files as they stand."""
+        if not request.as_it_stands:
+            return super().moved(request)
         found = [_moved(motion, request) for motion in request.motions]
         return Moved(np.array([q for q, _ in found]), np.array([v for _, v in found]), np.empty(0))
 

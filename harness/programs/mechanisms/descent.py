@@ -77,7 +77,8 @@ class _Problem:
 
     def __getitem__(self, states: Indices) -> _Problem:
         own = (self.mass, self.force, self.jacobian, self.wanted, self.weights, self.low, self.high)
-        return _Problem(*(one[states] for one in own), cones=[one[states] for one in self.cones])
+        mass, force, jacobian, wanted, weights, low, high = (one[states] for one in own)
+        return _Problem(mass, force, jacobian, wanted, weights, low, high, [one[states] for one in self.cones])
 
     def forces(self, y: Array) -> Array:
         """Forces of rows that leave ``y``, (n, rows)."""
@@ -109,11 +110,12 @@ class _Problem:
             gradient = _times(own.mass, a[left]) - own.force - np.einsum("nri,nr->ni", own.jacobian, force)
             metric = own.mass + own.jacobian.transpose(0, 2, 1) @ slope @ own.jacobian
             direction = -_solved(metric, gradient)
-            direction = np.where(np.isfinite(direction).all(axis=1)[:, None], direction, 0.0)
+            # A search that breaks down ends where it is.
+            direction = np.where(np.isfinite(direction).all(axis=1, keepdims=True), direction, 0.0)
             step = own._lengths(a[left], y, direction)[:, None] * direction
             a[left] += np.where(np.isfinite(step), step, 0.0)
             sizes = [np.sqrt(np.einsum("ni,nij,nj->n", one, metric, one)) for one in (direction, a[left])]
-            left = left[~(sizes[0] <= _LEAST_STEP * sizes[1])]
+            left = left[np.flatnonzero(~np.asarray(sizes[0] <= _LEAST_STEP * sizes[1]))]
             if not len(left):
                 break
         return self.left_by(a)
