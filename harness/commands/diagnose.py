@@ -60,6 +60,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
       harness diagnose arm_2r --library mine --subject pinocchio/urdf
       harness diagnose arm_2r --quantity mass_matrix --urdf edited.urdf
       harness diagnose robot.urdf --mjcf robot.xml
+      harness diagnose robot.xml --usd robot.usda
     """
     from harness.crosscheck.assignment import refuse_robots
     from harness.crosscheck.run import CrossCheck

@@ -13,7 +13,7 @@ from harness.crosscheck.settings import Settings, stored_states
 from harness.engines import Subject, Unsupported, engine_files, is_native, load_model
 from harness.errors import InvalidModel, InvalidRequest, not_installed
 from harness.lagrange.derivation import load_mechanism
-from harness.library import Library, orphaned_models
+from harness.library import MODEL_SUFFIXES, Library, orphaned_models
 from harness.programs.mechanisms.mechanism import Mechanism, controls_of
 from harness.programs.states import States
 from harness.truth.sampling import keep_points, sample_in_blocks
@@ -61,6 +61,8 @@ def chosen_names(settings: Settings) -> list[str]:
         raise InvalidRequest("--mjcf and --urdf stand in for one system's models; name exactly one system")
     if settings.stand_ins and not settings.library.validated_models(names[0]):
         raise InvalidRequest(f"nothing stands in for {names[0]}, which is the truth here; {settings.held_against(names[0])}")
+    if others := [one for one in settings.stand_ins if one not in MODEL_SUFFIXES]:
+        raise InvalidRequest(f"no mechanism has a model in {others[0]}; --{others[0]} is for a robot's file, as harness compare is")
     if settings.state is not None and len(names) != 1:
         raise InvalidRequest("--state belongs to one system; name exactly one system")
     return names

@@ -18,17 +18,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Sdf, UsdUtils
 from scipy.spatial.transform import Rotation
+from support import InThisProcess
 
 from harness.cli import main
 from harness.comparison.collection import find_files
 from harness.comparison.quantities import quantities
 from harness.comparison.sameness import hold_against
+from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.errors import InvalidModel
 from harness.explain.meant import meant
 from harness.files.document import stage
 from harness.files.document.layer_lines import lines_of
 from harness.files.joint_kinds import JointKind
 from harness.results.pair_conclusion import conclude_pair
+from harness.results.survey_conclusion import conclude_survey
+from harness.study import complete
 from harness.trees.robot import Robot, read_robot
 
 HEAD = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
@@ -171,6 +175,22 @@ def test_a_share_of_gravity_that_is_lost_is_named(tmp_path: Path) -> None:
     assert held(tmp_path, shared, twin)[0]
     same, sentence = held(tmp_path, ARM, twin)
     assert not same and "gravity compensation of link fore, 0.5 (arm.xml:8) against 0 (arm.usda:19)" in sentence
+
+
+def test_a_spring_that_is_lost_is_named(tmp_path: Path) -> None:
+    cord = '<tendon><fixed name="cord" stiffness="7"><joint joint="shoulder" coef="0.5"/><joint joint="slide" coef="2"/></fixed></tendon>'
+    twin = TWIN.replace("  <actuator>", f"  {cord}\n  <actuator>")
+    tendon = """def MjcTendon "cord"
+{
+    rel mjc:path = [</arm/shoulder>, </arm/slide>]
+    uniform double[] mjc:path:coef = [0.5, 2]
+    uniform double mjc:stiffness = 7
+    uniform token mjc:type = "fixed"
+}
+"""
+    assert held(tmp_path, ARM + tendon, twin)[0]
+    same, sentence = held(tmp_path, ARM, twin)
+    assert not same and "spring between shoulder and slide, stiffness 7 (arm.xml:14) against none" in sentence, sentence
 
 
 # Random trees, written in three formats.
@@ -584,6 +604,21 @@ def test_bindings_that_another_package_broke_are_told(tmp_path: Path) -> None:
     paths = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     done = subprocess.run([sys.executable, "-c", code], env=os.environ | paths, capture_output=True, text=True, timeout=60, check=False)
     assert "cannot be imported (initialization failed); usd-core and another package" in done.stderr
+
+
+def test_diagnose_takes_it_beside_an_mjcf(tmp_path: Path) -> None:
+    files = [str(written(tmp_path, TWIN, "arm.xml")), "--usd", str(written(tmp_path, ARM.replace("17.4", "17.5")))]
+    done = CliRunner().invoke(main, ["diagnose", *files])
+    assert done.exit_code == 1 and "mass of link upper, 17.4 (arm.xml:7) against 17.5 (arm.usda:15)" in done.output, done.output
+    done = CliRunner().invoke(main, ["check", "double_pendulum", "--usd", files[-1]])
+    assert done.exit_code == 2 and "no mechanism has a model in usd" in done.output, done.output
+
+
+def test_survey_tells_what_no_engine_reads(tmp_path: Path) -> None:
+    written(tmp_path, ARM)
+    study = RobotComparison(ComparisonSettings([tmp_path / "arm.usda"], 4, subjects=["mujoco/mjcf"]))
+    sentence = conclude_survey(complete(study, InThisProcess())).sentence
+    assert sentence.startswith("1 robot: no engine of the run reads 1"), sentence
 
 
 def test_compare_takes_it_beside_an_mjcf(tmp_path: Path) -> None:

@@ -182,15 +182,21 @@ def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callab
     )
 
 
+_STAND_INS = {
+    "usd": "Is held against the one robot's file.",
+    "urdf": "Stands in for the one system's URDF model.",
+    "mjcf": "Stands in for the one system's MJCF model.",
+}
+
+
 def stand_in_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--mjcf and --urdf, given to the command as ``stand_ins``: format to path."""
+    """--mjcf, --urdf and --usd, given to the command as ``stand_ins``: format to path."""
 
     @functools.wraps(command)
-    def wrapper(*arguments: Any, mjcf: str | None, urdf: str | None, **options: Any) -> Any:
-        stand_ins = {model_format: Path(path) for model_format, path in (("mjcf", mjcf), ("urdf", urdf)) if path}
-        return command(*arguments, stand_ins=stand_ins, **options)
+    def wrapper(*arguments: Any, **options: Any) -> Any:
+        given = {model_format: options.pop(model_format) for model_format in _STAND_INS}
+        return command(*arguments, stand_ins={name: Path(path) for name, path in given.items() if path}, **options)
 
-    for model_format in ("urdf", "mjcf"):
-        help_text = f"Stands in for the one system's {model_format.upper()} model."
+    for model_format, help_text in _STAND_INS.items():
         wrapper = click.option(f"--{model_format}", type=click.Path(), help=help_text)(wrapper)
     return wrapper
