@@ -182,6 +182,7 @@ def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callab
     )
 
 
+# The last one comes first in help.
 _STAND_INS = {
     "usd": "Is held against the one robot's file.",
     "urdf": "Stands in for the one system's URDF model.",
@@ -194,7 +195,7 @@ def stand_in_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def wrapper(*arguments: Any, **options: Any) -> Any:
-        given = {model_format: options.pop(model_format) for model_format in _STAND_INS}
+        given = {model_format: options.pop(model_format) for model_format in reversed(_STAND_INS)}
         return command(*arguments, stand_ins={name: Path(path) for name, path in given.items() if path}, **options)
 
     for model_format, help_text in _STAND_INS.items():
