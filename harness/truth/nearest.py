@@ -27,8 +27,6 @@ from harness.verdict import AGREEMENT
 _PARALLEL, _SAME = 1e-8, 1e-8
 # Squares of the sine between axes that are parallel but for rounding.
 _ROUNDED = 1e-30
-# Each look for a place beside a point of parallel capsules leaves the sine of the one before.
-_NEARER = 5
 _ROUNDOFF = 2.0**-53
 # Sine between an axis and a normal below which a frame is as good as here: nobody needs a tangent along such an axis.
 _LEAST_SINE = 1e-4
@@ -137,22 +135,14 @@ def are_parallel(first: PlacedShape, second: PlacedShape) -> bool:
 
 def facing(first: PlacedShape, second: PlacedShape, point: Sequence[float]) -> Nearest | None:
     """The points of two parallel capsules that face one another beside ``point``; None where they are nowhere near the least distance."""
-    along, found = _dot(first.axis, _minus([*map(arb, point)], first.centre)), None
-    places = (_within(along, first.half), arb(0))
-    # The point midway stands beside a place on the axis as far as the normal is square to it, which that of two ends is not.
-    for _ in range(_NEARER):
-        across = _minus(_along(first.centre, first.axis, places[0]), second.centre)
-        places = places[0], _within(_dot(second.axis, across), second.half)
-        found = _apart(first, second, places)
-        if found is None:
-            return None
-        arm = first.radius + found.distance / 2
-        places = _within(along - arm * _dot(first.axis, found.normal), first.half), places[1]
+    # Of two ends that face one another, the point midway stands beyond both.
+    place = _within(_dot(first.axis, _minus([*map(arb, point)], first.centre)), first.half)
+    across = _minus(_along(first.centre, first.axis, place), second.centre)
+    found = _apart(first, second, (place, _within(_dot(second.axis, across), second.half)))
     least = _apart(first, second, _places(first, second, _minus(second.centre, first.centre)))
     if found is None or least is None:
         return None
-    slanted = 2 * math.sqrt(max(_squared_sine(first, second), 0.0)) * float((first.half + second.half).mid())
-    return found if float((found.distance - least.distance).mid()) <= slanted + AGREEMENT * _ROUNDOFF * found.size else None
+    return found if float((found.distance - least.distance).mid()) <= AGREEMENT * _ROUNDOFF * found.size else None
 
 
 def _squared_sine(first: PlacedShape, second: PlacedShape) -> float:

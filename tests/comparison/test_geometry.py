@@ -340,6 +340,22 @@ def test_a_contact_of_parallel_capsules_beyond_their_ends_is_red(tmp_path: Path)
     assert record is not None and "touch where they are further apart than elsewhere" in record.rest[0]
 
 
+@pytest.mark.parametrize("depth", [0.01, 0.2])
+def test_corners_as_high_as_the_centre_may_touch_or_not(depth: float, tmp_path: Path) -> None:
+    """A cube on its edge, deep enough in the ground for the corners beside its centre."""
+    text = f"""<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+    <body pos="0 0 {0.1 * 2**0.5 - depth}" euler="45 0 0"><freejoint/><geom name="cube" type="box" size="0.1 0.1 0.1"/></body>
+    </worldbody></mujoco>"""
+    path = written(tmp_path, text)
+    states = np.array([mujoco.MjModel.from_xml_path(str(path)).qpos0])
+    [found] = found_at(path, states)
+    for own in (found, found[:2]):
+        record = hold_shapes(read_robot(path), states, [own], ["floor", "cube"])
+        assert record is not None and (record.rest, record.contacts) == ([], len(own))
+    record = hold_shapes(read_robot(path), states, [found[:1]], ["floor", "cube"])
+    assert record is not None and "touch in 2 points by the file, and in 1 by the engine" in record.rest[0]
+
+
 @pytest.mark.parametrize("where", [(0.06, 0.01, 0.02), (0.13, 0.1, 0.03), (0.0, -0.18, 0.31), (-0.09, 0.18, 0.295)])
 def test_a_sphere_leaves_a_box_through_the_nearest_face(where: tuple[float, float, float], tmp_path: Path) -> None:
     text = f"""<mujoco><worldbody><geom name="box" type="box" size="0.1 0.2 0.3"/>
