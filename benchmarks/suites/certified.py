@@ -32,6 +32,8 @@ ARMS_OF_A_TRUNK, FEWEST_INSTRUCTIONS, OF_WORK = 7, 30_000, 1.2
 DIGITS = 50
 # A humanoid of 27 velocities with 42 rows of limits, of which 21 act at each state, in calls of mj_forward at its file's defaults.
 OF_FORWARD, LIMITED_STATES = 30.0, 256
+# Legs of three joints each on a free trunk, all of whose feet touch: 30 velocities. Both kinds of cones cost more than OF_FORWARD today.
+LEGS = 8
 
 
 def benchmarks() -> Iterator[Benchmark]:
@@ -48,6 +50,8 @@ def benchmarks() -> Iterator[Benchmark]:
         yield Benchmark(f"certified/closed loops/{loop}", partial(of_a_tree, loop, tree), tree, OF_A_TREE)
     if importlib.util.find_spec("dm_control"):
         yield Benchmark("certified/limits/humanoid", of_forward, "mj_forward in a loop", OF_FORWARD, rounds=5)
+    for cone in ("pyramidal", "elliptic"):
+        yield Benchmark(f"certified/contacts/{cone}", partial(of_contacts, cone), "mj_forward in a loop", np.inf, rounds=5)
     yield Benchmark("certified/growth with loops", growth, "", MOST_EXPONENT, rounds=5, unit="(exponent of bodies)")
     yield Benchmark("certified/30,000 instructions", large_program, REFERENCE_WORK, OF_WORK)
 
@@ -115,6 +119,69 @@ def of_forward() -> tuple[Measure, Measure]:
             mujoco.mj_forward(model, data)
 
     return cpu(lambda: kernel.evaluate(states), LIMITED_STATES), cpu(forward, LIMITED_STATES)
+
+
+def legs(cone: str) -> str:
+    """An MJCF of a trunk on ``LEGS`` legs, which stand on the ground."""
+    written = []
+    for number in range(LEGS):
+        angle = 2 * np.pi * number / LEGS
+        inertial = '<inertial pos="0.08 0 0" mass="0.3" diaginertia="0.001 0.002 0.003"/>'
+        foot = '<geom size="0.02" pos="0 0 -0.2"/>'
+        place = f'pos="{0.2 * np.cos(angle):.6f} {0.2 * np.sin(angle):.6f} 0" euler="0 0 {np.degrees(angle):.6f}"'
+        written.append(
+            f'<body {place}><joint name="hip{number}" axis="0 0 1"/>{inertial}'
+            f'<body pos="0.1 0 0"><joint name="thigh{number}" axis="0 1 0"/>{inertial}'
+            f'<body pos="0.2 0 0"><joint name="shin{number}" axis="0 1 0"/>{inertial}{foot}</body></body></body>'
+        )
+    trunk = '<freejoint/><inertial pos="0 0 0" mass="3" diaginertia="0.05 0.05 0.09"/>'
+    floor = '<geom type="plane" size="2 2 1"/>'
+    body = f'<body name="trunk" pos="0 0 0.21">{trunk}{"".join(written)}</body>'
+    return f'<mujoco><option cone="{cone}"/><worldbody>{floor}{body}</worldbody></mujoco>'
+
+
+def of_contacts(cone: str) -> tuple[Measure, Measure]:
+    """The optimum that MuJoCo documents where all feet of a robot touch, at states that differ in all joints."""
+    import mujoco
+
+    from harness.comparison import touching
+    from harness.comparison.robot_library import engine_of
+    from harness.engines.adapters.mujoco.contacts import found_contacts
+    from harness.explain.changes.readings import element_at
+    from harness.explain.documented import documented
+    from harness.explain.switches import switches_of
+    from harness.files.findings import CONTACTS
+    from harness.trees.mechanism import mechanism_of
+    from harness.trees.robot import read_robot
+    from harness.truth.sampling import generic_sample
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "legs.xml")
+        path.write_text(legs(cone), encoding="utf-8")
+        robot, model, caller = read_robot(path), mujoco.MjModel.from_xml_path(str(path)), engine_of("mujoco")
+        root = element_at(robot.tree.place)
+    states, data, random = generic_sample(mechanism_of(robot), LIMITED_STATES, seed=0), mujoco.MjData(model), np.random.default_rng(0)
+    states.tau[:], found = 0.0, []
+    for state in range(LIMITED_STATES):
+        mujoco.mj_resetData(model, data)
+        data.qpos[7:], data.qvel[:] = random.normal(size=model.nv - 6) * 0.002, random.normal(size=model.nv) * 0.1
+        mujoco.mj_forward(model, data)
+        states.q[state], states.v[state] = data.qpos, data.qvel
+        found.append(found_contacts(model, data))
+    assert caller.contacts is not None
+    touching.MOST_WORK = 10**12
+    own = touching.Touching.of(found, robot, caller.contacts(root, robot.format)[0])
+    assert {len(one) for one in own.contacts} == {LEGS}
+    switches = [one for one in switches_of(robot, robot, caller) if one.group.what == CONTACTS]
+    # All states have one structure, for which a program is written once.
+    mechanism = documented(robot, caller, switches, (), own.contacts[0])
+
+    def forward() -> None:
+        for q, v in zip(states.q, states.v, strict=True):
+            data.qpos[:], data.qvel[:] = q, v
+            mujoco.mj_forward(model, data)
+
+    return cpu(lambda: own.truth(states, lambda _: mechanism), LIMITED_STATES), cpu(forward, LIMITED_STATES)
 
 
 def of_mpmath(name: str) -> tuple[Measure, Measure]:
