@@ -185,7 +185,8 @@ class _Drawing:
     def ground(self) -> None:
         """Hatching under the joints that stand on the world."""
         first = [_joints_of(self.pose, number)[0] for number, parent in enumerate(self.pose.parents) if parent == WORLD]
-        for x, y in {self.sheet.at(joint.anchor) for joint in first if joint.kind is not JointKind.FREE}:
+        # In the order of the joints: that of a set of floats hangs on their last bits, which machines differ in.
+        for x, y in dict.fromkeys(self.sheet.at(joint.anchor) for joint in first if joint.kind is not JointKind.FREE):
             self.sheet.line([(x - 16, y + 11), (x + 16, y + 11)], "ground")
             self.sheet.taken.append((x - 18, y, x + 18, y + 18))
             for step in range(-14, 17, 6):

@@ -22,7 +22,6 @@ from harness.files.given import Given
 from harness.library import Stance
 from harness.programs.states import States
 from harness.programs.terms import Vector
-from harness.trees import recursion
 from harness.trees.actuators import Driven
 from harness.trees.actuators import driven as driven_forces
 from harness.trees.mechanism import RobotMechanism, mechanism_of
@@ -137,7 +136,8 @@ def test_actuators_compensate_gravity_within_the_range_of_their_joint(tmp_path: 
     path = written(tmp_path, EACH[0], bodies=COMPENSATED)
     assert worst(judged(path)) <= AGREEMENT
     # Where the range counts less than it carries.
-    monkeypatch.setattr(recursion, "driven", lambda nodes, forces, carried: _outside(driven_forces(nodes, forces, 0 * carried), carried))
+    within = "harness.trees.actuators.driven"
+    monkeypatch.setattr(within, lambda nodes, forces, carried: _outside(driven_forces(nodes, forces, 0 * carried), carried))
     assert worst(judged(path)) > 10 * AGREEMENT
 
 
