@@ -12,6 +12,7 @@ from browser import Browser
 from comparison.robots import meant_by, record_of
 from documents import DOCS
 from rooms import REPOSITORY
+from support import InThisProcess, completed
 
 sys.path.insert(0, str(DOCS / "hooks"))
 
@@ -19,7 +20,10 @@ from hook import fetched
 from pages import commands, findings, messages, schemas
 from pages.findings import effect_of, example_of
 
+from harness.comparison.robot_library import RobotLibrary
 from harness.comparison.switched_on import judge_switched_on
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
 from harness.explain.changes.readings import Reading, find_all
 from harness.results.readings import FELT
 
@@ -51,6 +55,12 @@ def test_a_reading_has_an_example_that_it_moves(page: str) -> None:
 @pytest.mark.parametrize("page", [page for page, readings in PAGES.items() if readings[0].engine in ("mujoco", "pinocchio")])
 def test_an_example_is_what_the_installed_engine_does(page: str) -> None:
     path, reading = example_of(PAGES[page])
+    if reading.quantity:
+        library = RobotLibrary.of([str(path)])
+        study = CrossCheck(Settings(library=library, subjects=[f"{reading.engine}/mjcf"], states=20, examples=None), [reading.quantity])
+        (found,) = completed(study, InThisProcess()).records
+        assert found.verdict == ("misreads" if reading.is_misread else "explained") and reading.name in [one.name for one in found.readings]
+        return
     record = record_of(path, reading.engine)
     if reading.versions:
         assert reading.name not in [one.name for one in record.readings]

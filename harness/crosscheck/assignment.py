@@ -110,7 +110,7 @@ class Assignment:
         # Imported late: a run that is about mechanisms, and in which all is well, needs nothing of it.
         from harness.explain.as_read import read_file
 
-        return read_file(self.library, self.subject.engine, self.mechanism, self.model)
+        return read_file(self.library, self.subject.engine, self.mechanism, self.model, self.quantity)
 
     @property
     def title(self) -> str:

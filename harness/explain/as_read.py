@@ -33,7 +33,7 @@ from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import Robot, robot_of
 from harness.truth.compare import Certified, Comparison, Flags, compare
-from harness.truth.quantities import ASKED_ELSEWHERE, Quantity, Truth
+from harness.truth.quantities import ASKED_ELSEWHERE, Quantity, Truth, TruthBasis, find_quantities
 from harness.verdict import AGREEMENT, Verdict
 
 # Readings that may not hold at once; with ten readings there are 55 ways.
@@ -63,12 +63,13 @@ def fold(robot: Robot, readings: Iterable[Reading]) -> Folded:
     return Folded(robot, tuple(applied))
 
 
-def read_by(robot: Robot, name: str, engine: Engine, stance: Stance) -> Folded:
+def read_by(robot: Robot, name: str, engine: Engine, stance: Stance, quantity: str = "") -> Folded:
     """A robot as an engine's reader has it; an aided one is supplied with what some of its readings leave out.
 
-    ``name``: of the engine, with its version where that is not the one beside the harness.
+    ``name``: of the engine, with its version where that is not the one beside the harness. ``quantity``: that it is asked for, where that
+    is another than accelerations.
     """
-    readings = find_readings(name, robot.format, engine.reader)
+    readings = find_readings(name, robot.format, engine.reader, quantity)
     return fold(robot, (one for one in readings if not (stance == Stance.AIDED and one.supplied)))
 
 
@@ -83,18 +84,18 @@ def misread_by(file: ModelFile, gravity: float, engine: str, library: Library) -
 
 
 def effects(found: Meant, folded: Folded) -> list[Effect]:
-    """Effect of each reading, at a few states."""
+    """Effect of each reading, at a few states: on accelerations, or where one bears on another quantity alone, of all on that."""
     few, readings = found.few, [reading for reading, _ in folded.applied]
-    return [_effect(few, reading, robot, readings) for reading, robot in folded.applied]
+    quantity = next((one.quantity for one in readings if one.quantity), "")
+    return [_effect(few, reading, robot, readings, quantity) for reading, robot in folded.applied]
 
 
-def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Reading]) -> Effect:
-    alone = change(few, read_as(few, reading.read(few.robot)))
+def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Reading], quantity: str) -> Effect:
+    alone = _change(few, few.robot, reading.read(few.robot), quantity)
     beside = None
     if len(readings) > 1 and alone is not None and alone <= FELT:
-        every = read_as(few, fold(few.robot, readings).robot)
-        others = read_as(few, fold(few.robot, [one for one in readings if one is not reading]).robot)
-        beside = None if every.undetermined or others.undetermined else change(every, others)
+        others = fold(few.robot, [one for one in readings if one is not reading]).robot
+        beside = _change(few, fold(few.robot, readings).robot, others, quantity)
     count, places = reading.places(robot)
     return Effect(
         name=reading.name,
@@ -109,7 +110,20 @@ def _effect(few: Meant, reading: Reading, robot: Robot, readings: Sequence[Readi
         beside=beside,
         is_misread=reading.is_misread,
         page=reading.page,
+        quantity=quantity,
     )
+
+
+def _change(few: Meant, before: Robot, after: Robot, quantity: str) -> float | None:
+    """The largest relative change of accelerations, or of another quantity, from one robot to another; as of ``meant.change``."""
+    both = [few if robot is few.robot else read_as(few, robot) for robot in (before, after)]
+    if not quantity:
+        return None if any(one.undetermined for one in both) else change(*both)
+    if not set(before.joints) <= set(after.joints):
+        return math.inf
+    truths = [find_quantities()[quantity].truth(TruthBasis(mechanism_of(one.robot), None, None, False)) for one in both]
+    values, others = (truth.evaluate(one.states) for truth, one in zip(truths, both, strict=True))
+    return None if values.high.shape != others.high.shape else worst(compare(values, others.high), "relative_error")
 
 
 def readings_that_do_not_hold(found: Meant, folded: Folded, answers: EngineAnswers) -> list[str]:
@@ -144,6 +158,7 @@ class FileAsRead:
 
     Attributes:
         mechanism: of the file, or of the system whose model it is. robot: in the file. folded: what the readings make of that.
+        quantity: that the engine is asked for.
     """
 
     library: Library
@@ -151,6 +166,7 @@ class FileAsRead:
     mechanism: Mechanism
     robot: Robot
     folded: Folded
+    quantity: str = ""
 
     @property
     def why_not(self) -> str:
@@ -184,7 +200,7 @@ class FileAsRead:
                 request = replace(request, held=own.held)
             return replace(self.written, name=own.name, digest=own.digest, reader=engine, request=request)
 
-        return _READ.get((self.library, engine, own.key), asked)
+        return _READ.get((self.library, engine, own.key, self.quantity), asked)
 
     def columns(self, quantity: Quantity) -> list[int] | slice | None:
         """The columns of the file's values of a quantity among those of what is read; None where these are others."""
@@ -199,7 +215,7 @@ class FileAsRead:
         """Effect of each reading, at the states of a comparison of the file; or reasons why the engine refuses the file, if it fails."""
         if failure:
             return [], why_refused(self.robot, failure)
-        key = self.library, self.engine, self.robot.path, self.robot.tree, seed
+        key = self.library, self.engine, self.robot.path, self.robot.tree, self.quantity, seed
         return _EFFECTS.get(key, lambda: effects(meant(self.robot, STATES, seed), self.folded)), []
 
 
@@ -225,14 +241,14 @@ def _numbers(values: Sequence[Fraction]) -> str:
     return " ".join(f"{float(value):g}" for value in values)
 
 
-def read_file(library: Library, engine: str, mechanism: Mechanism, model: ModelFile | None) -> FileAsRead:
-    """A user's file, whose mechanism is one of a robot, or the model of a mechanism, as an engine's reader has it."""
+def read_file(library: Library, engine: str, mechanism: Mechanism, model: ModelFile | None, quantity: str) -> FileAsRead:
+    """A user's file, whose mechanism is one of a robot, or the model of a mechanism, as an engine has it that is asked for a quantity."""
     if not isinstance(mechanism, RobotMechanism):
         assert model is not None
-        return FileAsRead(library, engine, mechanism, *misread_by(model, mechanism.gravity, engine, library))
-    robot, key = mechanism.robot, (library, engine, mechanism.key)
-    folded = _FOLDED.get(key, lambda: read_by(robot, engine, load_engine(library, engine), library.stance))
-    return FileAsRead(library, engine, mechanism, robot, folded)
+        return FileAsRead(library, engine, mechanism, *misread_by(model, mechanism.gravity, engine, library), quantity)
+    robot, key = mechanism.robot, (library, engine, mechanism.key, quantity)
+    folded = _FOLDED.get(key, lambda: read_by(robot, engine, load_engine(library, engine), library.stance, quantity))
+    return FileAsRead(library, engine, mechanism, robot, folded, quantity)
 
 
 class ReadTruth(Truth):

@@ -32,6 +32,7 @@ class Effect:
         included: those of the elements that stand in included files, as "common.xml:12".
         page: its name in the documentation, below ``findings/``.
         departs: whether the engine's program does what its own documentation says otherwise.
+        quantity: the one that changes so; "" for qdd.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Effect:
     included: tuple[str, ...] = ()
     page: str = ""
     departs: bool = False
+    quantity: str = ""
 
     @property
     def size(self) -> float | None:
@@ -67,7 +69,7 @@ class Effect:
     @property
     def statement(self) -> str:
         """Sentence, number and lines of the elements concerned, and effect."""
-        return f"{self.sentence}: {self.concerned()}; {share_of_qdd(share_text(self.size))}"
+        return f"{self.sentence}: {self.concerned()}; {share_of(share_text(self.size), self.quantity or 'qdd')}"
 
 
 def page_of(engine: str, name: str) -> str:
@@ -95,7 +97,12 @@ def felt_text(change: float | None) -> str:
 
 def share_of_qdd(share: str) -> str:
     """ "47 % of qdd", "38 times qdd", "joints lost", of ``share_text``."""
-    return f"{share} of qdd" if share.endswith("%") else f"{share} qdd" if share[:1].isdigit() else share
+    return share_of(share, "qdd")
+
+
+def share_of(share: str, what: str) -> str:
+    """The same of another quantity."""
+    return f"{share} of {what}" if share.endswith("%") else f"{share} {what}" if share[:1].isdigit() else share
 
 
 def are_misread(readings: Iterable[Effect]) -> bool:

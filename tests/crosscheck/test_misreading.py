@@ -22,6 +22,8 @@ from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
 from harness.engines.adapters.pinocchio import mjcf, model
 from harness.files.model_file import ModelFile, read_model
+from harness.library import Stance
+from harness.results.readings import FELT
 from harness.results.records import Record
 
 EULER, CLASS, FRAME, FURTHER = "acrobot.euler_fixed_axes", "furuta_pendulum.class_in_childclass", "acrobot.frames", "coupled_oscillators"
@@ -94,6 +96,42 @@ def test_a_user_s_file_that_is_misread_says_so(tmp_path: Path) -> None:
     (record,) = completed(CrossCheck(settings), InThisProcess()).records
     assert (record.verdict, record.as_expected) == ("misreads", True)
     assert {one.name: one.is_misread for one in record.readings} == {"pose of a body fixed to the world": True, "joint damping": False}
+
+
+INERTIAL = '<inertial pos="0.1 0 -0.25" mass="2" diaginertia="0.0625 0.0625 0.03125"/>'
+# A hinge of a URDF with a rotor, of which an aided engine is told.
+GEARED = (Path(__file__).parents[2] / "docs" / "examples" / "rotor-inertias.urdf").read_text()
+ROTORS = {
+    "along x": ('<joint name="j" axis="1 0 0" armature="0.3"/>', False),
+    "nearly along z": ('<joint name="j" axis="0 1e-14 1" armature="0.3"/>', False),
+    "along -y": ('<joint name="j" axis="0 -1 0" armature="0.3"/>', True),
+    "of length 2": ('<joint name="j" axis="0 2 0" armature="0.3" damping="0.5"/>', True),
+    "oblique": ('<joint name="j" axis="0 1 1" armature="0.3"/>', True),
+    "a slide": ('<joint name="j" type="slide" axis="0 -1 0" armature="0.3"/>', False),
+    "of two": ('<joint name="j" axis="0 -1 0" armature="0.3"/><joint name="k" axis="1 0 0" armature="0.2"/>', False),
+    "revolute": (GEARED.replace('xyz="0 1 0"', 'xyz="0 -1 0"'), True),
+    "revolute along y": (GEARED, False),
+    "continuous": (GEARED.replace('xyz="0 1 0"', 'xyz="0 -1 0"').replace("revolute", "continuous"), False),
+}
+
+
+@pytest.mark.parametrize("name", ROTORS)
+def test_energy_is_read_without_the_rotors_that_its_program_forgets(name: str, tmp_path: Path) -> None:
+    """Accelerations have them; so the reading is of energy alone, by which its effect is told."""
+    text, is_forgotten = ROTORS[name]
+    is_urdf = text.startswith("<robot")
+    path = tmp_path / ("robot.urdf" if is_urdf else "robot.xml")
+    path.write_text(text if is_urdf else f'<mujoco><worldbody><body name="a">{text}{INERTIAL}</body></worldbody></mujoco>')
+    stance = Stance.AIDED if is_urdf else Stance.PLAIN
+    library = RobotLibrary.of([str(path)], stance=stance)
+    settings = Settings(library=library, subjects=[f"pinocchio/{path.suffix[1:].replace('xml', 'mjcf')}"], states=20, examples=None)
+    (moving,), (energy,) = (completed(CrossCheck(settings, [one]), InThisProcess()).records for one in ("accelerations", "energy"))
+    assert moving.as_expected and not any(one.quantity for one in moving.readings) and energy.as_expected
+    assert (moving.verdict, energy.verdict) == ("explained" if "damping" in text else "agrees", "misreads" if is_forgotten else "agrees")
+    if is_forgotten:
+        felt = [one for one in energy.readings if one.alone is None or one.alone > FELT]
+        assert [(one.name, one.quantity) for one in felt] == [("energy of rotors at unaligned hinges", "energy")] and felt[0].lines
+        assert felt[0].alone is not None and felt[0].alone < 1.0 and felt[0].statement.endswith(" % of energy")
 
 
 def test_what_is_an_engine_s_fault_links_to_an_issue_or_its_text() -> None:

@@ -13,7 +13,7 @@ from harness.comparison.robot_library import engines_of_files, robot_at
 from harness.explain.as_read import effects, fold
 from harness.explain.changes.readings import Reading, find_all
 from harness.explain.meant import STATES, driven, meant
-from harness.results.readings import Effect, felt_text, page_of, share_of_qdd
+from harness.results.readings import Effect, felt_text, page_of, share_of
 from pages.made import DOCS, REPOSITORY, Made, fenced, linked, literal, table
 
 SECTION = "Findings"
@@ -72,7 +72,7 @@ def example_of(readings: Sequence[Reading]) -> tuple[Path, Reading]:
 
 
 def effect_of(readings: Sequence[Reading]) -> Effect:
-    """What the reading does to the accelerations of its example.
+    """What the reading does to its example.
 
     Raises:
         ValueError: it does not apply to the example.
@@ -89,7 +89,9 @@ def moves(effect: Effect) -> str:
     """The effect on the example in a sentence."""
     if effect.alone is not None and math.isinf(effect.alone):
         return "joints are lost, so that their accelerations are missing."
-    return f"accelerations change by up to {share_of_qdd(felt_text(effect.alone))}, in the energy norm, over 16 sampled states."
+    if effect.quantity:
+        return f"the {effect.quantity} changes by up to {felt_text(effect.alone)} over 16 sampled states; accelerations are right."
+    return f"accelerations change by up to {share_of(felt_text(effect.alone), 'qdd')}, in the energy norm, over 16 sampled states."
 
 
 def reading_page(readings: Sequence[Reading], effect: Effect, upstream: Iterable[dict[str, Any]]) -> Iterator[str]:
@@ -116,7 +118,8 @@ def reading_page(readings: Sequence[Reading], effect: Effect, upstream: Iterable
     yield fenced(path.read_text(encoding="utf-8"), LANGUAGES[path.suffix], effect.lines)
     yield f"With this reading alone {moves(effect)}\n"
     yield "```sh"
-    yield f"harness compare docs/examples/{path.name} --subject {first.engine}{asked_version(first)}/{format_of(path)}"
+    command, about = ("check", f" --quantity {first.quantity}") if first.quantity else ("compare", "")
+    yield f"harness {command} docs/examples/{path.name} --subject {first.engine}{asked_version(first)}/{format_of(path)}{about}"
     yield "```\n"
     known = [one for one in upstream if one["engine"] == first.engine and one["feature"] == first.name]
     if known:

@@ -48,6 +48,7 @@ class Law:
         supplied: whether an aided engine gets from the harness what it leaves out.
         after: names of the engine's readings whose tree this one reads; the others are read in the order of their names.
         first: whether it reads the file anew, and so goes before all others.
+        quantity: the one quantity whose answers it bears on; "" for all.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Law:
     supplied: bool = False
     after: tuple[str, ...] = ()
     first: bool = False
+    quantity: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,12 +103,15 @@ def law(
     supplied: bool = False,
     after: tuple[str, ...] = (),
     each: Callable[[Tree, Callable[..., Any]], Tree] | None = None,
-    first: bool = False,
+    **more: Any,
 ) -> Callable[[Callable[..., Any]], Law]:
-    """Declares what a function makes of a robot, or with ``each``, as ``with_joints``, of each of its elements, as a ``Law``."""
+    """Declares what a function makes of a robot, or with ``each``, as ``with_joints``, of each of its elements, as a ``Law``.
+
+    ``more`` has other attributes of the law.
+    """
 
     def declared(change: Callable[..., Any]) -> Law:
-        return Law(name, concerns, change if each is None else lambda robot: each(robot.tree, change), supplied, after, first)
+        return Law(name, concerns, change if each is None else lambda robot: each(robot.tree, change), supplied, after, **more)
 
     return declared
 
@@ -131,13 +136,14 @@ def find_all() -> list[Reading]:
     return list(declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}").values())
 
 
-def find_readings(engine: str, model_format: str, reader: str = "") -> list[Reading]:
+def find_readings(engine: str, model_format: str, reader: str = "", quantity: str = "") -> list[Reading]:
     """The readings of an engine for a format, in the order in which they are read; ``reader`` is the engine whose reader it has, if any.
 
+    Those that bear on one quantity alone are found for answers about that ``quantity``.
     An engine without a version, as the one beside the harness, is the newest; ``engine@version`` has what that version has.
     """
     name, version = split_name(engine)
-    own = (one for one in find_all() if one.engine in (name, reader) and model_format in one.formats)
+    own = (one for one in find_all() if one.engine in (name, reader) and model_format in one.formats and one.quantity in ("", quantity))
     named = {one.name: one for one in own if (version or NEWEST) in SpecifierSet(one.versions, prereleases=True)}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return sorted((named[name] for name in order.static_order() if name in named), key=lambda reading: not reading.first)

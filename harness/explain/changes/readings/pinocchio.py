@@ -1,15 +1,19 @@
 """What Pinocchio's dynamics leave out, and its reader of URDF; ``pinocchio_mjcf`` has its reader of MJCF."""
 
+import math
 from dataclasses import replace
+from fractions import Fraction
 
-from harness.explain.changes.readings import _left_out, law, readings_of, with_joints
+from harness.explain.changes.readings import _left_out, element_at, law, readings_of, with_bodies, with_joints
 from harness.files.given import vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Joint
+from harness.files.tree import Body, Joint
 
 _BOTH, _URDF, _MJCF = ("urdf", "mjcf"), ("urdf",), ("mjcf",)
 _NO_FORCE = "and aba.hxx, which has no such force"
 _UPWARD = vector((0, 0, 1))
+# Distance up to which an axis is one of the frame's, of the shorter of both; as Eigen's isApprox.
+_ALIGNED = 1e-12
 
 # pinocchio::Model::gravity981.
 _gravity = _left_out.gravity_along_z(-9.81, "Pinocchio")
@@ -19,6 +23,29 @@ _gravity = _left_out.gravity_along_z(-9.81, "Pinocchio")
 def _in_the_plane_of_the_frame(joint: Joint) -> Joint:
     x, y, z = joint.axis
     return replace(joint, axis=_UPWARD) if joint.kind == JointKind.PLANAR and (x or y or z < 0) else joint
+
+
+@law(
+    "energy of rotors at unaligned hinges",
+    "joints",
+    after=("rotor inertias", "rotor inertia beside a childclass", "class beside a childclass", "frames"),
+    quantity="energy",
+    each=with_bodies,
+)
+def _without_energy(body: Body) -> Body:
+    """Of the only joint of its body: several are composed to one, which has the energy of all."""
+    joints = body.joints
+    return replace(body, joints=(replace(joints[0], armature=Fraction(0)),)) if len(joints) == 1 and _is_unaligned(joints[0]) else body
+
+
+def _is_unaligned(joint: Joint) -> bool:
+    """True for a hinge that is a ``JointModelRevoluteUnaligned`` of Pinocchio; a continuous one of a URDF is another."""
+    element = element_at(joint.place)
+    if joint.kind != JointKind.HINGE or (element is not None and element.get("type") == "continuous"):
+        return False
+    axis = [float(part) for part in joint.axis]
+    shorter = min(1.0, math.hypot(*axis))
+    return all(math.dist(axis, along) > _ALIGNED * shorter for along in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
 
 
 READINGS = readings_of(
@@ -91,4 +118,16 @@ READINGS = readings_of(
             ),
         },
     },
+) + readings_of(
+    "pinocchio",
+    {
+        _BOTH: {
+            _without_energy: (
+                "Pinocchio's computeKineticEnergy leaves out the armature of a hinge about another axis than 1 0 0, 0 1 0 or 0 0 1",
+                "add armature v^2 / 2 of each of them",
+                "Pinocchio 4.1, multibody/joint/joint-revolute-unaligned.hxx, whose calc sets data.v and not data.joint_v",
+            ),
+        },
+    },
+    is_misread=True,
 )
