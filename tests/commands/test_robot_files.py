@@ -27,6 +27,7 @@ HERE = Path(__file__).parent.parent
 TWO_LINKS, MIMIC = HERE / "comparison" / "files" / "arm.urdf", HERE / "comparison" / "files" / "mimic.urdf"
 DRIVEN = HERE / "comparison" / "files" / "driven.xml"
 ARM = HERE / "trees" / "files" / "arm.urdf"
+ROTOR = HERE.parent / "docs" / "examples" / "energy-of-rotors-at-unaligned-hinges.xml"
 # Pinocchio's reader passes over the frame with all that it holds.
 FRAMED = """<mujoco>
   <worldbody>
@@ -117,6 +118,18 @@ def test_a_plain_engine_that_its_readings_do_not_explain_is_red(folder: Path, mo
     assert done.returncode == 1 and rows(done)["pinocchio/urdf"][3].startswith("disagrees")
     assert "harness diagnose arm.urdf --states 12" in done.stdout
     assert "the file is the truth, and pinocchio/urdf differs from it" in done.stdout
+
+
+def test_a_quantity_of_a_file_that_no_reading_explains_is_red(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No diagnosis is offered, for there is none of a file's quantities."""
+    for name in ("known.xml", "unknown.xml"):
+        shutil.copy(ROTOR, folder / name)
+    words = ("--states", "8", "--quantity", "energy")
+    done = harness("check", "known.xml", *words, cwd=folder)
+    assert done.returncode == 0 and "energy of rotors at unaligned hinges" in rows(done)["pinocchio/mjcf"][4], done.stdout
+    monkeypatch.setattr("harness.explain.as_read.find_readings", lambda *_: [])
+    done = harness("check", "unknown.xml", *words, cwd=folder)
+    assert done.returncode == 1 and rows(done)["pinocchio/mjcf"][4].startswith("disagrees") and "harness diagnose" not in done.stdout
 
 
 @pytest.mark.ci

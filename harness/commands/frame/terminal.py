@@ -250,7 +250,8 @@ def print_diagnoses_left(found: CrossCheckResult, settings: Settings) -> None:
     """The commands that say the rest of what is wrong: of accelerations, and of each other quantity that is not as expected."""
     if found.causes:
         say("", f"the whole diagnosis: {settings.diagnosis(_one_name(found.causes))}")
-    wrong = [record for record in found.records if record.is_further and not record.as_expected]
+    # Of a robot's file accelerations alone are diagnosed.
+    wrong = [] if settings.library.reads_files else [one for one in found.records if one.is_further and not one.as_expected]
     for quantity, own in itertools.groupby(sorted(wrong, key=attrgetter("quantity")), key=attrgetter("quantity")):
         say("", f"the diagnosis of {quantity}: {settings.diagnosis(_one_name(own), quantity)}")
 
