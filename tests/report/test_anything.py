@@ -48,6 +48,8 @@ def anything(hint: Any, name: str = "") -> st.SearchStrategy[Any]:
         return st.none() | anything(get_args(hint)[0])
     if getattr(hint, "__origin__", None) is dict:
         return st.dictionaries(names, anything(get_args(hint)[1]), max_size=2)
+    if getattr(hint, "__origin__", None) is tuple and Ellipsis not in get_args(hint):
+        return st.tuples(*map(anything, get_args(hint)))
     if get_args(hint):
         return st.lists(anything(get_args(hint)[0]), max_size=3)
     return {str: names, float: numbers, int: counts, bool: st.booleans()}[hint]
