@@ -17,6 +17,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness import TIME, Contact, System
 from harness.crosscheck.scene import with_parameters
 from harness.files.shapes import numbers_of_contact
+from harness.hard.cases.rigid import WHEEL
 from harness.hard.touching import rigid_contacts
 from harness.lagrange.derivation import load_mechanism, load_system, mechanism_of_charts
 from harness.trees.robot import Robot, read_robot
@@ -31,6 +32,10 @@ EDGES = ("lower edge", "upper edge")
 def of(name: str, **parameters: float) -> RigidContacts:
     system, _ = load_system(BUILT_IN.system_path(name))
     return rigid_contacts(system, with_parameters(load_mechanism(BUILT_IN, name), parameters))
+
+
+def parameters_of(name: str) -> dict[str, float]:
+    return {name: value for name, value, _ in load_mechanism(BUILT_IN, name).parameters}
 
 
 def only(found: Sequence[RigidAnswer]) -> RigidAnswer:
@@ -131,6 +136,57 @@ def test_painleves_rod_presses_by_its_closed_form(mu: float) -> None:
     assert pressed.normal["end"] == pytest.approx((G - 0.5 * math.sin(lean) * turning**2) / slope, rel=1e-6)
 
 
+@pytest.mark.parametrize("inertia", WHEEL.values)
+def test_a_rimless_wheel_comes_back_to_the_speed_of_its_limit_cycle(inertia: float) -> None:
+    """A stride of the declared contacts alone: a foot that sticks, an impact that stops the next one, and that foot up to its normal."""
+    contacts, own = of("rimless_wheel", J=inertia), parameters_of("rimless_wheel") | {"J": inertia}
+    speed = WHEEL.start(own)[1][2]
+    before = turned(contacts, own, 0, speed, (0.0, math.pi / 8))
+    _, at_impact = standing(own, 0, math.pi / 8, before)
+    place, _ = standing(own, 1, math.pi / 8, 0.0)
+    assert abs(contacts.gaps(place)["foot 1"]) <= 1e-15
+    after = stopped("rimless_wheel", "foot 1", place, at_impact, [own["m"], own["m"], inertia])
+    # The foot that stood leaves.
+    assert after[1] + own["l"] * math.sin(math.pi / 8) * after[2] > 0
+    assert turned(contacts, own, 1, after[2], (math.pi / 8, math.pi / 4)) == pytest.approx(speed, rel=1e-7)
+
+
+def standing(own: Mapping[str, float], foot: int, angle: float, speed: float) -> tuple[list[float], list[float]]:
+    """A wheel that rolls on one foot."""
+    lean = angle - foot * math.pi / 4
+    height, along = own["l"] * math.cos(lean) + own["r"], own["l"] * math.sin(lean)
+    return [own["r"] * lean + along, height, angle], [height * speed, -along * speed, speed]
+
+
+def turned(contacts: RigidContacts, own: Mapping[str, float], foot: int, speed: float, angles: tuple[float, float]) -> float:
+    """Speed of the wheel at the second angle, by Runge and Kutta's steps of the square of its speed along the angle."""
+
+    def slope(angle: float, square: float) -> float:
+        found = only(contacts.answers(*standing(own, foot, angle, math.sqrt(square)), [f"foot {foot}"]))
+        assert found.manners == {f"foot {foot}": Manner.STICKS}
+        return float(2 * found.accelerations[2])
+
+    square, step = speed**2, (angles[1] - angles[0]) / 8
+    for angle in np.arange(8) * step + angles[0]:
+        first = slope(angle, square)
+        second = slope(angle + step / 2, square + step / 2 * first)
+        third = slope(angle + step / 2, square + step / 2 * second)
+        square += step / 6 * (first + 2 * second + 2 * third + slope(angle + step, square + step * third))
+    return math.sqrt(square)
+
+
+def stopped(name: str, contact: str, q: Sequence[float], v: Sequence[float], masses: Sequence[float]) -> list[float]:
+    """Velocities after an impact that stops both rows of a contact, of a mechanism with a constant mass matrix."""
+    system, _ = load_system(BUILT_IN.system_path(name))
+    declared, rates = system.contacts[contact], [one.diff(TIME) for one in system.coordinates]
+    assert declared.slip is not None
+    rows = sp.Matrix([declared.gap.diff(TIME), declared.slip]).jacobian(rates)
+    values = {symbol: parameters_of(name)[symbol.name] for symbol in system.parameters}
+    jacobian = np.array(rows.subs(values).subs(dict(zip(system.coordinates, q, strict=True))).evalf(), dtype=np.float64)
+    weighed = jacobian / np.array(masses)
+    return [*(np.array(v) - weighed.T @ np.linalg.solve(weighed @ jacobian.T, jacobian @ np.array(v)))]
+
+
 def test_too_many_contacts_are_refused() -> None:
     x, (m, mu) = dynamicsymbols("x"), sp.symbols("m mu", positive=True)
     system = System(
@@ -168,7 +224,7 @@ def differs(gaps: Sequence[float], found: Sequence[float]) -> bool:
 
 
 NAMES = ["block_on_incline", "sphere_on_incline", "sliding_to_rolling", "spinning_disc", "bouncing_ball", "newtons_cradle", "box_stack"]
-NAMES += ["painleve_rod"]
+NAMES += ["painleve_rod", "rimless_wheel"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -186,11 +242,12 @@ def test_gaps_are_the_distances_of_the_shapes_of_the_model(name: str) -> None:
 
 @pytest.mark.parametrize("name", [one for one in NAMES if one not in ("bouncing_ball", "newtons_cradle", "box_stack")])
 def test_shapes_rub_as_the_text_says(name: str) -> None:
-    robot, own = robot_of(name), {name: value for name, value, _ in load_mechanism(BUILT_IN, name).parameters}
+    robot = robot_of(name)
     assert robot.shapes is not None
-    [(one, other, _)] = robot.shapes.pairs(robot.tree)
-    friction = numbers_of_contact(one, other).friction
-    assert friction[2 if name == "spinning_disc" else 0] == own["mu"]
+    friction = [numbers_of_contact(one, other).friction for one, other, _ in robot.shapes.pairs(robot.tree)]
+    # A box is one shape with all of its edges.
+    assert len(friction) == (1 if name == "block_on_incline" else len(load_system(BUILT_IN.system_path(name))[0].contacts))
+    assert {one[2 if name == "spinning_disc" else 0] for one in friction} == {parameters_of(name)["mu"]}
 
 
 @pytest.mark.parametrize(

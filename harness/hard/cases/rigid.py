@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from harness.arrays import Array
 from harness.truth.coulomb import RigidContacts
 
@@ -284,6 +286,53 @@ ROD = RigidCase(
 
 
 ROD_AT_REST = replace(ROD, name="Painleve's rod, not turning", start=_rod(0.0))
+
+# Half of the angle between spokes of the wheel [rad], and the steps that it walks.
+_HALF, _STEPS = math.pi / 8, 4
+
+
+def _walks(own: Numbers) -> float:
+    """Speed of the rimless wheel on its limit cycle [rad/s], where its supporting spoke stands along the normal.
+
+    An impact keeps the angular momentum about the foot that strikes, and leaves ``kept`` of the speed. The moment of inertia about a foot
+    that stands is the same, ``after``, at both ends of a step, in which gravity adds m g sin(gamma) times the way of the hub.
+    """
+    mass, length, radius, inertia = (own[name] for name in ("m", "l", "r", "J"))
+    height, half = length * math.cos(_HALF) + radius, length * math.sin(_HALF)
+    after = inertia + mass * (height**2 + half**2)
+    kept = (inertia + mass * (height**2 - half**2)) / after
+    # Half of the way of a step, in which the foot rolls too.
+    way = half + radius * _HALF
+    gained = mass * own["g"] * math.sin(own["gamma"]) * 2 * way
+    started = gained * kept**2 / (1 - kept**2)
+    climbed = mass * own["g"] * (math.cos(own["gamma"]) * (length + radius - height) - math.sin(own["gamma"]) * way)
+    return math.sqrt(2 * (started - climbed) / (inertia + mass * (length + radius) ** 2))
+
+
+def _stride(motion: RecordedMotion, own: Numbers) -> float:
+    """Angular speed at which the wheel stands on the spoke that is so many steps on; the last one where it comes no further."""
+    return float(np.interp(2 * _HALF * _STEPS, np.maximum.accumulate(motion.q[:, 2]), motion.v[:, 2]))
+
+
+WHEEL = RigidCase(
+    name="rimless wheel",
+    system="rimless_wheel",
+    knob=("moment of inertia about the axle", "kg m^2"),
+    values=(0.25, 0.5, 1.0),
+    changes=lambda inertia: {"J": inertia},
+    edits=lambda inertia: {"worldbody/body/body/body/inertial": {"diaginertia": f"{inertia!r} {inertia!r} 1e-15"}},
+    of_urdf=lambda inertia: UrdfChanges(
+        {"lateral_friction": 0.8}, {"link[@name='wheel']/inertial/inertia": {"ixx": f"{inertia!r}", "iyy": f"{inertia!r}"}}
+    ),
+    start=lambda own: ([0.0, own["l"] + own["r"], 0.0], [(own["l"] + own["r"]) * _walks(own), 0.0, _walks(own)]),
+    closed=("foot 0",),
+    # It is slow near the normal, so that steps take less.
+    time=lambda own: 1.2 * _STEPS * 2 * _HALF / _walks(own),
+    measured=("angular speed over the fourth foot", "rad/s"),
+    measure=_stride,
+    rigid=_known(lambda own: (_walks(own), _walks(own))),
+    source="McGeer, Passive dynamic walking, International Journal of Robotics Research 9 (1990): the limit cycle of the rimless wheel",
+)
 
 
 def rigid_cases() -> dict[str, RigidCase]:
