@@ -174,7 +174,7 @@ def _measured(library: Library, engine: str, place: _Place, setting: ContactSett
         is_mjcf = model_format == MJCF
         path.write_bytes(_touching(source, case.edits(value), setting.edits) if is_mjcf else _rubbing(source, case.of_urdf(value)))
         motion = SimulatedFile(MovedFile(path, model_format, length=setting.length), {}, Timing(), counts)
-        joints = tuple(load_mechanism(Library.built_in(), case.system).joints)
+        joints = tuple(dict.fromkeys(load_mechanism(Library.built_in(), case.system).joints))
         control = Control.constant({})
         moved = load_engine(library, engine).moved(MotionsRequest([motion], joints, start[0], start[1], control, True))
     times = setting.length * np.array(counts, dtype=np.float64)

@@ -27,7 +27,14 @@ import sympy as sp
 
 from harness.lagrange.constraint import Constraint
 from harness.lagrange.equations import EnergiesInSymbols, EquationsOfMotion, in_symbols, split_potential
-from harness.lagrange.euler_angles import ChangeOfVariables, change_of_variables, energies_in_joints, equations_in_joints
+from harness.lagrange.euler_angles import (
+    ChangeOfVariables,
+    change_of_variables,
+    energies_in_joints,
+    equations_in_joints,
+    functions_of_angles,
+    rates_of_positions,
+)
 from harness.lagrange.expressions import assemble
 from harness.lagrange.system import TIME, System
 from harness.programs.derivatives import along, depending_on, gradient
@@ -313,13 +320,17 @@ def _symbols_of(system: System, names: Sequence[str]) -> tuple[list[sp.Symbol], 
 
 def _rows(system: System, names: Sequence[str], holding: Sequence[sp.Expr], rolling: Sequence[sp.Expr]) -> StraightLineProgram:
     nv, (inputs, symbols) = len(system.coordinates), _symbols_of(system, names)
-    expressions = [[row.xreplace(symbols) for row in some] for some in (holding, rolling)]
+    nq, functions = nv + len(system.attitudes), functions_of_angles(system, inputs)
+    expressions = [[row.xreplace(functions).xreplace(symbols) for row in some] for some in (holding, rolling)]
     program = assemble(inputs, dict(zip((RESIDUAL, "rolling"), expressions, strict=True)))
     builder = Builder(program.inputs)
     written = builder.append(program)
-    q, v = builder.inputs[:nv], builder.inputs[nv : 2 * nv]
-    jacobian = [gradient(row, q) for row in written[RESIDUAL]] + [gradient(row, v) for row in written["rolling"]]
+    q, v = builder.inputs[:nq], builder.inputs[nq : nq + nv]
+    motion = dict(zip(q, rates_of_positions(system, q, v), strict=True))
+    held = along(written[RESIDUAL], motion) if system.attitudes else []
+    jacobian = [gradient(row, v) for row in held] or [gradient(row, q) for row in written[RESIDUAL]]
+    jacobian += [gradient(row, v) for row in written["rolling"]]
     velocities = [dot(row, v, builder.number(0)) for row in jacobian]
-    bias = along(velocities, dict(zip(q, v, strict=True)))
+    bias = along(velocities, motion)
     outputs = {RESIDUAL: written[RESIDUAL], JACOBIAN: [entry for row in jacobian for entry in row], RATE: velocities, BIAS: bias}
     return without_unused(builder.program(outputs))

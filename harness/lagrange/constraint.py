@@ -72,7 +72,7 @@ class Contact:
     Attributes:
         gap: the distance of the surfaces, an expression of the coordinates [m].
         slip: the velocity of one surface along the other, linear in the rates [m/s], or their turn about the normal [rad/s]; None of
-            smooth ones.
+            smooth ones, which those of systems with ball or free joints are.
         friction: the parameter that is the ratio of the largest force of friction to the normal one: the coefficient of friction, of
             turns a length [m]; None of smooth surfaces.
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
@@ -221,3 +221,35 @@ def _of_quaternion(quaternion: Sequence[sp.Symbol]) -> sp.Matrix:
         ]
     )
     return matrix / (w**2 + x**2 + y**2 + z**2)
+
+
+def _places_of_quaternions(system: System) -> list[int]:
+    """Places among the positions, in the order of the joints."""
+    order = list(system.coordinates)
+    return [place + number for number, place in enumerate(sorted(order.index(one.angles[0]) for one in system.attitudes))]
+
+
+def functions_of_angles(system: System, positions: Sequence[sp.Symbol]) -> dict[sp.Expr, sp.Expr]:
+    """The angles of ball and free joints, their sines and cosines, in the quaternions among ``positions``."""
+    order, found = list(system.coordinates), dict[sp.Expr, sp.Expr]()
+    attitudes = sorted(system.attitudes, key=lambda attitude: order.index(attitude.angles[0]))
+    for attitude, place in zip(attitudes, _places_of_quaternions(system), strict=True):
+        pairs, _ = sines_and_cosines(attitude.sequence, _of_quaternion(positions[place : place + 4]))
+        for angle, (sine, cosine) in zip(attitude.angles, pairs, strict=True):
+            found |= {sp.sin(angle): sine, sp.cos(angle): cosine, angle: sp.atan2(sine, cosine)}
+    return found
+
+
+def rates_of_positions(system: System, positions: Sequence[Any], velocities: Sequence[Any]) -> list[Any]:
+    """Rates of (nq,) positions at (nv,) velocities: of a quaternion p, p (0, omega) / 2, with omega in the body's frame."""
+    rates = list(velocities)
+    for place in _places_of_quaternions(system):
+        w, x, y, z = positions[place : place + 4]
+        a, b, c = rates[place : place + 3]
+        rates[place : place + 3] = [
+            -(x * a + y * b + z * c) / 2,
+            (w * a + y * c - z * b) / 2,
+            (w * b + z * a - x * c) / 2,
+            (w * c + x * b - y * a) / 2,
+        ]
+    return rates

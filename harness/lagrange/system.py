@@ -297,8 +297,10 @@ class System:
                 yield f"the limits of {q} are {self.parameters[low][0]:g} and {self.parameters[high][0]:g}; expected the lowest first"
 
     def _of_contacts(self) -> Iterator[str]:
-        if self.contacts and (self.constraints or self.attitudes or self.measured_from):
-            yield "contacts beside constraints, ball and free joints, or measured_from; expected hinges and slides of a tree"
+        if self.contacts and (self.constraints or self.measured_from):
+            yield "contacts beside constraints or measured_from; expected joints of a tree"
+        if self.attitudes and any(contact.slip is not None for contact in self.contacts.values()):
+            yield "a slip beside ball and free joints; expected smooth contacts there, for a slip would have two directions"
         for name, contact in self.contacts.items():
             yield from (f"contact {name!r} {one}" for one in contact.contradictions(self.rates))
             if contact.friction is not None and not (contact.friction in self.parameters and self.parameters[contact.friction][0] >= 0):

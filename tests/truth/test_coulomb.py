@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness import TIME, Contact, System
 from harness.crosscheck.scene import with_parameters
 from harness.files.shapes import numbers_of_contact
-from harness.hard.cases.rigid import WHEEL
+from harness.hard.cases.rigid import TOP, WHEEL, RecordedMotion
 from harness.hard.touching import rigid_contacts
 from harness.lagrange.derivation import load_mechanism, load_system, mechanism_of_charts
 from harness.trees.robot import Robot, read_robot
@@ -187,6 +188,81 @@ def stopped(name: str, contact: str, q: Sequence[float], v: Sequence[float], mas
     return [*(np.array(v) - weighed.T @ np.linalg.solve(weighed @ jacobian.T, jacobian @ np.array(v)))]
 
 
+def test_a_tippe_top_that_touches_moves_as_its_point_may() -> None:
+    """It presses along the normal alone, and the derivatives of its gap are those of the motion of its quaternion."""
+    contacts, own, random = of("tippe_top"), parameters_of("tippe_top"), np.random.default_rng(3)
+    manners = set()
+    for _ in range(5):
+        p = random.normal(size=4)
+        p /= np.linalg.norm(p)
+        turn = random.normal(size=3) * 3
+        axis, rate = axis_of(p), axis_of(p, turn)
+        q = [0.3, -0.2, own["R"] - own["a"] * axis, *p]
+        v = [0.1, 0.4, -own["a"] * rate, *turn]
+        assert abs(contacts.gaps(q)["floor"]) <= 1e-15
+        found = contacts.answers(q, v, ["floor"])
+        assert len(found) == 1
+        # The gap stays closed to the second order of the time where it presses, and opens where it parts.
+        step = 1e-4
+        later = [*np.array(q[:3]) + step * np.array(v[:3]) + step**2 / 2 * found[0].accelerations[:3]]
+        later += [*turned_by(p, np.array(turn) * step + step**2 / 2 * found[0].accelerations[3:])]
+        gap = contacts.gaps(later)["floor"]
+        assert abs(gap) <= 1e-10 if found[0].manners["floor"] is Manner.STAYS else gap > 1e-9
+        assert not np.any(found[0].forces[:2])
+        manners.add(found[0].manners["floor"])
+    assert Manner.STAYS in manners
+
+
+def axis_of(p: np.ndarray, turn: np.ndarray | None = None) -> float:
+    """Height of the end of the body's z axis, or its rate at an angular velocity in the body's frame."""
+    w, x, y, z = p
+    along = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z])
+    return float(along[2] if turn is None else np.cross(turn, [0.0, 0.0, 1.0]) @ along)
+
+
+def turned_by(p: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """A quaternion after a turn by a vector of angles [rad] in the body's frame."""
+    angle = float(np.linalg.norm(way))
+    b = np.sin(angle / 2) / angle * way
+    w, u, c = p[0], p[1:], np.cos(angle / 2)
+    return np.array([w * c - u @ b, *(w * b + c * u + np.cross(u, b))])
+
+
+def test_jellett_s_integral_is_kept_by_any_force_at_the_point() -> None:
+    """By Euler's equations: central differences of the integral that a case measures, along the turn that they give."""
+    own, random = parameters_of("tippe_top"), np.random.default_rng(4)
+    moments = np.array([own["I1"], own["I1"], own["I3"]])
+    for _ in range(20):
+        p = random.normal(size=4)
+        p /= np.linalg.norm(p)
+        turn, step = random.normal(size=3) * 9, 1e-6
+        force = random.normal(size=3)
+        w, x, y, z = p
+        rows = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        point = own["a"] * np.array([0.0, 0.0, 1.0]) - own["R"] * rows[2]
+        torque = np.cross(point, rows.T @ force)
+        found = (torque - np.cross(turn, moments * turn)) / moments
+        ends = [
+            TOP.measure(
+                RecordedMotion(
+                    np.array([step]),
+                    np.array([[0.0, 0.0, 0.0, *turned_by(p, side * step * turn)]]),
+                    np.array([[0.0, 0.0, 0.0, *(turn + side * step * found)]]),
+                    (np.array([0.0, 0.0, 0.0, *p]), np.array([0.0, 0.0, 0.0, *turn])),
+                ),
+                own,
+            )
+            for side in (1, -1)
+        ]
+        assert abs(ends[0] - ends[1]) / (2 * step) <= 1e-6
+
+
 def test_too_many_contacts_are_refused() -> None:
     x, (m, mu) = dynamicsymbols("x"), sp.symbols("m mu", positive=True)
     system = System(
@@ -203,6 +279,13 @@ def test_too_many_contacts_are_refused() -> None:
 
 
 # What the model files say of it.
+
+
+def test_a_slip_of_a_free_joint_is_refused() -> None:
+    system, _ = load_system(BUILT_IN.system_path("tippe_top"))
+    gap, x, m = system.contacts["floor"].gap, next(iter(system.coordinates)), next(iter(system.parameters))
+    with pytest.raises(ValueError, match="a slip beside ball and free joints"):
+        replace(system, contacts={"floor": Contact(gap=gap, slip=x.diff(TIME), friction=m)})
 
 
 def robot_of(name: str) -> Robot:
@@ -224,23 +307,25 @@ def differs(gaps: Sequence[float], found: Sequence[float]) -> bool:
 
 
 NAMES = ["block_on_incline", "sphere_on_incline", "sliding_to_rolling", "spinning_disc", "bouncing_ball", "newtons_cradle", "box_stack"]
-NAMES += ["painleve_rod", "rimless_wheel"]
+NAMES += ["painleve_rod", "rimless_wheel", "tippe_top"]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_gaps_are_the_distances_of_the_shapes_of_the_model(name: str) -> None:
     contacts, robot, random = of(name), robot_of(name), np.random.default_rng(0)
-    order = [load_mechanism(BUILT_IN, name).joints.index(joint) for joint in robot.joints]
+    mechanism = load_mechanism(BUILT_IN, name)
+    # A free joint is alone.
+    order = range(mechanism.nq) if mechanism.nq > mechanism.nv else [mechanism.joints.index(joint) for joint in robot.joints]
     for _ in range(5):
         # Balls and boxes stay in their order, and the lower edges of a block are the lower ones.
         q = random.uniform(0.1, 0.4, len(order))
         gaps = [*contacts.gaps(q).values()]
         # Bodies that are no neighbours may touch too, in the file alone.
-        found = sorted(distances(robot, q[order].tolist()))[: {"newtons_cradle": 2, "box_stack": 4}.get(name)]
+        found = sorted(distances(robot, q[[*order]].tolist()))[: {"newtons_cradle": 2, "box_stack": 4}.get(name)]
         assert not differs(gaps, found)
 
 
-@pytest.mark.parametrize("name", [one for one in NAMES if one not in ("bouncing_ball", "newtons_cradle", "box_stack")])
+@pytest.mark.parametrize("name", [one for one in NAMES if one not in ("bouncing_ball", "newtons_cradle", "box_stack", "tippe_top")])
 def test_shapes_rub_as_the_text_says(name: str) -> None:
     robot = robot_of(name)
     assert robot.shapes is not None

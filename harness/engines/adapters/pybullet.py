@@ -185,6 +185,8 @@ def _moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array
 
     if motion.over or motion.timing.period or motion.timing.delay or request.control.names:
         raise NotOffered("PyBullet moves files as they stand, without controls")
+    if len(request.q) != len(request.joints):
+        raise Refused("PyBullet is asked to move hinges and slides alone here")
     server, body = _read(_INERTIAS_OF_FILE | _LINKS_TOUCH, motion.file.path.read_text(encoding="utf-8"))
     try:
         known = {}

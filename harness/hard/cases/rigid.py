@@ -29,7 +29,7 @@ class RecordedMotion:
     """One motion of a case.
 
     Attributes:
-        times: (k,) [s]. q, v: (k, nv) after steps. start: q and v before them.
+        times: (k,) [s]. q, v: (k, nq) and (k, nv) after steps. start: q and v before them.
     """
 
     times: Array
@@ -332,6 +332,38 @@ WHEEL = RigidCase(
     measure=_stride,
     rigid=_known(lambda own: (_walks(own), _walks(own))),
     source="McGeer, Passive dynamic walking, International Journal of Robotics Research 9 (1990): the limit cycle of the rimless wheel",
+)
+
+
+# Lean of the axis of the tippe top [rad], and its spin about it [rad/s].
+_LEAN, _SPIN = 0.3, 40.0
+
+
+def _jellett(q: Array, v: Array, own: Numbers) -> float:
+    """Jellett's integral of the tippe top [kg m^3/s], R L_z - a L_3, from its quaternion and its angular velocity in its own frame."""
+    (w, x, y, z), moments = q[3:], np.array([own["I1"], own["I1"], own["I3"]])
+    up = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z]) / (w * w + x * x + y * y + z * z)
+    momentum = moments * v[3:]
+    return float(own["R"] * momentum @ up - own["a"] * momentum[2])
+
+
+TOP = RigidCase(
+    name="tippe top",
+    system="tippe_top",
+    knob=("coefficient of friction", "1"),
+    values=(0.0, 0.1, 0.3, 1.0),
+    edits=lambda mu: {"worldbody//geom": {"condim": "3", "friction": f"{mu!r}"}},
+    of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    start=lambda own: (
+        [0.0, 0.0, own["R"] - own["a"] * math.cos(_LEAN), math.cos(_LEAN / 2), math.sin(_LEAN / 2), 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, _SPIN],
+    ),
+    closed=("floor",),
+    time=lambda own: 2.0,
+    measured=("change of Jellett's integral, of itself", "1"),
+    measure=lambda motion, own: _jellett(motion.q[-1], motion.v[-1], own) / _jellett(*motion.start, own) - 1,
+    rigid=_known(lambda own: (0.0, 0.0)),
+    source="Cohen, The tippe top revisited, American Journal of Physics 45 (1977): kept however the point of the contact rubs",
 )
 
 
