@@ -92,8 +92,8 @@ def test_one_chart_covers_where_the_other_is_singular(mechanism: Mechanism, rota
     if rotation_quaternion == (1, 0, 0, 0):
         regularity = Charts(mechanism.charts(linear_velocity_in_body=False)).regularity(states.q)
         assert regularity.min() == 0 < regularity.max()
-        # Equations that hold no angle any more, as those of a free body, are certified in any chart.
-        assert not all(certified) or mechanism.name == "free_body"
+        # Equations that hold no angle any more, as those of a free body, which a top between contacts is, are certified in any chart.
+        assert not all(certified) or mechanism.name in ("free_body", "tippe_top")
 
 
 @pytest.mark.parametrize("quaternion", [(1, 0, 0, 0), (0.5, 0.5, 0.5, 0.5), (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)])
