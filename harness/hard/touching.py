@@ -25,7 +25,8 @@ from harness.engines.moving import Control, MotionsRequest, MovedFile, Simulated
 from harness.engines.request import Refused
 from harness.environments import split_name
 from harness.files.tree import WORLD
-from harness.hard.cases.rigid import Edits, Interval, Numbers, RecordedMotion, RigidCase, UrdfChanges, rigid_cases
+from harness.hard.cases.rigid import rigid_cases
+from harness.hard.rigid_case import Edits, Interval, Numbers, RecordedMotion, RigidCase, UrdfChanges
 from harness.lagrange.assembly import contact_rows
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.system import System

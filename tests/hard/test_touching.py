@@ -11,7 +11,8 @@ from studies import silent
 
 from harness.engines.moving import MotionsRequest, Moved
 from harness.hard import touching
-from harness.hard.cases.rigid import BALL, BLOCK, CRADLE, ROD, ROD_AT_REST, SPHERE, STACK, RigidCase, rigid_cases
+from harness.hard.cases.rigid import BALL, BLOCK, CRADLE, ROD, ROD_AT_REST, SPHERE, STACK, rigid_cases
+from harness.hard.rigid_case import RigidCase
 from harness.hard.touching import rigid_distances
 from harness.results.atlas import RigidDistance
 

@@ -18,7 +18,8 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness import TIME, Contact, System
 from harness.crosscheck.scene import with_parameters
 from harness.files.shapes import numbers_of_contact
-from harness.hard.cases.rigid import TOP, WHEEL, RecordedMotion
+from harness.hard.cases.rigid import TOP, WHEEL
+from harness.hard.rigid_case import RecordedMotion
 from harness.hard.touching import rigid_contacts
 from harness.lagrange.derivation import load_mechanism, load_system, mechanism_of_charts
 from harness.trees.robot import Robot, read_robot

@@ -6,84 +6,17 @@ Each is a mechanism of the catalogue with one parameter turned; ``harness.hard.t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from harness.arrays import Array
+from harness.hard.rigid_case import Edits, Interval, Numbers, RecordedMotion, RigidCase, UrdfChanges
 from harness.truth.coulomb import RigidContacts
 
 # Accelerations of that part of gravity are none.
 _NOTHING = 1e-12
-
-
-Numbers = Mapping[str, float]
-Interval = tuple[float, float]
-# Of elements of an MJCF by their path, attributes that are set.
-Edits = Mapping[str, Mapping[str, str]]
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedMotion:
-    """One motion of a case.
-
-    Attributes:
-        times: (k,) [s]. q, v: (k, nq) and (k, nv) after steps. start: q and v before them.
-    """
-
-    times: Array
-    q: Array
-    v: Array
-    start: tuple[Array, Array]
-
-
-@dataclass(frozen=True)
-class UrdfChanges:
-    """Numbers of a URDF.
-
-    Attributes:
-        surface: by their names in the ``<contact>`` that Bullet reads of links, those of every link but the world; the world has lateral
-            friction and restitution 1, for Bullet takes the products of both.
-        edits: as of an MJCF.
-    """
-
-    surface: Numbers = field(default_factory=dict)
-    edits: Edits = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RigidCase:
-    """A family of motions with contacts.
-
-    Attributes:
-        name, system: of the family, and in the built-in library.
-        knob: name and unit of what is turned; values: of it.
-        changes: value to parameters of the system that are not its own; edits, of_urdf: the same in an MJCF and in a URDF.
-        start: parameters to q and v; closed: the contacts that touch there.
-        time: parameters to the length of the motion [s]; None for one step.
-        measured: name and unit of the number that is measured; measure: (motion, parameters) to it.
-        rigid: (contacts, q, v, parameters) to the intervals in which rigid motions have it.
-        scale: parameters to what distances are relative to.
-        only: settings that bear on it, by name; all for none.
-    """
-
-    name: str
-    system: str
-    knob: tuple[str, str]
-    values: tuple[float, ...]
-    changes: Callable[[float], Numbers] = lambda value: {}
-    edits: Callable[[float], Edits] = lambda value: {}
-    of_urdf: Callable[[float], UrdfChanges] = lambda value: UrdfChanges()
-    start: Callable[[Numbers], tuple[Sequence[float], Sequence[float]]]
-    closed: tuple[str, ...] = ()
-    time: Callable[[Numbers], float] | None
-    measured: tuple[str, str]
-    measure: Callable[[RecordedMotion, Numbers], float]
-    rigid: Callable[[RigidContacts, Sequence[float], Sequence[float], Numbers], Sequence[Interval]]
-    scale: Callable[[Numbers], float] = lambda own: 1.0
-    only: tuple[str, ...] = ()
-    source: str
 
 
 def _friction(condim: int = 3) -> Callable[[float], Edits]:
