@@ -1,36 +1,26 @@
-"""One file beside an engine with all on that is judged: how the engine is asked, at which states, and the truth of its answers there."""
+"""One file beside an engine with all on that is judged: how the engine is asked, and at which states."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from harness.arrays import Array
 from harness.comparison.robot_library import ask_engine
-from harness.comparison.touching import Touching, put, settling, steps_of
-from harness.crosscheck.constraint_laws import effect_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers, EngineQuestion, SolverSettings
-from harness.explain.as_read import Folded, fold
-from harness.explain.changes.departures import Departure, departures_of
-from harness.explain.clamps import moved_clamps
-from harness.explain.documented import documented, laws_of
+from harness.explain.documented import documented
 from harness.explain.meant import Meant, question_of, reference_of, request_of, spread
-from harness.explain.suspects import Explained, ExplainedOrder, Suspect, SuspectSearch, suspects_of
 from harness.explain.switches import Switch, constraints_among, held_with
+from harness.explain.touching import put, settling, steps_of
 from harness.files.findings import CONTACTS
 from harness.library import Stance
-from harness.results.readings import FELT, Effect
-from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import with_actuators
 from harness.truth.compare import Flags
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.displaced import near, pressed, slowed
-from harness.truth.reference import Reference, ReferenceKernel
 
 # One of so many states is beyond limits.
 _EACH_PRESSED = 4
@@ -73,103 +63,6 @@ class AskedEngine:
             driving = (states.control, states.activation) if question.driving else ()
             question = replace(question, q=states.q, v=states.v, tau=states.tau, driving=driving)
         return question
-
-
-@dataclass(frozen=True)
-class FileCase:
-    """Elements that are judged, at the states of what is read, ``at``, and the contacts there.
-
-    ``within``: the states at which no limit pushes, and where no bodies touch if there are such.
-    """
-
-    original: Meant
-    caller: Engine
-    folded: Folded
-    at: Meant
-    judged: Sequence[Switch]
-    touching: Touching
-    within: Flags
-
-    @property
-    def has_constraints(self) -> bool:
-        return bool(constraints_among(self.at.robot, self.judged)) or bool(self.touching.is_any.any())
-
-    @property
-    def apart(self) -> Flags:
-        """(n,) the states at which no bodies touch."""
-        return ~self.touching.is_any
-
-    def by(self, departures: Iterable[Departure] = ()) -> Reference:
-        """The truth by the laws that the engine documents, or with departures from them."""
-        own = self.at.robot, self.caller, self.judged
-        return self.touching.truth(self.at.states, lambda contacts: documented(*own, departures, contacts))
-
-    @cached_property
-    def truth(self) -> Reference:
-        """By the documentation alone."""
-        return self.by()
-
-    @cached_property
-    def departures(self) -> dict[Departure, Effect]:
-        """The engine's departures from the documented laws, each with what it does alone; none that does nothing."""
-        robot, caller, found = self.at.robot, self.caller, dict[Departure, Effect]()
-        chosen, laws = laws_of(robot, caller, self.judged, self.touching.first)
-        for one in departures_of(caller.name, caller.reader):
-            if concerned := one.concerned(robot.tree, chosen, laws):
-                found[one] = effect_of(one, concerned, self.truth, self.by([one]))
-        return {one: effect for one, effect in found.items() if effect.alone is None or effect.alone > FELT}
-
-    @cached_property
-    def _departures_elsewhere(self) -> list[Departure]:
-        """Those of a file with another number: what the engine does with a curve concerns no coupling that is straight."""
-        laws = laws_of(self.at.robot, self.caller, self.judged)
-        every = departures_of(self.caller.name, self.caller.reader)
-        return [one for one in every if one in self.departures or not one.concerned(self.at.robot.tree, *laws)]
-
-    @cached_property
-    def computed(self) -> Reference:
-        """The truth with the departures."""
-        return self.by(self.departures) if self.departures else self.truth
-
-    @cached_property
-    def without_actuators(self) -> Reference:
-        """The truth of the tree without its actuators, and with nothing else on."""
-        return reference_of(with_actuators(self.at.robot, ())).evaluate(self.at.states)
-
-    @cached_property
-    def where_apart(self) -> Meant:
-        """What is read, at the states at which no bodies touch."""
-        return replace(self.at, states=self.at.states[self.apart], certified=self.computed[np.flatnonzero(self.apart)])
-
-    @cached_property
-    def search(self) -> SuspectSearch:
-        """The numbers of what is on, beside the truth at the states at which no bodies touch."""
-        return SuspectSearch(suspects_of(self.original.robot), self._truth_with, self.where_apart.truth)
-
-    def explaining(self, accelerations: Array) -> Sequence[Explained | ExplainedOrder]:
-        """The numbers with another value of which the truth is what an engine answers, (n, nv); where none does, ranges out of order."""
-        own = accelerations[self.apart]
-        return self.search.explaining(own) or self.search.orders_explaining(own, moved_clamps(self.original.robot))
-
-    @cached_property
-    def _by_parameters(self) -> tuple[ReferenceKernel, dict[object, int]]:
-        """The equations of what is on, and the places of numbers of the file among their parameters; none where readings change some."""
-        mechanism = documented(self.at.robot, self.caller, self.judged, self._departures_elsewhere)
-        given = () if self.folded.applied or not isinstance(mechanism, RobotMechanism | DeclaredMechanism) else mechanism.given
-        return ReferenceKernel(mechanism), {number.key: place for place, number in enumerate(given)}
-
-    def _truth_with(self, suspect: Suspect, value: float) -> tuple[Array, Array]:
-        if suspect.is_parameter:
-            kernel, places = self._by_parameters
-            if (place := places.get(suspect.number.key)) is not None:
-                values = np.array(kernel.mechanism.parameter_values)
-                values[place] = value
-                return kernel.accelerations(self.where_apart.states, values)
-        acting = [one.number for one in self.original.robot.tree.actuators]
-        robot = fold(with_actuators(suspect.robot(value), acting), [reading for reading, _ in self.folded.applied]).robot
-        mechanism = reference_of(self.at.robot).mechanism if suspect.is_of_rows else mechanism_of(robot)
-        changed = documented(robot, self.caller, self.judged, self._departures_elsewhere, mechanism=mechanism)
-        return ReferenceKernel(changed).accelerations(self.where_apart.states)
 
 
 def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Meant, Flags]:

@@ -18,18 +18,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.comparison.case import AskedEngine, FileCase, felt
+from harness.comparison.case import AskedEngine, felt
 from harness.comparison.geometry import hold_shapes
 from harness.comparison.robot_library import engine_of, engines_of_files
-from harness.comparison.touching import Touching
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.as_read import Folded, effects, read_by
 from harness.explain.changes.readings import element_at
 from harness.explain.documented import documented, laws_of, switched_off_by_file
+from harness.explain.file_case import FileCase
 from harness.explain.file_numbers import left_beside_readings, unexplained
 from harness.explain.meant import Meant, driven, largest_change, read_as, worst
 from harness.explain.switches import switches_of, why_no_equality
+from harness.explain.touching import Touching
 from harness.files.equalities import Equality
 from harness.files.findings import EQUALITIES, FRICTION
 from harness.library import Stance

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,19 +11,14 @@ from harness.arrays import Array
 from harness.engines import ConstraintLaw, InverseWeight, Model, load_engine
 from harness.errors import InvalidModel
 from harness.explain.as_read import ReadTruth
-from harness.explain.meant import largest_change
-from harness.files.equalities import Constraint, DryFriction, Limit
-from harness.files.findings import CONTACTS, EQUALITIES
+from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile
-from harness.files.touching import Touch
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism, all_rows
 from harness.programs.states import States
-from harness.results.readings import Effect
 from harness.trees.robot import tree_of
 from harness.truth.compare import Certified, Comparison
 from harness.truth.quantities import Truth
-from harness.truth.reference import Reference
 from harness.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -126,32 +121,3 @@ class DepartedTruth(ReadTruth):
         agrees = documented.verdicts == Verdict.AGREES.value
         kept = np.setdiff1d(np.arange(len(states)), left[agrees])
         return Comparison.concatenate([found[kept], documented[agrees]])[np.argsort(np.concatenate([kept, left[agrees]]))]
-
-
-def effect_of(departure: Departure, concerned: Sequence[Constraint], documented: Reference, departed: Reference) -> Effect:
-    """The effect of a departure that concerns some constraints, from accelerations by the documented law to those with it."""
-    kinds = set(map(_kind_of, concerned))
-    return Effect(
-        name=departure.name,
-        sentence=departure.sentence,
-        concerns=kinds.pop() if len(kinds) == 1 else "constraints",
-        lines=tuple(dict.fromkeys(one.line for one in concerned)),
-        count=len(concerned),
-        alone=largest_change(documented, departed.high, documented.certified & departed.certified),
-        source=departure.source,
-        remedy=departure.remedy,
-        departs=True,
-    )
-
-
-def _kind_of(constraint: Constraint) -> str:
-    """The noun of a constraint in the plural; of dry friction that of what rubs."""
-    match constraint.says:
-        case Touch():
-            return CONTACTS
-        case Limit():
-            return "limits"
-        case DryFriction(of=of):
-            return "joints" if isinstance(of, str) else "tendons"
-        case _:
-            return EQUALITIES

@@ -14,9 +14,9 @@ from harness.crosscheck.assignment import (
     truth_without,
     why_left_out,
 )
-from harness.crosscheck.constraint_laws import DepartedTruth, effect_of
+from harness.crosscheck.constraint_laws import DepartedTruth
 from harness.engines import load_engine
-from harness.explain.documented import softening_of
+from harness.explain.documented import effect_of, softening_of
 from harness.explain.meant import STATES, STATES_OF_EFFECTS, largest_change
 from harness.files.equalities import Constraint, DryFriction
 from harness.files.findings import ACTUATORS, FRICTION, LIMITS

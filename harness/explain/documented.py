@@ -8,14 +8,17 @@ from dataclasses import dataclass, replace
 from harness.engines import ConstraintLaw, Engine
 from harness.explain.changes.departures import Departure, departed, departures_of
 from harness.explain.changes.readings import element_at
-from harness.explain.meant import reference_of
+from harness.explain.meant import largest_change, reference_of
 from harness.explain.switches import Switch, constraints_among, held_with, judged_among, switches_of
-from harness.files.equalities import Constraint, Equality
-from harness.files.findings import ACTUATORS, SWITCHED_OFF
+from harness.files.equalities import Constraint, DryFriction, Equality, Limit
+from harness.files.findings import ACTUATORS, CONTACTS, EQUALITIES, SWITCHED_OFF
+from harness.files.touching import Touch
 from harness.programs.mechanisms.mechanism import Mechanism
+from harness.results.readings import Effect
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import Robot, with_actuators
 from harness.truth.optimum import optimum
+from harness.truth.reference import Reference
 
 
 def laws_of(
@@ -106,3 +109,32 @@ def departing(robot: Robot, caller: Engine) -> dict[Departure, list[Constraint]]
     chosen, laws = laws_of(robot, caller, all_judged(robot, caller))
     known = departures_of(caller.name, caller.reader)
     return {one: concerned for one in known if (concerned := one.concerned(robot.tree, chosen, laws))}
+
+
+def effect_of(departure: Departure, concerned: Sequence[Constraint], documented: Reference, departed: Reference) -> Effect:
+    """The effect of a departure that concerns some constraints, from accelerations by the documented law to those with it."""
+    kinds = set(map(_kind_of, concerned))
+    return Effect(
+        name=departure.name,
+        sentence=departure.sentence,
+        concerns=kinds.pop() if len(kinds) == 1 else "constraints",
+        lines=tuple(dict.fromkeys(one.line for one in concerned)),
+        count=len(concerned),
+        alone=largest_change(documented, departed.high, documented.certified & departed.certified),
+        source=departure.source,
+        remedy=departure.remedy,
+        departs=True,
+    )
+
+
+def _kind_of(constraint: Constraint) -> str:
+    """The noun of a constraint in the plural; of dry friction that of what rubs."""
+    match constraint.says:
+        case Touch():
+            return CONTACTS
+        case Limit():
+            return "limits"
+        case DryFriction(of=of):
+            return "joints" if isinstance(of, str) else "tendons"
+        case _:
+            return EQUALITIES

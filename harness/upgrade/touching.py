@@ -16,12 +16,12 @@ from functools import partial
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.touching import put, steps_of
 from harness.engines import Engine, load_engine
 from harness.engines.request import EngineQuestion, SolverSettings
 from harness.environments import split_name
 from harness.explain.meant import Meant, meant, question_of
 from harness.explain.switches import held_with, switches_of
+from harness.explain.touching import put, steps_of
 from harness.files.contacts import FoundContact
 from harness.files.findings import CONTACTS
 from harness.library import Library, Stance

@@ -13,7 +13,7 @@ from harness.arrays import Array
 from harness.comparison import touching
 from harness.comparison.geometry import hold_shapes
 from harness.comparison.robot_library import engine_of
-from harness.comparison.touching import Touching
+from harness.explain.touching import Touching
 from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
 from harness.explain.changes.readings import element_at
 from harness.explain.documented import documented

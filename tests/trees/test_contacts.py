@@ -17,7 +17,7 @@ from contact_optimum import DIGITS, MODEL, STEP, Point
 from contact_optimum import optimum as documented_optimum
 from mpmath import mpf
 
-from harness.comparison.touching import Touching
+from harness.explain.touching import Touching
 from harness.engines.adapters.mujoco import law
 from harness.engines.adapters.mujoco.contacts import found_contacts
 from harness.explain.changes.readings import element_at
