@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from harness.arrays import Array
-from harness.comparison import touching
 from harness.comparison.geometry import hold_shapes
 from harness.comparison.robot_library import engine_of
-from harness.explain.touching import Touching
 from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
+from harness.explain import touching
 from harness.explain.changes.readings import element_at
 from harness.explain.documented import documented
 from harness.explain.switches import switches_of
+from harness.explain.touching import Touching
 from harness.files.contacts import FoundContact
 from harness.files.findings import CONTACTS
 from harness.programs.states import States

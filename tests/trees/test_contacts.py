@@ -17,10 +17,10 @@ from contact_optimum import DIGITS, MODEL, STEP, Point
 from contact_optimum import optimum as documented_optimum
 from mpmath import mpf
 
-from harness.explain.touching import Touching
 from harness.engines.adapters.mujoco import law
 from harness.engines.adapters.mujoco.contacts import found_contacts
 from harness.explain.changes.readings import element_at
+from harness.explain.touching import Touching
 from harness.files.contacts import FoundContact, contacts_of
 from harness.files.equalities import Constraint
 from harness.programs.mechanisms import cones
