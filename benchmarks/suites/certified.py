@@ -144,9 +144,9 @@ def of_contacts(cone: str) -> tuple[Measure, Measure]:
     """The optimum that MuJoCo documents where all feet of a robot touch, at states that differ in all joints."""
     import mujoco
 
-    from harness.comparison import touching
     from harness.comparison.robot_library import engine_of
     from harness.engines.adapters.mujoco.contacts import found_contacts
+    from harness.explain import touching
     from harness.explain.changes.readings import element_at
     from harness.explain.documented import documented
     from harness.explain.switches import switches_of

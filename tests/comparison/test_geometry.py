@@ -15,11 +15,11 @@ from comparison.robots import line_of, meant_by
 from support import call_engines_here
 
 from harness.arrays import Array
-from harness.comparison import touching
 from harness.comparison.geometry import hold_shapes
 from harness.comparison.switched_on import judge_switched_on
 from harness.engines.adapters.mujoco import robot as adapter
 from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
+from harness.explain import touching
 from harness.files.contacts import FoundContact
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import switched_on_text

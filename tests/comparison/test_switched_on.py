@@ -11,9 +11,9 @@ import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
 from support import call_engines_here
 
-from harness.comparison import case
 from harness.comparison.switched_on import judge_switched_on, pose, with_verdict
 from harness.engines.adapters.mujoco import acting as adapter
+from harness.explain import file_case
 from harness.explain.documented import documented
 from harness.explain.meant import Meant, driven
 from harness.report.comparison import sections
@@ -96,7 +96,7 @@ def test_what_a_departure_concerns_is_called_by_its_name(joint: str, collides: i
 
 
 def test_what_is_declared_of_no_program_is_no_excuse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(case, "departures_of", lambda engine, reader: [])
+    monkeypatch.setattr(file_case, "departures_of", lambda engine, reader: [])
     record = without_names(meant_by(FOUR_BAR))
     assert not record.explained and record.backward_error is not None and record.backward_error > 1e9
 
@@ -129,7 +129,7 @@ def assert_felt(path: Path, changed: Path, monkeypatch: pytest.MonkeyPatch) -> N
     """The engine is asked about the file as it stands, and the optimum is that of a changed one."""
     own, other = meant_by(path), meant_by(changed)
     read = driven(other).robot
-    monkeypatch.setattr(case, "documented", lambda _, caller, numbers, *more, mechanism=None: documented(read, caller, numbers, *more))
+    monkeypatch.setattr(file_case, "documented", lambda _, caller, numbers, *more, mechanism=None: documented(read, caller, numbers, *more))
     record = without_names(own)
     assert not record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
 

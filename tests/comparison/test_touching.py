@@ -14,9 +14,9 @@ import pytest
 from comparison.robots import edited, line_of, meant_by
 from support import call_engines_here
 
-from harness.comparison import touching
 from harness.comparison.switched_on import judge_switched_on, pose, with_verdict
 from harness.engines.adapters.mujoco import robot as adapter
+from harness.explain import touching
 from harness.files.contacts import FoundContact, structure_of
 from harness.files.equalities import Constraint
 from harness.files.findings import CONTACTS, SWITCHED_OFF
