@@ -30,7 +30,7 @@ from harness.files.text.scan import TextPlace, Watch
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Certified, Flags
-from harness.truth.quantities.accelerations import with_gaps
+from harness.truth.quantities.accelerations import closing_of, with_gaps
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.truth.sampling import generic_sample
 from harness.verdict import AGREEMENT
@@ -65,6 +65,8 @@ def watch(
         ValueError: the engine refuses the model as it is; harness.engines.Unsupported: it cannot express it.
     """
     calls = (asks or asked_accelerations_and_gaps)(engine.load(model, mechanism.joints, mechanism.gravity), states)
+    # Of the mechanism, whatever a text is changed to.
+    closing = closing_of(mechanism, states)
 
     def answer(changed: ModelFile) -> Array:
         try:
@@ -74,7 +76,7 @@ def watch(
         found: Any = calls.formed(answers)
         if asks is None:
             accelerations, gaps = found
-            found = with_gaps(accelerations, gaps, states, mechanism)
+            found = with_gaps(accelerations, gaps, closing)
         return found if declared is None else beside_law(found, declared(changed))
 
     return Watch(model, answer, mechanism.nv)

@@ -47,8 +47,8 @@ from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
-from harness.truth.compare import compare
-from harness.truth.quantities.accelerations import AccelerationTruth, beside_gaps, with_gaps
+from harness.truth.compare import Flags, compare
+from harness.truth.quantities.accelerations import AccelerationTruth, beside_gaps, closing_of, with_gaps
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.truth.sampling import sample
 from harness.verdict import Verdict, gravest
@@ -98,6 +98,7 @@ class FaultBench:
         self.model = acting_as(read_model(library.model_path(name, model_format), model_format), self.mechanism)
         self._sample = {False: sample(self.mechanism, states, seed), True: diagnostic_states(self.mechanism, seed)}
         self._asked: dict[tuple[Subject, bool], States] = {}
+        self._closed: dict[Subject, Flags] = {}
         self._expected = load_expectations(library)
         self._references: dict[tuple[ReferenceKernel, bool], Reference] = {}
         self._diagnostic: dict[Subject, tuple[States, Reference]] = {}
@@ -116,6 +117,12 @@ class FaultBench:
         if (subject, diagnostic) not in self._asked:
             self._asked[subject, diagnostic] = self._truth(subject, model).asked_at(self._sample[diagnostic])
         return self._asked[subject, diagnostic]
+
+    def _closing(self, subject: Subject) -> Flags:
+        """The states of a check that close the constraints, (n,)."""
+        if subject not in self._closed:
+            self._closed[subject] = closing_of(self.mechanism, self._states(subject, self.model))
+        return self._closed[subject]
 
     def _reference(self, subject: Subject, engine: Engine, model: ModelFile | None, diagnostic: bool = False) -> Reference:
         """The truth of a subject on an unmodified model, certified once."""
@@ -209,7 +216,7 @@ class FaultBench:
             try:
                 loaded = self._load(through(one.engine) if through else one.engine, model)
                 states = self._states(one.subject, self.model)
-                answers = with_gaps(*accelerations_and_gaps(loaded, states), states, self.mechanism)
+                answers = with_gaps(*accelerations_and_gaps(loaded, states), self._closing(one.subject))
                 answers = beside_law(answers, self._moved_by_law(one.subject, model))
             except Unsupported:
                 verdicts[str(one.subject)] = Verdict.UNSUPPORTED.value

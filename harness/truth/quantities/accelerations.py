@@ -38,15 +38,12 @@ _LARGEST = 2.0**900
 Gaps = Mapping[str, Array]
 
 
-def with_gaps(answers: Array, gaps: Gaps, states: States, mechanism: Mechanism) -> Array:
-    """Accelerations of a model at ``states``, (n, nv), and behind them the rows of all constraints where a state closes them.
+def with_gaps(answers: Array, gaps: Gaps, closing: Flags) -> Array:
+    """Accelerations of a model, (n, nv), and behind them the rows of all constraints at states that close them, ``closing``, (n,).
 
     Elsewhere they are zero: there accelerations feel what rows leave, whichever axes an engine has these in.
     """
-    if not gaps:
-        return answers
-    counted = _closes(mechanism, states)[:, None]
-    return np.hstack([answers, *(rows * counted for rows in gaps.values())])
+    return np.hstack([answers, *(rows * closing[:, None] for rows in gaps.values())]) if gaps else answers
 
 
 def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps: Gaps) -> Reference:
@@ -57,7 +54,7 @@ def beside_gaps(reference: Reference, mechanism: Mechanism, states: States, gaps
     if not gaps:
         return reference
     n, nv = reference.high.shape
-    units, counted = _units(mechanism, states, gaps), _closes(mechanism, states)
+    units, counted = _units(mechanism, states, gaps), closing_of(mechanism, states)
     with np.errstate(divide="ignore"):
         counts = {name: counted * np.minimum(reference.data_roundoff / unit, _LARGEST) for name, unit in units.items()}
     weights = np.hstack([np.repeat(counts[name][:, None], rows.shape[1], axis=1) for name, rows in gaps.items()])
@@ -74,7 +71,7 @@ def remark_on(mechanism: Mechanism, states: States, gaps: Gaps) -> str:
     """A sentence on the constraint that is open by more than data explain, where it is widest; "" where none is."""
     if not gaps:
         return ""
-    units, counted = _units(mechanism, states, gaps), _closes(mechanism, states)
+    units, counted = _units(mechanism, states, gaps), closing_of(mechanism, states)
     sizes = {name: counted * np.linalg.norm(rows, axis=1) for name, rows in gaps.items()}
     with np.errstate(divide="ignore", invalid="ignore"):
         largest = {name: float(np.nan_to_num(size / units[name], nan=0.0).max(initial=0.0)) for name, size in sizes.items()}
@@ -96,7 +93,10 @@ def _units(mechanism: Mechanism, states: States, gaps: Gaps) -> dict[str, Array]
     return {name: np.linalg.norm(by_data[:, : constraints.holonomic][:, owners == name], axis=1) for name in gaps}
 
 
-def _closes(mechanism: Mechanism, states: States) -> Flags:
+def closing_of(mechanism: Mechanism, states: States) -> Flags:
+    """``harness.truth.manifold.closes``, which a tree does not import."""
+    if mechanism.constraints is None:
+        return np.ones(len(states), dtype=np.bool_)
     from harness.truth.manifold import closes
 
     return closes(mechanism, states)
