@@ -17,10 +17,11 @@ from harness.explain.switches import Switch, constraints_among, held_with
 from harness.explain.touching import put, settling, steps_of
 from harness.files.findings import CONTACTS
 from harness.library import Stance
+from harness.programs.states import States
 from harness.trees.robot import with_actuators
 from harness.truth.compare import Flags
 from harness.truth.declared import DeclaredMechanism
-from harness.truth.displaced import near, pressed, slowed
+from harness.truth.displaced import held, near, pressed, slowed
 
 # One of so many states is beyond limits.
 _EACH_PRESSED = 4
@@ -68,8 +69,8 @@ class AskedEngine:
 def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Meant, Flags]:
     """What is read, at states where constraints are felt, and which of them no limit pushes.
 
-    Half of the states nearly close the equalities: anywhere else impedances are those of far away. A quarter is beyond limits, and
-    another where the engine's steps lead, so that bodies touch.
+    Half of the states nearly close the equalities: anywhere else impedances are those of far away. A quarter is beyond limits, another
+    where the engine's steps lead, so that bodies touch, and another so slow and so nearly at rest that dry friction gives.
     """
     asked_about = {joint.name for joint in request_of(asked.original.robot, Stance.PLAIN).joints}
     numbers, within = np.arange(len(read.states)), np.ones(len(read.states), dtype=bool)
@@ -78,16 +79,23 @@ def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Mea
         return read, within
     mechanism, states = documented(with_actuators(read.robot, ()), asked.caller, judged), read.states
     if isinstance(mechanism, DeclaredMechanism):
+        laws = [law for _, law in mechanism.laws]
+        is_rigid, rubs = any(law.is_rigid for law in laws), any(law.rubs for law in laws)
+
+        def given(_mechanism: DeclaredMechanism, states: States) -> States:
+            return held(reference_of(read.robot), states)
+
         for displaced, chosen in (
             (near if mechanism.constraints else None, numbers % 2 == 0),
             (pressed if mechanism.pushing else None, numbers % _EACH_PRESSED == 1),
-            (slowed, numbers % _EACH_PRESSED > 1),
+            (slowed if is_rigid else None, numbers % _EACH_PRESSED > 1),
+            (given if rubs else None, numbers % _EACH_PRESSED == 2),
         ):
             if displaced is not None:
                 moved = displaced(mechanism, states[chosen])
-                q, v = states.q.copy(), states.v.copy()
-                q[chosen], v[chosen] = moved.q, moved.v
-                states = replace(states, q=q, v=v)
+                q, v, tau = states.q.copy(), states.v.copy(), states.tau.copy()
+                q[chosen], v[chosen], tau[chosen] = moved.q, moved.v, moved.tau
+                states = replace(states, q=q, v=v, tau=tau)
     if touches:
         states = asked.settled(judged, replace(read, states=states)).states
     if isinstance(mechanism, DeclaredMechanism) and mechanism.pushing:

@@ -130,6 +130,11 @@ class ConstraintLaw:
         return self.force_range[0] == 0.0
 
     @property
+    def rubs(self) -> bool:
+        """True for a law of dry friction."""
+        return -math.inf < self.force_range[0] < 0.0
+
+    @property
     def is_rigid(self) -> bool:
         """True for a law whose rows have no softness but ``least_regularisation``."""
         return self.impedance.least == self.impedance.most == 1.0

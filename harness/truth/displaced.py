@@ -21,11 +21,12 @@ from harness.programs.states import States
 from harness.truth.compare import Flags
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.manifold import closes
+from harness.truth.reference import ReferenceKernel
 
 # Exponents of 10 of how far positions are moved [m or rad], or of the width in which an impedance varies; and rates, of their range.
 _ANYWHERE, _WITHIN_WIDTH, _OF_RATES = (-7.0, -1.0), (-2.0, 0.5), (-3.0, 0.0)
-# And of what rates are slowed to, of their own.
-_OF_SLOW_RATES = (-5.0, -1.0)
+# And of what rates are slowed to, of their own; and of what is left of rates and accelerations where dry friction gives.
+_OF_SLOW_RATES, _OF_HELD = (-5.0, -1.0), (-6.0, -1.0)
 
 # Of the way to closed constraints: steps, the longest [m or rad], singular values that count, and residuals that are none.
 _STEPS, _LONGEST, _SINGULAR, _ARRIVED = 40, 0.5, 1e-8, 1e-9
@@ -100,10 +101,20 @@ def felt(mechanism: DeclaredMechanism, states: States, share: float) -> States:
 
 def slowed(mechanism: DeclaredMechanism, states: States) -> States:
     """The states at rates that their own bits choose, down to those that rigid dry friction may end within a step."""
-    if not any(law.is_rigid for _, law in mechanism.laws):
-        return states
     v = np.array([10 ** _random_of(states, state).uniform(*_OF_SLOW_RATES) * states.v[state] for state in range(len(states))])
     return replace(states, v=v.reshape(states.v.shape))
+
+
+def held(reference: ReferenceKernel, states: States) -> States:
+    """The states at a part of their rates, and under applied forces that leave as much of their accelerations; their own bits choose it.
+
+    Dry friction gives there. Elsewhere it mostly slides, where nothing but its bound is felt.
+    """
+    left = np.array([10 ** _random_of(states, state).uniform(*_OF_HELD) for state in range(len(states))])[:, None]
+    slow = replace(states, v=left * states.v)
+    truth = reference.evaluate(slow)
+    tau = slow.tau - (1.0 - left) * np.einsum("nki,nkj,nj->ni", truth.norm_factor, truth.norm_factor, truth.high)
+    return replace(slow, tau=np.where(np.isfinite(tau), tau, slow.tau))
 
 
 def _nearer(

@@ -109,6 +109,8 @@ def test_a_number_of_a_class_is_one_number_at_the_line_of_the_class(tmp_path: Pa
         path, replace(SETTINGS, kinds=("frictionloss", "gainprm", "biasprm", "solreffriction"), sizes=(1e-3,), diagnosed=None)
     )
     assert broken_bars(faults) == [] and all(fault.named for fault in faults if fault.judged)
+    # Where dry friction slides, its damping is not felt.
+    assert {fault.kind for fault in faults if fault.live} == {"frictionloss", "gainprm", "biasprm", "solreffriction"}
     lines = {(fault.kind, fault.where[0][0]) for fault in faults}
     # The second number of solreffriction nobody gives, so that each joint has one by default.
     assert lines == {
