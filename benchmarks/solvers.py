@@ -72,17 +72,20 @@ def page(found: Mapping[str, Any], of_trays: Mapping[str, Any]) -> str:
     """The page with a row for each file on which something is left to a solver, and one for each number of contacts."""
     version = found["benchmark"]["run"]["versions"]["mujoco"]
     rows = "\n".join(f"| {' | '.join([name, *_cells(own)])} |" for name, own in sorted(_by_file(found).items()))
-    of_contacts = "\n".join(f"| {' | '.join([Path(name).stem, *_timed(own)])} |" for name, own in _by_file(of_trays).items())
+    of_contacts = "\n".join(f"| {' | '.join([Path(name).stem, *_cells(own, is_timed=True)])} |" for name, own in _by_file(of_trays).items())
+    columns = " | ".join([*(f"{method} as the file says" for method in METHODS), *METHODS])
+    dashes = " | ".join("---" for _ in METHODS * 2)
     return f"""# Solvers
 
 How far MuJoCo {version} is from the optimum that it documents, on the robots of dm_control's suite with everything on that is judged,
 at 64 states of each: in free motion, beyond limits, and where its own steps lead. Made by `python -m benchmarks solvers`.
 
-*As the file says* is the worst relative error with the file's own solver, iterations and tolerance. The other columns have a tolerance of 0
-and say within how many iterations every answer is right to the last digit, or what the worst relative error is after 1,024.
+*As the file says* is the worst relative error with the iterations and the tolerance of the file, or MuJoCo's 100 and 1e-8 where it gives
+none. The other columns have a tolerance of 0 and say within how many iterations every answer is right to the last digit, or what the worst
+relative error is after 1,024.
 
-| file | states | where bodies touch | as the file says | {" | ".join(METHODS)} |
-| --- | --- | --- | --- | {" | ".join("---" for _ in METHODS)} |
+| file | states | where bodies touch | {columns} |
+| --- | --- | --- | {dashes} |
 {rows}
 
 PGS with elliptic cones leaves out contacts whose force begins with friction: their optimum is out of its reach.
@@ -90,11 +93,11 @@ PGS with elliptic cones leaves out contacts whose force begins with friction: th
 
 ## Over cones and numbers of contacts
 
-A tray that falls on so many feet, at 64 states. The first figure of each solver is that of the table above, the second the median time of a
-call then. *As the file says* is Newton at MuJoCo's default tolerance.
+A tray that falls on so many feet, at 64 states, with MuJoCo's default iterations and tolerance. The first figure of each column is that of
+the table above, the second the median time of a call then.
 
-| contacts | states | where bodies touch | as the file says | {" | ".join(METHODS)} |
-| --- | --- | --- | --- | {" | ".join("---" for _ in METHODS)} |
+| contacts | states | where bodies touch | {columns} |
+| --- | --- | --- | {dashes} |
 {of_contacts}
 """
 
@@ -108,19 +111,14 @@ def _by_file(found: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
     return costs
 
 
-def _timed(costs: list[Mapping[str, Any]]) -> list[str]:
-    """The cells of a row, with the median time of the last call of each method."""
-    seconds = [costs[0]["seconds_per_state"]]
-    seconds += [[cost for cost in costs if cost["method"] == method][-1]["seconds_per_state"] for method in METHODS]
-    states, touching, *cells = _cells(costs)
-    return [states, touching, *(f"{cell}, {time * 1e6:.3g} µs" for cell, time in zip(cells, seconds, strict=True))]
-
-
-def _cells(costs: list[Mapping[str, Any]]) -> list[str]:
-    of_file, *others = costs
-    ends = {cost["method"]: cost for cost in others}
-    reached = [
-        f"{last['iterations']:,}" if last["right"] == last["states"] else f"{relative_text(last['relative_error'])} left"
-        for last in (ends[method] for method in METHODS)
-    ]
-    return [str(of_file["states"]), str(of_file["touching"]), relative_text(of_file["relative_error"]), *reached]
+def _cells(costs: list[Mapping[str, Any]], is_timed: bool = False) -> list[str]:
+    """The cells of a row, which has the median time of each call too where it is timed."""
+    of_file = costs[0]
+    ends = {(cost["method"], cost["iterations"] is None): cost for cost in costs}
+    cells = []
+    for cost in (ends[method, is_of_file] for is_of_file in (True, False) for method in METHODS):
+        reached = relative_text(cost["relative_error"])
+        if cost["iterations"] is not None:
+            reached = f"{cost['iterations']:,}" if cost["right"] == cost["states"] else f"{reached} left"
+        cells.append(f"{reached}, {cost['seconds_per_state'] * 1e6:.3g} µs" if is_timed else reached)
+    return [str(of_file["states"]), str(of_file["touching"]), *cells]

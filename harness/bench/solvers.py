@@ -1,8 +1,8 @@
 """Distances of solvers of constraints from the optimum that their engine documents, over iterations, and their cost.
 
-A robot's file has all on that is judged, at the states at which ``compare`` judges it. Tolerances are 0, so that a solver ends where
-nothing changes or where its iterations do, and each is given more of them until all of its answers agree. Beside that stands the one that
-the file chooses, as far as the file lets it go.
+A robot's file has all on that is judged, at the states at which ``compare`` judges it. The solver that the file chooses, and then each one,
+goes as far as the file lets it. Then tolerances are 0, so that a solver ends where nothing changes or where its iterations do, and each is
+given more of them until all of its answers agree.
 
 Source: MuJoCo documentation, Computation, section Solver algorithms.
 """
@@ -39,7 +39,9 @@ def solver_costs(path: Path, engine: str, states: int, seed: int, note: Note) ->
         yield SolverCost(system=str(path), engine=engine, note=record.message or _NOTHING)
         return
     yield _cost(path, posed, None)
-    for method in engine_of(engine).solvers:
+    methods = engine_of(engine).solvers
+    yield from (_cost(path, posed, SolverSettings(method)) for method in methods)
+    for method in methods:
         for iterations in ITERATIONS:
             note(f"{path.name}: {method}, {iterations} iterations")
             cost = _cost(path, posed, SolverSettings(method, iterations, 0.0))

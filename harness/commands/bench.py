@@ -155,7 +155,7 @@ def _print_solvers(costs: Sequence[SolverCost], detail: Detail) -> None:
     from harness.report import benchmarks as tables
 
     asked = [cost for cost in costs if cost.states]
-    last = {(cost.system, cost.engine, cost.method): cost for cost in asked}
+    last = {(cost.system, cost.engine, cost.method, cost.iterations is None): cost for cost in asked}
     shown = asked if detail >= Detail.ALL else list(last.values())
     one = ["file"] if len({cost.system for cost in shown}) == 1 else []
     print_titled("solvers of constraints", tables.solvers(shown).without("remark", *one))

@@ -125,13 +125,14 @@ class SolverSettings:
     """Method, tolerance and iterations of an engine's solver of constraints.
 
     Attributes:
-        method: by the engine's own name. iterations: at most. tolerance: it ends where an iteration gains less, as the engine documents.
+        method: by the engine's own name. iterations: at most; None as the file says. tolerance: it ends where an iteration gains less, as
+            the engine documents; None as the file says.
         jacobian: "dense" or "sparse", how rows are stored; "" as the file says.
     """
 
     method: str
-    iterations: int
-    tolerance: float
+    iterations: int | None = None
+    tolerance: float | None = None
     jacobian: str = ""
 
 

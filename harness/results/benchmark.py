@@ -77,8 +77,9 @@ class SolverCost:
 
     Attributes:
         system: the file. engine: its name.
-        method: of the solver, by the engine's name; "" for the one that the file chooses, whose iterations and tolerance are the file's.
-        iterations: at most, None for those of the file; where the tolerance is 0 it goes on so long, or until nothing changes.
+        method: of the solver, by the engine's name; "" for the one that the file chooses.
+        iterations: at most, with a tolerance of 0, so that it goes on so long or until nothing changes; None for those and the tolerance of
+            the file.
         states, touching: number of states, and of those at which bodies touch.
         seconds_per_state: median over the states of what the engine's own call took [s]; None where nothing was timed or asked.
         backward_error, median_backward_error, relative_error, median_relative_error: distances from the optimum that the engine documents.
@@ -103,7 +104,8 @@ class SolverCost:
     @property
     def solver(self) -> Annotated[str, Column("solver")]:
         """The method and its iterations in words."""
-        return f"{self.method}, at most {counted(self.iterations, 'iteration')}" if self.iterations is not None else "as the file says"
+        own = "as the file says" if self.iterations is None else f"at most {counted(self.iterations, 'iteration')}"
+        return f"{self.method}, {own}" if self.method else own
 
     @property
     def is_right(self) -> bool:

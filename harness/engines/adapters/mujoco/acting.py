@@ -111,4 +111,7 @@ def _solve_by(model: Any, solver: SolverSettings) -> None:
     model.opt.solver = _METHODS[solver.method]
     if solver.jacobian:
         model.opt.jacobian = _JACOBIANS[solver.jacobian]
-    model.opt.iterations, model.opt.tolerance = solver.iterations, solver.tolerance
+    if solver.iterations is not None:
+        model.opt.iterations = solver.iterations
+    if solver.tolerance is not None:
+        model.opt.tolerance = solver.tolerance

@@ -53,7 +53,7 @@ class _Step:
     """The constraint models of a model, and their solver."""
 
     def __init__(self, model: Any, rubbing: Sequence[int], limited: Sequence[int], solver: str, set_by: SolverSettings | None) -> None:
-        self._model, self._limited, self._most = model, bool(limited), 0 if set_by is None else set_by.iterations
+        self._model, self._limited, self._most = model, bool(limited), (set_by and set_by.iterations) or 0
         self._models, self._data = pinocchio.StdVec_ConstraintModel(), pinocchio.StdVec_ConstraintData()
         if limited:
             bounds = model.lowerPositionLimit, model.upperPositionLimit
@@ -69,8 +69,9 @@ class _Step:
         method = solver if set_by is None else set_by.method
         self._make, self._result, settings = (getattr(pinocchio, f"{method}{what}") for what in _PARTS)
         self._settings = settings()
-        if set_by is not None:
+        if set_by is not None and set_by.iterations is not None:
             self._settings.max_iterations = set_by.iterations
+        if set_by is not None and set_by.tolerance is not None:
             for tolerance in _TOLERANCES:
                 setattr(self._settings, tolerance, set_by.tolerance)
 
