@@ -27,6 +27,8 @@ LONGEST = 4.0
 LEAST_DIFFERENCE = 1e3
 # Where nothing is left in the end every full step gains much; one that leaves more than this share of the residual ends the fit.
 LEAST_GAIN = 0.9
+# A state agrees on a change that leaves this share of its residual.
+AGREED = 1e-2
 # Another value explains as well as a fitted one up to this residual, or this many times the fitted one's own.
 AS_WELL, TIMES_AS_WELL = 8.0, 4.0
 # A candidate whose column leaves more than this [data roundoffs, root mean square] is not fitted because of it.
@@ -94,6 +96,24 @@ def best_change(column: Array, here: Array) -> tuple[float, float]:
     length = float(np.linalg.norm(unit))
     along = float(np.vdot(unit, here)) / length
     return -along / (largest * length), math.sqrt(max(0.0, 1 - (along / float(np.linalg.norm(here))) ** 2))
+
+
+def agreed(column: Array, here: Array) -> tuple[float, float]:
+    """The share of the wrong states beside one that do not agree on the change of a value, and that change, the median of all.
+
+    ``column``: as of ``best_change``. A law that is steep at some states, where nothing is linear, hides in sums what the others say.
+    """
+    with np.errstate(all="ignore"):
+        changes = -(column * here).sum(axis=1) / (column**2).sum(axis=1)
+    sizes = np.linalg.norm(here, axis=1)
+    wrong = sizes > AGREEMENT
+    voting = wrong & np.isfinite(changes)
+    if not voting.any():
+        return 1.0, 0.0
+    change = float(np.median(changes[voting]))
+    agree = voting & (np.linalg.norm(here + change * column, axis=1) <= AGREEMENT + AGREED * sizes)
+    # One state alone agrees with itself about any value.
+    return 1.0 - (int(agree.sum()) - 1) / int(wrong.sum()), change
 
 
 def _lessened(

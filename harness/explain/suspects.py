@@ -16,7 +16,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.explain.clamps import MovedClamp
 from harness.explain.columns import Whitening
-from harness.explain.fit import AS_WELL, TIMES_AS_WELL, best_change, fit
+from harness.explain.fit import AS_WELL, TIMES_AS_WELL, agreed, best_change, fit
 from harness.files.equalities import BoundTendon
 from harness.files.given import Given, Place, every_number_in, with_numbers
 from harness.files.tree import Actuator, Joint
@@ -27,7 +27,7 @@ from harness.truth.reference import Reference
 from harness.verdict import AGREEMENT
 
 # Of a number, by which its effect is measured; numbers that are fitted, and that are screened; and values that a fit may try.
-DIFFERENCE, MOST_FITTED, MOST_SCREENED, MOST_EVALUATIONS = 1e-6, 4, 300, 16
+DIFFERENCE, MOST_FITTED, MOST_SCREENED, MOST_EVALUATIONS = 1e-6, 6, 300, 16
 # Share of an error that rounding of a slight change leaves.
 _NEAR = 1e-2
 # A step that moves less than so many data roundoffs is none, and values explain as well that leave so many times what the best leaves.
@@ -199,11 +199,14 @@ class SuspectSearch:
     def explaining(self, answers: Array) -> list[Explained]:
         """The suspects that make answers (n, nv) agree, the likeliest first."""
         residual = self._residual(answers)
-        shares = [best_change(column, residual)[1] for column in self.columns]
+        linear = [(best_change(column, residual)[1], 0.0) for column in self.columns]
+        # Each with the change at which its fit begins.
+        likely = [min(one, agreed(-column, residual)) for one, column in zip(linear, self.columns, strict=True)]
+        shares = [share for share, _ in likely]
         found: list[Explained] = []
         most = 1.0
         for at in sorted(range(len(shares)), key=shares.__getitem__)[:MOST_FITTED]:
-            explained = self._fitted(at, residual) if shares[at] < most else None
+            explained = self._fitted(at, residual, likely[at][1]) if shares[at] < most else None
             if explained is not None:
                 found.append(explained)
                 # Others that do as well are as near.
@@ -249,7 +252,7 @@ class SuspectSearch:
         moved[np.flatnonzero(~known)] = 0.0
         return moved
 
-    def _fitted(self, at: int, residual: Array) -> Explained | None:
+    def _fitted(self, at: int, residual: Array, begin: float) -> Explained | None:
         one, column = self.suspects[at], self.columns[at]
         moves, steep = _Moves(self, one), _worst(column)
 
@@ -261,7 +264,8 @@ class SuspectSearch:
             moves.arrived = abs(best_change(column, residual - moved)[0]) * steep < _STILL
             return residual - moved
 
-        value = fit(left, lambda value: -moves.column(value), float(one.number), -column, one.scale, moves.is_spent)
+        own, known = float(one.number), None if begin else -column
+        value = fit(left, lambda value: -moves.column(value), own + begin, known, one.scale, moves.is_spent)
         rest = None if value is None else left(value)
         if value is None or rest is None or (least := _worst(rest)) > AGREEMENT:
             return None

@@ -52,6 +52,13 @@ def test_a_number_of_a_row_is_named_with_file_line_and_value() -> None:
     assert "rubbing.xml:5: joint margin = 0.1: the engine behaves as with 0.1025" in named
 
 
+@pytest.mark.ci
+def test_a_number_is_named_where_its_law_is_steep_at_some_states() -> None:
+    """Within the width of an impedance a hundredth of a coupling's position is no small change; further away all states say the same."""
+    faults = campaign(DRIVEN, replace(SETTINGS, states=planted.STATES, kinds=("polycoef",), sizes=(planted.VISIBLE,), diagnosed=None))
+    assert len(faults) == 5 and all(fault.caught_by == "check" and fault.named for fault in faults)
+
+
 CLAMPED = """<mujoco>
   <compiler angle="radian"/>
   <worldbody>
