@@ -101,11 +101,11 @@ class Touching:
         mechanism = documented(self.contacts[numbers[0]])
         columns = {name: column for column, (name, _, _) in enumerate(mechanism.parameters)}
         values = np.tile(mechanism.parameter_values, (len(numbers), 1))
-        for own, number in zip(values, numbers, strict=True):
-            for one in measured_in(self.contacts[number]):
-                # A number that no row takes is no parameter.
-                if (column := columns.get(parameter_name(one))) is not None:
-                    own[column] = float(one)
+        # They are the same numbers in all of these; one that no row takes is no parameter.
+        places = [columns.get(parameter_name(one), -1) for one in measured_in(self.contacts[numbers[0]])]
+        taken = [place >= 0 for place in places]
+        own = [list(map(float, itertools.compress(measured_in(self.contacts[number]), taken))) for number in numbers]
+        values[:, list(itertools.compress(places, taken))] = own
         return ReferenceKernel(mechanism).evaluate(states[np.array(numbers)], values=values)
 
 

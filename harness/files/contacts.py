@@ -57,7 +57,7 @@ def structure_of(contacts: Iterable[Constraint]) -> Hashable:
 
 def _structure(touch: Touch) -> Hashable:
     # A number of 0 is none of a program.
-    return touch.bodies, touch.friction, touch.cone, touch.sliding, tuple(map(bool, touch.measured))
+    return touch.bodies, tuple(map(float, touch.friction)), touch.cone, touch.sliding, tuple(map(bool, touch.measured))
 
 
 def measured_in(contacts: Iterable[Constraint]) -> Iterator[Given]:

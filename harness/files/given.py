@@ -60,6 +60,11 @@ class Given(Fraction):
         self.place, self.attribute, self.index = place, attribute, index
         return self
 
+    def __float__(self) -> float:
+        # As of all rational numbers, without asking what its parts are.
+        numerator, denominator = self.as_integer_ratio()
+        return numerator / denominator
+
     @classmethod
     def from_float(cls, value: float) -> Fraction:  # type: ignore[override]
         """A number that stands nowhere; fractions compare themselves with floats by it."""

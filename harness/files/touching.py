@@ -5,6 +5,7 @@ Source: MuJoCo documentation, Computation, sections Contact and Friction cones.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -50,7 +51,7 @@ class Touch:
         """Whether its force lies in a round cone; without friction it lies on a ray."""
         return bool(self.friction) and self.cone is ConeKind.ELLIPTIC
 
-    @property
+    @functools.cached_property
     def measured(self) -> tuple[Fraction, ...]:
         """The numbers that whoever looked for the point found at one state alone."""
         return *self.point, *(number for axis in self.frame for number in axis), self.distance, self.margin

@@ -336,7 +336,7 @@ def softened(
         return DeclaredMechanism(
             **own,
             laws=tuple(by_name.items()),
-            zones=Zones(tuple(clamps), written.unbounded, tuple(cones), tuple(paired)) if clamps or cones else None,
+            zones=Zones(tuple(clamps), written.unbounded, tuple(cones), tuple(paired), written.by_solution) if clamps or cones else None,
             problem=written.problem if is_rigid or any(law.is_contact for law in by_name.values()) else None,
             pushing=tuple((place, row) for place, (name, row) in enumerate(written.ranged) if by_name[name].pushes_alone),
         )

@@ -15,14 +15,13 @@ import numpy as np
 
 from harness.arrays import Array, Indices, norm_over_first_axis
 from harness.programs.evaluation import jacobians
-from harness.programs.loops.encoding import Encoded, encode
-from harness.programs.loops.interpreter import Norms, derivatives, evaluate, measure
+from harness.programs.loops.encoding import Encoded
+from harness.programs.loops.interpreter import Norms, derivatives, encoded, evaluate, measure
 from harness.programs.mechanisms.kernel import Charts
 from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.numbers import SMALLEST_SCALE, UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, right_hand_side, upper_triangle
 from harness.programs.states import States
-from harness.storage import Kept
 from harness.truth.balls import (
     MOST_IN_FLOAT64,
     BallSolver,
@@ -185,14 +184,6 @@ class ReferenceKernel:
         return replace(found, certified=certified, instability=cancelling * rank_condition(held, inputs, found.norm_factor))
 
 
-# Programs of one file with other numbers are the same.
-_ENCODED: Kept[Encoded | None] = Kept(16)
-
-
-def _encoded(program: StraightLineProgram) -> Encoded | None:
-    return _ENCODED.get((program.key, encode), lambda: encode(program))
-
-
 class ChartKernel:
     """The reference of one mechanism by one of its programs."""
 
@@ -208,12 +199,12 @@ class ChartKernel:
     @functools.cached_property
     def encoded(self) -> Encoded | None:
         """The program for the loops of ``harness.programs.loops.interpreter``; None where they cannot interpret it."""
-        return _encoded(self.program)
+        return encoded(self.program)
 
     @functools.cached_property
     def swept(self) -> Encoded | None:
         """The equations that the loop solves, whose adjoints then need not pass an elimination."""
-        return self.encoded if self.mechanism.stiffened is None else _encoded(self.mechanism.stiffened)
+        return self.encoded if self.mechanism.stiffened is None else encoded(self.mechanism.stiffened)
 
     def evaluate(self, states: States, parameters: Array, roughly: bool = False) -> Reference:
         """The reference of a batch that fits into memory at once, each with its row of ``parameters``; ``roughly`` as of the kernel."""

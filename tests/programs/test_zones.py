@@ -1,4 +1,4 @@
-"""Parameters of a force that has a range."""
+"""Parameters of a force that has a range, or lies in a cone."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from harness.programs.loops.interpreter import Bounded
 from harness.programs.mechanisms.clamps import Clamp
+from harness.programs.mechanisms.cones import Cone, Zone
 
 LOW, HIGH = -2.0, 3.0
 
@@ -34,3 +36,23 @@ def test_a_force_is_put_in_its_own_parameters_and_found_there(lower: tuple[int, 
     for column, bound in zip(bounds[:2], (clamp.least(found), clamp.most(found)), strict=False):
         force += found[:, column] * bound if column >= 0 else 0.0
     np.testing.assert_array_equal(force, np.select([sides < 0, sides > 0], [clamp.least(before), clamp.most(before)], 7.0))
+
+
+@pytest.mark.parametrize(
+    ("normal", "fits"), [(-1.0, Zone.SLIDES), (-2.0, None), (-2.0 - 1e-9, Zone.STICKS), (0.5, None), (0.5 + 1e-9, Zone.PARTS)]
+)
+def test_a_contact_is_shown_to_do_what_no_rounding_changes(normal: float, fits: Zone | None) -> None:
+    """On an edge, where mu N = -T or N = mu T, nothing is shown."""
+    cone, numbers = Cone(0, 1, (2, 3, 4), (5, 6, 7), friction=(8, 9), ratio=10), np.zeros((3, 11))
+    numbers[:, 8:] = 0.5, 0.5, 1.0
+    y = np.tile([normal, 0.6, 0.8], (3, 1))
+    zones = np.array([Zone.PARTS, Zone.STICKS, Zone.SLIDES], dtype=np.float64)
+
+    def shown(bound: float, moved: float) -> list[Zone]:
+        known = Bounded(y, np.zeros_like(y), np.full_like(y, bound))
+        return [Zone(int(zone)) for zone in zones[cone.are_shown(numbers, zones, known, np.full_like(y, moved))]]
+
+    assert shown(1e-25, 0.0) == ([] if fits is None else [fits])
+    assert shown(1.0, 0.0) == []
+    # Weights that are taken elsewhere are those of where y slides alone.
+    assert shown(1e-25, 1e-18) == ([] if fits in (None, Zone.SLIDES) else [fits])

@@ -148,6 +148,20 @@ def test_the_optimum_is_that_of_another_evaluation_at_many_states(cone: str, rat
     assert farthest(tmp_path, cone, ratio, 400) < _DIGITS
 
 
+def test_bounds_of_double_double_prove_what_balls_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stepped = Stepped(written(tmp_path, "elliptic", 10, 5))
+    at, found = zip(*((one[0], one[1]) for _ in range(24) if len((one := stepped.answer())[1])), strict=True)
+    states = States.concatenate(at)
+    with monkeypatch.context() as without_balls:
+        without_balls.setattr(cones.Cone, "zone_in_balls", None)
+        fast = stepped.touched.truth(found, states)
+    monkeypatch.setattr(cones.Cone, "are_shown", lambda self, found, *_: np.zeros(len(found), dtype=np.bool_))
+    exact = stepped.touched.truth(found, states)
+    assert fast.certified.all() and exact.certified.all()
+    assert (fast.lengths((fast.high - exact.high) + (fast.low - exact.low)) <= fast.radius + exact.radius).all()
+    np.testing.assert_allclose(fast.sensitivity, exact.sensitivity, rtol=1e-9)
+
+
 # Against MuJoCo.
 
 ON_PLANE = """<mujoco><option cone="{cone}" impratio="{ratio}" iterations="100" tolerance="0"><flag diagexact="{exact}"/></option>
@@ -269,7 +283,8 @@ def test_on_an_edge_of_a_zone_the_larger_side_counts(tmp_path: Path, monkeypatch
         return replace(known, v=v, tau=np.zeros((1, 7)))
 
     def zone(slip: float) -> cones.Zone:
-        return cone.zone_at(mechanism.parameters_at(at(slip))[0])
+        [found] = cone.zones_at(mechanism.parameters_at(at(slip)))
+        return cones.Zone(int(found))
 
     slow, fast = next(slip for slip in sorted(np.linspace(-50, 50, 201).tolist(), key=abs) if zone(slip) == cones.Zone.STICKS), 200.0
     assert zone(fast) == cones.Zone.SLIDES
@@ -279,6 +294,6 @@ def test_on_an_edge_of_a_zone_the_larger_side_counts(tmp_path: Path, monkeypatch
     assert all(one.certified.all() for one in both)
     np.testing.assert_allclose(both[0].high, both[1].high, rtol=1e-13)
     np.testing.assert_allclose(both[0].sensitivity, both[1].sensitivity, rtol=1e-9)
-    monkeypatch.setattr(cones.Cone, "across", lambda *_: None)
+    monkeypatch.setattr(cones.Cone, "across", lambda self, found, *_: self.zones_at(found))
     alone = [float(ReferenceKernel(mechanism).evaluate(at(slip)).sensitivity[0]) for slip in (slow, fast)]
     assert abs(alone[0] / alone[1] - 1) > 1e-6

@@ -443,7 +443,7 @@ def test_a_force_at_its_bound_counts_as_inside(tmp_path: Path) -> None:
 
 
 def test_which_forces_are_near_a_bound_is_decided_by_what_roundings_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Running bounds of the loops, which grow beyond all numbers where M is ill-conditioned, only say where none is near."""
+    """Bounds of the loops, which are infinite where M is ill-conditioned, say nothing of it."""
     path = written(tmp_path, a='frictionloss="0.3"', b='limited="true" range="-0.2 0.2"')
     robot = read_robot(path)
     mechanism = documented(robot)

@@ -198,5 +198,5 @@ def _enclosed_positions(rows: _ClosingRows, inputs: Array, code: Writer, work: W
 
 
 # As of ``harness.programs.loops.loops``.
-PARTS: dict[str, Function] = {"run": (write_run, RUN), "approximate_run": (write_approximate_run, RUN)}
+PARTS: dict[str, Function] = {"run_of_3": (write_run, RUN), "run_of_1": (write_approximate_run, RUN)}
 LOOPS: dict[str, Function] = {"follow": (_follow, _FOLLOW), "enclose": (_enclose, _ENCLOSE)}

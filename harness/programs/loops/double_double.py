@@ -32,7 +32,7 @@ _SMALLEST, _LARGEST = 2.0**-400, 2.0**400
 _PARTS = 256
 # The most that an argument is off the nearest multiple, over its exact half distance for roundings of the quotient.
 _REACH = math.pi / (2 * _PARTS) * 1.001
-_LARGEST_ARGUMENT = 2.0**20
+LARGEST_ARGUMENT = 2.0**20
 # Of each series, and how many of them, the first, need more digits than a float64 has.
 _TERMS, _LONG_TERMS = 6, 4
 # Of each series, for float64.
@@ -167,7 +167,7 @@ def _series(square: Known, coefficients: Place) -> Known:
 def sine_and_cosine_in_float64(code: Writer, a: Value) -> tuple[Value, Value]:
     """Both to some units in the last place, as ``sine_and_cosine``; nothing is proved of them."""
     step, sines, of_sine, of_cosine = _series_tables(code)
-    multiple = select(abs(a) < _LARGEST_ARGUMENT, floor(a / step[0] + 0.5), 0.0)
+    multiple = select(abs(a) < LARGEST_ARGUMENT, floor(a / step[0] + 0.5), 0.0)
     left = fma(-multiple, step[1], fma(-multiple, step[0], a))
     square = left * left
     sine, cosine = of_sine[_SHORT - 1, 0], of_cosine[_SHORT - 1, 0]
@@ -187,7 +187,7 @@ def _series_tables(code: Writer) -> list[Place]:
 def sine_and_cosine(code: Writer, a: Known) -> tuple[Known, Known]:
     """The sine and the cosine of a, by the nearest multiple of pi / 64 and the series of both at what is left."""
     step, sines, of_sine, of_cosine = _series_tables(code)
-    is_proven = (abs(a[0]) < _LARGEST_ARGUMENT) & (a[2] < 1e-9)
+    is_proven = (abs(a[0]) < LARGEST_ARGUMENT) & (a[2] < 1e-9)
     multiple = select(is_proven, floor(a[0] / step[0] + 0.5), 0.0)
     left = a
     for k in range(2):

@@ -55,12 +55,11 @@ class Program:
 
     def run(self) -> None:
         """Every instruction's result at four states, into ``values``."""
-        name = "run" if self.width > 1 else "approximate_run"
-        self.code.perform(name, self.code.argument("m"), self.start, self.code.array("instructions"), self.values)
+        self.code.perform(f"run_of_{self.width}", self.code.argument("m"), self.start, self.code.array("instructions"), self.values)
 
 
 @dataclass(frozen=True)
-class _Arithmetic:
+class LoopArithmetic:
     """Storage of numbers at the places of ``values``, and the operations on them; ``add`` is of one and a sign times another."""
 
     at: Callable[[Array, Value], Any]
@@ -72,10 +71,10 @@ class _Arithmetic:
     sine_and_cosine: Callable[[Writer, Any], tuple[Any, Any]]
 
 
-_DOUBLE_DOUBLE = _Arithmetic(
+_DOUBLE_DOUBLE = LoopArithmetic(
     number_at, store, lambda a, sign, b: add(a, (sign * b[0], sign * b[1], b[2])), multiply, divide, root, sine_and_cosine
 )
-_FLOAT64 = _Arithmetic(
+_FLOAT64 = LoopArithmetic(
     Array.__getitem__,
     Array.__setitem__,
     lambda a, sign, b: a + sign * b,
@@ -88,15 +87,16 @@ _FLOAT64 = _Arithmetic(
 
 def write_run(code: Writer) -> None:
     """Every instruction's result at four states, into ``values``."""
-    _write_run(code, _DOUBLE_DOUBLE, code.array("values", 3))
+    write_instructions(code, _DOUBLE_DOUBLE, code.array("values", 3))
 
 
 def write_approximate_run(code: Writer) -> None:
     """Every instruction's result at four states in float64, into ``values``, (places,)."""
-    _write_run(code, _FLOAT64, code.array("values"))
+    write_instructions(code, _FLOAT64, code.array("values"))
 
 
-def _write_run(code: Writer, numbers: _Arithmetic, values: Array) -> None:
+def write_instructions(code: Writer, numbers: LoopArithmetic, values: Array) -> None:
+    """Every instruction's result at four states, into ``values``, in an arithmetic."""
     instructions = code.array("instructions", 6)
     for index in code.range(code.argument("m")):
         operation, *operands = (instructions[index, part] for part in range(3))
@@ -104,7 +104,7 @@ def _write_run(code: Writer, numbers: _Arithmetic, values: Array) -> None:
 
 
 def _write_instruction(
-    code: Writer, numbers: _Arithmetic, values: Array, operation: Value, operands: Sequence[Value], place: Value
+    code: Writer, numbers: LoopArithmetic, values: Array, operation: Value, operands: Sequence[Value], place: Value
 ) -> None:
     a, b = (numbers.at(values, operand) for operand in operands)
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.arrays import Array, Indices, Rows
-from harness.programs.loops.encoding import Encoded, EncodedProgram, encode_program
+from harness.programs.loops.encoding import Encoded, EncodedProgram, encode, encode_program
 from harness.programs.numbers import LANES
 from harness.programs.program import StraightLineProgram
 from harness.storage import Kept, machine_code_directory, read_entry, sources_digest, write_entry
@@ -102,6 +102,15 @@ class Bounded(Rows):
     low: Array
     bound: Array
 
+    def of(self, numbers: slice) -> Bounded:
+        """The same of some of the numbers."""
+        return Bounded(self.high[:, numbers], self.low[:, numbers], self.bound[:, numbers])
+
+    @property
+    def reach(self) -> Array:
+        """(n, numbers) within what of ``high`` they are."""
+        return np.asarray((np.abs(self.low) + self.bound) * (1 + 1e-10))
+
     @property
     def is_nearest(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n, numbers) whether ``high`` is proved to be the float64 number nearest to each."""
@@ -109,10 +118,31 @@ class Bounded(Rows):
         half = np.spacing(np.nextafter(np.abs(self.high), 0.0)) / 2
         exact = np.isfinite(self.high) & (self.low == 0) & (self.bound == 0)
         with np.errstate(all="ignore"):
-            return np.asarray(((np.abs(self.low) + self.bound) * (1 + 1e-10) < half) | exact)
+            return np.asarray((self.reach < half) | exact)
 
 
-_ENCODED: Kept[tuple[EncodedProgram, dict[str, Indices]] | None] = Kept(64)
+# Programs of one file with other numbers are the same.
+_ENCODED: Kept[Encoded | None] = Kept(16)
+_ENCODED_PROGRAMS: Kept[tuple[EncodedProgram, dict[str, Indices]] | None] = Kept(64)
+
+
+def encoded(program: StraightLineProgram) -> Encoded | None:
+    """As of ``encoding.encode``."""
+    return _ENCODED.get(program.key, lambda: encode(program))
+
+
+def solutions(program: Encoded, inputs: Array) -> Bounded:
+    """The accelerations of ``evaluate`` alone, for inputs (number of inputs, n)."""
+    n, nv = inputs.shape[1], program.force.size
+    blocks = -(-n // LANES)
+    solution, radius = np.empty((blocks, nv, 2, LANES)), np.empty((blocks, nv, LANES))
+    loop("solve", "sides")(
+        n, len(program.instructions), program.inputs, len(program.constants), nv, program.instructions, program.constants,
+        np.zeros((program.places, 3, LANES)), program.system, program.force, in_lanes(inputs.T), np.zeros((7, nv + 3, nv + 3, LANES)),
+        solution, radius,
+    )  # fmt: skip
+    found = by_state(solution, n)
+    return Bounded(*(np.ascontiguousarray(one) for one in (found[..., 0], found[..., 1], by_state(radius, n))))
 
 
 def bounded_outputs(program: StraightLineProgram, inputs: Array, bounds: Array | None = None) -> Bounded | None:
@@ -120,18 +150,41 @@ def bounded_outputs(program: StraightLineProgram, inputs: Array, bounds: Array |
 
     None where the program holds a function that the loops have no code for.
     """
-    written = _ENCODED.get(program.key, lambda: encode_program(program))
+    found = _outputs("outputs", program, 3, inputs, np.zeros_like(inputs) if bounds is None else bounds)
+    return None if found is None else Bounded(*(np.ascontiguousarray(found[..., part]) for part in range(3)))
+
+
+def moved_outputs(program: StraightLineProgram, inputs: Array, scales: Array) -> tuple[Array, Array] | None:
+    """Outputs in float64, and how far they move, as of ``evaluation.values_and_spread``, (n, outputs) each; None as of ``bounded_outputs``.
+
+    NaN where an angle is too large for the loops.
+    """
+    found = _outputs("spread", program, 2, inputs, scales)
+    return None if found is None else (found[..., 0], found[..., 1])
+
+
+def approximate_outputs(program: StraightLineProgram, inputs: Array) -> dict[str, Array] | None:
+    """The outputs by their names, (outputs of that name, n), in float64, to some units in the last place of what they are made of."""
+    found = _outputs("values", program, 1, inputs)
+    if found is None:
+        return None
+    ends = np.cumsum([len(indices) for indices in program.outputs.values()])[:-1]
+    return dict(zip(program.outputs, np.split(found[..., 0].T, ends), strict=True))
+
+
+def _outputs(name: str, program: StraightLineProgram, width: int, *rows: Array) -> Array | None:
+    """Numbers that a loop gives of each output, (n, outputs, width), for rows of inputs, (number of inputs, n) each."""
+    written = _ENCODED_PROGRAMS.get(program.key, lambda: encode_program(program))
     if written is None:
         return None
     encoded, places = written[0], np.concatenate(list(written[1].values()))
-    n = inputs.shape[1]
-    given, around = (in_lanes(rows.T) for rows in (inputs, np.zeros_like(inputs) if bounds is None else bounds))
-    found = np.empty((-(-n // LANES), len(places), 3, LANES))
-    loop("outputs")(
+    n = rows[0].shape[1]
+    found = np.empty((-(-n // LANES), len(places), width, LANES))
+    loop(name, "loops" if name == "outputs" else "sides")(
         n, len(encoded.instructions), encoded.inputs, len(encoded.constants), len(places), encoded.instructions, encoded.constants,
-        np.zeros((encoded.places, 3, LANES)), places, given, around, found,
+        np.zeros((encoded.places, width, LANES)), places, found, *(in_lanes(one.T) for one in rows),
     )  # fmt: skip
-    return Bounded(*(np.ascontiguousarray(by_state(found, n)[..., part]) for part in range(3)))
+    return by_state(found, n)
 
 
 def derivatives(program: Encoded, inputs: Array, accelerations: Array, scale: Array | None = None) -> tuple[Array, Array]:
@@ -154,13 +207,13 @@ def measure(scale: Array, factor: Array, vectors: Sequence[Array], rotating: Arr
     """
     n, nv = scale.shape
     norm_factor = np.empty((n, nv, nv))
-    condition, radius, motion, instability = (np.empty(n) for _ in range(4))
-    columns = np.zeros((nv + 1, _whole(nv)))
+    condition, radius, motion, instability = (np.empty(_whole(n)) for _ in range(4))
+    columns = np.zeros((nv + 1, _whole(nv), LANES))
     given = (np.ascontiguousarray(values) for values in (scale, factor, *vectors, rotating))
     loop("measure")(
         n, nv, roundings, *given, norm_factor, condition, radius, motion, instability, np.zeros((nv, nv)), np.zeros((2, nv)), columns
     )  # fmt: skip
-    return Norms(norm_factor, condition, radius, motion, instability)
+    return Norms(norm_factor, *(one[:n] for one in (condition, radius, motion, instability)))
 
 
 def _program(n: int, program: Encoded) -> tuple[object, ...]:

@@ -15,7 +15,7 @@ from harness.programs.loops.solution import (
     LinearEquations,
     SumOfNorms,
     Workspace,
-    condition_number,
+    condition_numbers,
     factorise,
     in_metric,
     invert,
@@ -24,13 +24,13 @@ from harness.programs.loops.solution import (
     rows_of_inverse,
     solve,
 )
-from harness.programs.loops.values import Array, Value, as_number, equals, select
+from harness.programs.loops.values import Array, Value, as_number, equals, lane_numbers, select
 from harness.programs.numbers import LANES
 
 _SIZES = {"n": "integer", "m": "integer", "nv": "integer", "inputs": "integer", "constants": "integer"}
 _OUTPUTS = {
     **dict.fromkeys(("n", "m", "inputs", "constants", "outputs"), "integer"), "instructions": "halves", "of_constants": "numbers",
-    "values": "vectors", "places": "integers", **dict.fromkeys(("given", "bounds", "found"), "vectors"),
+    "values": "vectors", "places": "integers", **dict.fromkeys(("found", "given", "bounds"), "vectors"),
 }  # fmt: skip
 _PROGRAM = {"instructions": "halves", "of_constants": "numbers", "system": "integers", "force": "integers", "rows": "integers"}
 _ROOM = {"values": "vectors", "adjoints": "vectors", "sizes": "numbers"}
@@ -155,7 +155,13 @@ def _derive(code: Writer) -> None:
 
 def _measure(code: Writer) -> None:
     """Norms at n states at which factors of M are known; see ``harness.programs.loops.interpreter.Norms``."""
-    for state in code.range(code.argument("n")):
+    n, nv = code.argument("n"), code.argument("nv")
+    columns = code.array("columns", (nv + (LANES - 1)) // LANES * LANES)
+    condition = code.array("condition").in_vectors()
+    for block in code.range((n + (LANES - 1)) // LANES):
+        four = block * LANES + lane_numbers(code)
+        condition[block] = condition_numbers(code, nv, code.array("factor", nv, nv), select(four < n, four, n - 1), columns)
+    for state in code.range(n):
         _measure_one(code, state)
 
 
@@ -182,16 +188,14 @@ def _measure_one(code: Writer, state: Value) -> None:
     for i in code.range(nv):
         for j in code.range(nv):
             upper[i, j] = factor[j, i] * scale[j]
-    condition = condition_number(code, nv, factor, code.array("columns", (nv + (LANES - 1)) // LANES * LANES))
     invert(code, nv, factor, inverse, code.number(0.0))
     speed, of_torques = in_energy_norm("velocities"), code.variable(0.0)
     for k in code.range(nv):
         with code.when(code.array("rotating")[k] > 0.0):
             of_torques.value += of_torque(k)
     of_terms = code.total(of_term(term) for term in code.range(4))
-    lost = code.argument("roundings") * as_number(nv) * condition
+    lost = code.argument("roundings") * as_number(nv) * code.array("condition")[state]
     results = {
-        "condition": condition,
         "radius": in_energy_norm("radii", abs),
         "motion": speed * speed * of_torques.value,
         "instability": lost * (in_energy_norm("accelerations") + of_terms),
@@ -203,10 +207,10 @@ def _measure_one(code: Writer, state: Value) -> None:
 _VECTORS = dict.fromkeys(("given", "solution", "radius", "scale", "factor", "terms", "work", "spread"), "vectors")
 _MEASURED = (
     "scale", "factor", "accelerations", "radii", "velocities", "terms", "rotating", "norm_factor", "condition", "radius", "motion",
-    "instability", "inverse", "room", "columns",
+    "instability", "inverse", "room",
 )  # fmt: skip
 # What the loops call, and the loops.
-PARTS: dict[str, Function] = {"run": (write_run, RUN), "sweep": (write_sweep, SWEEP)}
+PARTS: dict[str, Function] = {"run_of_3": (write_run, RUN), "sweep": (write_sweep, SWEEP)}
 LOOPS: dict[str, Function] = {
     "evaluate": (
         _evaluate,
@@ -218,5 +222,8 @@ LOOPS: dict[str, Function] = {
         _derive,
         {**_SIZES, **_PROGRAM, **_ROOM, **dict.fromkeys(("given", "accelerations", "scale"), "vectors"), "found": "numbers"},
     ),
-    "measure": (_measure, {"n": "integer", "nv": "integer", "roundings": "number", **dict.fromkeys(_MEASURED, "numbers")}),
+    "measure": (
+        _measure,
+        {"n": "integer", "nv": "integer", "roundings": "number", **dict.fromkeys(_MEASURED, "numbers"), "columns": "vectors"},
+    ),
 }

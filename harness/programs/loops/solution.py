@@ -99,17 +99,23 @@ class Workspace:
 def defect(code: Writer, n: Value, i: Value, approximate: Array, entries: Array, sizes: Array) -> Value:
     """A bound of the sum of row i of |I - X M|, X an approximate inverse of M, (n, n).
 
-    ``entries`` are those of M, and ``sizes`` their absolute values with their errors over one unit roundoff.
+    ``entries`` are those of M, and ``sizes`` their absolute values with their errors over one unit roundoff; both have room for whole
+    vectors of columns, of which four are summed at once.
     """
     # The last roundings are those of scaled entries.
-    gamma = as_number(n + 12) * (UNIT_ROUNDOFF * 1.001)
-
-    def of_entry(j: Value) -> Value:
-        diagonal = code.lanes(select(equals(i, j), 1.0, 0.0))
-        difference = code.total((-approximate[i, k] * entries[k, j] for k in code.range(n)), first=diagonal)
-        return abs(difference) + gamma * code.total((abs(approximate[i, k]) * sizes[k, j] for k in code.range(n)), first=diagonal)
-
-    return code.total((of_entry(j) for j in code.range(n)), first=code.lanes(0.0))
+    gamma, found = as_number(n + 12) * (UNIT_ROUNDOFF * 1.001), code.variable(code.lanes(0.0))
+    for block in code.range((n + (LANES - 1)) // LANES):
+        columns = [block * LANES + number for number in range(LANES)]
+        diagonals = [code.lanes(select(equals(i, j), 1.0, 0.0)) for j in columns]
+        differences, sums = ([code.variable(one) for one in diagonals] for _ in range(2))
+        for k in code.range(n):
+            own = approximate[i, k]
+            for j, difference, size in zip(columns, differences, sums, strict=True):
+                difference.value += -own * entries[k, j]
+                size.value += abs(own) * sizes[k, j]
+        for j, difference, size in zip(columns, differences, sums, strict=True):
+            found.value += select(j < n, abs(difference.value) + gamma * size.value, code.lanes(0.0))
+    return found.value
 
 
 def size_of(number: Known) -> Value:
@@ -185,9 +191,9 @@ def refine(equations: LinearEquations, work: Workspace, solution: Array, radius:
     _bounds(equations, work, radius)
 
 
-def norm(code: Writer, entries: Array, count: Value) -> Value:
-    """A Euclidean norm, without overflow or underflow in the squares."""
-    squares = code.total(entries[i] * entries[i] for i in code.range(count))
+def norm(code: Writer, entries: Array, count: Value, squares: Value | None = None) -> Value:
+    """A Euclidean norm, without overflow or underflow in the squares; ``squares`` is their sum, where it is known."""
+    squares = squares or code.total(entries[i] * entries[i] for i in code.range(count))
     found = code.variable(root_of(squares))
     with code.when(~((squares > 1e-280) & (squares < 1e280))):
         largest = code.largest(abs(entries[i]) for i in code.range(count))
@@ -221,10 +227,12 @@ def rows_of_inverse(code: Writer, nv: Value, scale: Array, factor: Array, work: 
     Returns, over the root of the condition number of M scaled, a bound of what X may be wrong by in any norm |W x|, relative to it.
     |X - A^-1| |y| in a norm where A is scaled is |I - X A| |y| at most, and |y| is that norm over the least singular value of L' D S^-1.
     """
-    zero = code.lanes(0.0)
+    zero, ratios = code.lanes(0.0), work.errors
+    for k in code.range(nv):
+        ratios[k] = scale[k] / work.scale[k]
     for j in code.range(nv):
         for i in code.range(nv):
-            terms = (factor[k, i] * (scale[k] / work.scale[k]) * work.approximate[k, j] for k in code.range(i, nv))
+            terms = (factor[k, i] * ratios[k] * work.approximate[k, j] for k in code.range(i, nv))
             work.rows_of_norm[j, i] = code.total(terms, first=zero) / work.scale[j]
     wrong = code.largest((work.rows[i] for i in code.range(nv)), first=zero)
     return as_number(nv) * wrong * code.largest((work.scale[i] / scale[i] for i in code.range(nv)), first=zero)
@@ -263,54 +271,62 @@ class SumOfNorms:
                 for block in code.range(self._blocks):
                     products[0, block] += self._weights[j, block] * column[j]
         with code.when(is_felt.value > 0.0):
-            self.total.value += norm(code, self._product, self._nv) * factor
+            parts = (products[0, block] * products[0, block] for block in code.range(self._blocks))
+            squares = sum_of_lanes(code.total(parts, first=code.lanes(0.0)))
+            self.total.value += norm(code, self._product, self._nv, squares) * factor
 
 
-def condition_number(code: Writer, nv: Value, factor: Array, columns: Array) -> Value:
-    """That of L L', as ``harness.truth.balls.condition_number``, by Jacobi's rotations of the columns of L.
+def condition_numbers(code: Writer, nv: Value, factors: Array, states: Value, columns: Array) -> Value:
+    """That of L L' at four states, as ``harness.truth.balls.condition_number``, by Jacobi's rotations of the columns of L.
 
-    ``columns``, (nv + 1, nv rounded up to whole vectors), is room for them and for their squares.
+    ``factors`` are L of all states, (n, nv, nv), and ``states`` the numbers of the four. ``columns``, (nv + 1, nv rounded up to whole
+    vectors), is room for their columns and for the squares of these.
     """
-    blocks = (nv + (LANES - 1)) // LANES
-    vectors = columns.in_vectors(blocks)
+    width = (nv + (LANES - 1)) // LANES * LANES
     for i in code.range(nv):
-        for j in code.range(blocks * LANES):
+        for j in code.range(width):
             columns[i, j] = 0.0
         for j in code.range(i, nv):
-            columns[i, j] = factor[j, i]
+            columns[i, j] = factors[states, j, i]
 
     def product(first: Value, second: Value) -> Value:
-        rest = (vectors[first, block] * vectors[second, block] for block in code.range(1, blocks))
-        return sum_of_lanes(code.total(rest, first=vectors[first, 0] * vectors[second, 0]))
+        # Four sums wait for one another no more than four lanes.
+        parts = [code.variable(columns[first, part] * columns[second, part]) for part in range(LANES)]
+        for block in code.range(1, width // LANES):
+            for number, part in enumerate(parts):
+                place = block * LANES + number
+                part.value += columns[first, place] * columns[second, place]
+        return (parts[0].value + parts[1].value) + (parts[2].value + parts[3].value)
 
-    squares = columns.part(nv)
-    is_turning = code.variable(1.0)
+    squares, none = columns.part(nv), code.lanes(0.0)
+    has_turned = code.variable(code.lanes(1.0))
     for _ in code.range(_MOST_SWEEPS):
-        with code.when(is_turning.value > 0.0):
-            is_turning.value = 0.0
+        with code.when((has_turned.value > 0.0).any()):
+            turning, has_turned.value = has_turned.value > 0.0, none
             for p in code.range(nv):
                 squares[p] = product(p, p)
             for p in code.range(nv):
                 for q in code.range(p + 1, nv):
                     mixed = product(p, q)
-                    with code.when(mixed * mixed > _SQUARE * _SQUARE * squares[p] * squares[q]):
-                        is_turning.value = 1.0
-                        tangent = _rotate(code, vectors, blocks, p, q, (squares[q] - squares[p]) / (2.0 * mixed))
+                    turns = turning & (mixed * mixed > _SQUARE * _SQUARE * squares[p] * squares[q])
+                    with code.when(turns.any()):
+                        has_turned.value = select(turns, 1.0, has_turned.value)
+                        tangent = _rotate(code, columns, width, (p, q), select(turns, (squares[q] - squares[p]) / (2.0 * mixed), math.inf))
                         squares[p] -= tangent * mixed
                         squares[q] += tangent * mixed
-    smallest, largest = code.variable(math.inf), code.variable(0.0)
+    smallest, largest = code.variable(code.lanes(math.inf)), code.variable(none)
     for p in code.range(nv):
         smallest.value, largest.value = smaller(smallest.value, squares[p]), larger(largest.value, squares[p])
     return select(smallest.value > 0.0, largest.value / smallest.value, math.inf)
 
 
-def _rotate(code: Writer, vectors: Array, blocks: Value, p: Value, q: Value, cotangent: Value) -> Value:
-    """Make two columns square to one another, by the cotangent of twice the angle; the tangent of the angle."""
+def _rotate(code: Writer, columns: Array, width: Value, pair: tuple[Value, Value], cotangent: Value) -> Value:
+    """Make two columns square to one another, by the cotangent of twice the angle, infinite where they stay; the tangent of the angle."""
     size = 1.0 / (abs(cotangent) + root_of(1.0 + cotangent * cotangent))
     tangent = select(cotangent < 0.0, -size, size)
     cosine = 1.0 / root_of(1.0 + tangent * tangent)
-    sine = cosine * tangent
-    for block in code.range(blocks):
-        first, second = vectors[p, block], vectors[q, block]
-        vectors[p, block], vectors[q, block] = first * cosine - second * sine, first * sine + second * cosine
+    sine, (p, q) = cosine * tangent, pair
+    for place in code.range(width):
+        first, second = columns[p, place], columns[q, place]
+        columns[p, place], columns[q, place] = first * cosine - second * sine, first * sine + second * cosine
     return tangent

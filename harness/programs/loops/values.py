@@ -134,6 +134,11 @@ def sum_of_lanes(value: Value) -> Value:
     return (lane_of(value, 0) + lane_of(value, 1)) + (lane_of(value, 2) + lane_of(value, 3))
 
 
+def lane_numbers(code: Writer) -> Value:
+    """The number of each lane."""
+    return Value(code, ir.Constant(INTEGERS, list(range(LANES))))
+
+
 class Variable:
     """A place for a value that changes."""
 

@@ -22,7 +22,15 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.programs.loops.interpreter import Bounded
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.terms import Matrix, Term, Vector, length, sqrt
+
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+# Roundings of an edge in float64 of at most five coefficients, in part of each y.
+_ROUNDINGS = 64
+# Of the distance from the axis, how far y may be from where the weights of a contact that slides are taken.
+_NEAR = 2.0**-64
 
 
 class Zone(IntEnum):
@@ -55,47 +63,71 @@ class Cone:
         """Number of rows."""
         return len(self.towards)
 
-    def put(self, found: Array, zone: int, towards: Sequence[float] | Array, rest: Sequence[float] | Array) -> None:
-        """Set a state's own parameters, (parameters,)."""
-        found[self.sticking], found[self.sliding] = zone == Zone.STICKS, zone == Zone.SLIDES
-        if zone == Zone.SLIDES:
-            found[list(self.towards)], found[list(self.rest)] = towards, rest
+    def put(self, found: Array, zones: Array, towards: Array, rest: Array) -> None:
+        """Set the own parameters of n states, (n, parameters), from zones (n,) and y, (n, rows) each."""
+        found[:, self.sticking], found[:, self.sliding] = zones == Zone.STICKS, zones == Zone.SLIDES
+        slides = np.flatnonzero(zones == Zone.SLIDES)[:, None]
+        found[slides, list(self.towards)], found[slides, list(self.rest)] = towards[slides[:, 0]], rest[slides[:, 0]]
 
-    def zone_at(self, found: Array) -> Zone:
-        """The zone that ``put`` has set."""
-        return Zone.STICKS if found[self.sticking] == 1.0 else Zone.SLIDES if found[self.sliding] == 1.0 else Zone.PARTS
+    def zones_at(self, found: Array) -> Array:
+        """(n,) the zones that ``put`` has set."""
+        return np.where(found[:, self.sticking] == 1.0, Zone.STICKS, np.where(found[:, self.sliding] == 1.0, Zone.SLIDES, Zone.PARTS))
 
-    def edges(self, found: Array, y: Sequence[Any], root: Any) -> tuple[Any, Any]:
-        """mu N + T, which is negative where the contact sticks, and N - mu T, which is negative where it does not part.
+    def edges(self, found: Array, y: Array) -> tuple[Array, Array]:
+        """mu N + T, which is negative where the contact sticks, and N - mu T, which is negative where it does not part, at n states."""
+        return _edges(found[:, [self.ratio, *self.friction]].T, y.T, np.sqrt)
 
-        ``y`` are floats or balls, and ``root`` their square root.
-        """
-        ratio, *friction = (type(y[0])(float(found[column])) for column in (self.ratio, *self.friction))
-        mu = friction[0] / root(ratio)
-        normal = mu * y[0]
-        across = root(sum(((own * along) ** 2 for own, along in zip(friction, y[1:], strict=True)), type(y[0])(0.0)))
-        return mu * normal + across, normal - mu * across
+    def zone_in_balls(self, found: Array, y: Sequence[Any]) -> Zone | None:
+        """The zone of ``y`` at one state; None where its balls do not decide it."""
+        import flint
 
-    def zone(self, found: Array, y: Sequence[Any], root: Any) -> Zone | None:
-        """The zone of ``y``, of floats or balls; None where balls do not decide it."""
-        sticking, parting = self.edges(found, y, root)
+        sticking, parting = _edges([flint.arb(float(found[one])) for one in (self.ratio, *self.friction)], y, flint.arb.sqrt)
         if sticking <= 0:
             return Zone.STICKS
         if parting >= 0:
             return Zone.PARTS
         return Zone.SLIDES if sticking > 0 and parting < 0 else None
 
-    def across(self, found: Array, y: Array, reach: Array) -> Zone | None:
-        """The zone on the other side of an edge that ``reach``, of each of ``y``, may lead across; None where none does."""
-        sticking, parting = self.edges(found, y.tolist(), np.sqrt)
-        friction = found[list(self.friction)]
-        widest = max(1.0, friction[0] / np.sqrt(found[self.ratio])) ** 2 * (reach[0] + friction @ reach[1:])
-        zone = self.zone_at(found)
-        if abs(sticking) <= widest:
-            return Zone.SLIDES if zone == Zone.STICKS else Zone.STICKS
-        if abs(parting) <= widest:
-            return Zone.PARTS if zone == Zone.SLIDES else Zone.SLIDES
-        return None
+    def zones(self, found: Array, y: Array) -> Array:
+        """(n,) the zones of y, (n, rows), in float64; what is not a number parts."""
+        sticking, parting = self.edges(found, y)
+        return np.where(sticking <= 0, Zone.STICKS, np.where((sticking > 0) & (parting < 0), Zone.SLIDES, Zone.PARTS))
+
+    def across(self, found: Array, y: Array, reach: Array) -> Array:
+        """(n,) the zones on the other side of an edge that ``reach``, of each of ``y``, may lead across; the own ones where none does."""
+        (sticking, parting), widest, own = self.edges(found, y), self._widest(found, reach), self.zones_at(found)
+        parts = np.where(own == Zone.SLIDES, Zone.PARTS, Zone.SLIDES)
+        sticks = np.where(own == Zone.STICKS, Zone.SLIDES, Zone.STICKS)
+        return np.where(np.abs(sticking) <= widest, sticks, np.where(np.abs(parting) <= widest, parts, own))
+
+    def are_shown(self, found: Array, zones: Array, y: Bounded, from_before: Array) -> Flags:
+        """(n,) whether y are certainly of these zones, and where they slide so near to where the weights are taken, ``from_before`` away.
+
+        What the weights leave of the force is then the square of that, over the distance from the axis.
+        """
+        (sticking, parting), size = self.edges(found, y.high), np.abs(y.high)
+        room = self._widest(found, np.abs(y.low) + y.bound + _ROUNDINGS * UNIT_ROUNDOFF * size)
+        scales = np.hstack([self._mu(found)[:, None], found[:, list(self.friction)]])
+        apart = np.linalg.norm(scales * (np.abs(from_before) + y.bound), axis=1)
+        slides = (sticking > room) & (parting < -room) & (apart <= _NEAR * np.linalg.norm((scales * size)[:, 1:], axis=1))
+        of_zone = {Zone.STICKS: sticking < -room, Zone.PARTS: parting > room, Zone.SLIDES: slides}
+        return np.asarray(np.logical_or.reduce([(zones == zone) & fits for zone, fits in of_zone.items()]))
+
+    def _mu(self, found: Array) -> Array:
+        return np.asarray(found[:, self.friction[0]] / np.sqrt(found[:, self.ratio]))
+
+    def _widest(self, found: Array, reach: Array) -> Array:
+        """How far both edges move at most where y moves by ``reach``."""
+        across = (found[:, list(self.friction)] * reach[:, 1:]).sum(axis=1)
+        return np.asarray(np.maximum(1.0, self._mu(found)) ** 2 * (reach[:, 0] + across))
+
+
+def _edges(numbers: Any, y: Any, root: Any) -> tuple[Any, Any]:
+    """As ``Cone.edges``, of arrays or balls; ``numbers`` are the ratio and the coefficients of friction."""
+    ratio, *friction = numbers
+    mu = friction[0] / root(ratio)
+    normal, across = mu * y[0], root(sum((own * along) ** 2 for own, along in zip(friction, y[1:], strict=True)))
+    return mu * normal + across, normal - mu * across
 
 
 def sliding_weights(first: Term, friction: Vector, ratio: Term, towards: Vector) -> Matrix:

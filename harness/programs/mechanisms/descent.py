@@ -16,6 +16,7 @@ import numpy as np
 from harness.arrays import Array, Indices
 from harness.programs.evaluation import values
 from harness.programs.kernels import full_matrices
+from harness.programs.loops.interpreter import approximate_outputs
 from harness.programs.mechanisms.clamps import Ranges
 from harness.programs.mechanisms.cones import Cone, sliding_weights_at
 from harness.programs.mechanisms.mechanism import JACOBIAN
@@ -24,8 +25,8 @@ from harness.programs.program import StraightLineProgram
 
 # Steps of Newton's method, and of the search along one.
 _STEPS, _HALVINGS = 100, 60
-# Of the derivative at the start of a line, what may be left; and of the length of a, the last step.
-_FLAT, _LEAST_STEP = 0.5, 1e-15
+# Of the derivative at the start of a line, what may be left; and of the length of a, the last step, whose square is below all roundings.
+_FLAT, _LEAST_STEP = 0.5, 1e-12
 
 
 @dataclass(frozen=True)
@@ -43,23 +44,24 @@ class _RoundRows:
     def __getitem__(self, states: Indices) -> _RoundRows:
         return _RoundRows(self.rows, self.friction[states], self.ratio[states])
 
-    def act(self, y: Array, weights: Array, force: Array, slope: Array | None) -> None:
-        """Set forces, (n, rows), and minus their derivative by y, (n, rows, rows), where the rows do not act by themselves.
+    def act(self, y: Array, weights: Array, force: Array, weighted: tuple[Array, Array] | None = None) -> None:
+        """Set forces, (n, rows), and the Jacobian times minus their derivative by y, where the rows do not act by themselves.
 
-        Where a contact sticks they do.
+        ``weighted`` is the Jacobian, (n, rows, nv), and that product. Where a contact sticks its rows do act by themselves.
         """
         own = y[:, self.rows]
         mu = self.friction[:, 0] / np.sqrt(self.ratio)
         lateral = self.friction * own[:, 1:]
         across, normal = np.linalg.norm(lateral, axis=1), mu * own[:, 0]
         sticks, parts = mu * normal + across <= 0, normal - mu * across >= 0
-        bent = np.zeros((*own.shape, own.shape[1]))
-        slides = np.flatnonzero(~(sticks | parts))
-        bent[slides] = sliding_weights_at(weights[slides, self.rows.start], self.friction[slides], self.ratio[slides], own[slides])
-        others = np.flatnonzero(~sticks)
-        force[others, self.rows] = -np.einsum("nij,nj->ni", bent[others], own[others])
-        if slope is not None:
-            slope[others, self.rows, self.rows] = bent[others]
+        others, slides = np.flatnonzero(~sticks), np.flatnonzero(~(sticks | parts))
+        force[others, self.rows] = 0.0
+        bent = sliding_weights_at(weights[slides, self.rows.start], self.friction[slides], self.ratio[slides], own[slides])
+        force[slides, self.rows] = -np.einsum("nij,nj->ni", bent, own[slides])
+        if weighted is not None:
+            jacobian, product = weighted
+            product[others, self.rows] = 0.0
+            product[slides, self.rows] = bent @ jacobian[slides, self.rows]
 
 
 @dataclass(frozen=True)
@@ -84,31 +86,29 @@ class _Problem:
         """Forces of rows that leave ``y``, (n, rows)."""
         force: Array = np.clip(-self.weights * y, self.low, self.high)
         for one in self.cones:
-            one.act(y, self.weights, force, None)
+            one.act(y, self.weights, force)
         return force
 
-    def slopes(self, y: Array) -> tuple[Array, Array]:
-        """The same, and minus their derivative by y, (n, rows, rows)."""
+    def stiffness(self, y: Array) -> tuple[Array, Array]:
+        """The same, and J' S J with minus their derivative by y for S, (n, nv, nv)."""
         free = -self.weights * y
         inside = (free > self.low) & (free < self.high)
-        force, slope = np.clip(free, self.low, self.high), np.zeros((*y.shape, y.shape[1]))
-        rows = np.arange(y.shape[1])
-        slope[:, rows, rows] = np.where(inside, self.weights, 0.0)
+        force, weighted = np.clip(free, self.low, self.high), np.where(inside, self.weights, 0.0)[:, :, None] * self.jacobian
         for one in self.cones:
-            one.act(y, self.weights, force, slope)
-        return force, slope
+            one.act(y, self.weights, force, (self.jacobian, weighted))
+        return force, self.jacobian.transpose(0, 2, 1) @ weighted
 
     @np.errstate(all="ignore")
     def least(self) -> Array:
         """y = J a - aref at the least, (n, rows), or where the search ends."""
-        a = _solved(self.mass, self.force)
+        a = np.zeros_like(self.force)
         left = np.arange(len(a))
         for _ in range(_STEPS):
             own = self[left]
             y = own.left_by(a[left])
-            force, slope = own.slopes(y)
+            force, stiffness = own.stiffness(y)
             gradient = _times(own.mass, a[left]) - own.force - np.einsum("nri,nr->ni", own.jacobian, force)
-            metric = own.mass + own.jacobian.transpose(0, 2, 1) @ slope @ own.jacobian
+            metric = own.mass + stiffness
             direction = -_solved(metric, gradient)
             # A search that breaks down ends where it is.
             direction = np.where(np.isfinite(direction).all(axis=1, keepdims=True), direction, 0.0)
@@ -172,7 +172,8 @@ def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, fo
     ``problem`` and ``ranges``: as of ``SoftenedProgram`` and of ``Zones.settle``.
     """
     with np.errstate(all="ignore"):
-        outputs = values(problem, inputs[: len(problem.inputs)])
+        inputs = inputs[: len(problem.inputs)]
+        outputs = approximate_outputs(problem, inputs) or values(problem, inputs)
     clamps, nv, rows = len(zones.clamps), len(outputs["force"]), len(outputs["weights"])
     least, most = zones.bounds(found) if ranges is None else ranges
     low, beyond = np.full((len(found), rows), -np.inf), np.full((len(found), rows), np.inf)

@@ -9,11 +9,13 @@ import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from harness.programs.mechanisms.cones import sliding_weights
 from harness.programs.mechanisms.constraint_forces import Tied, solved, solved_from_tips, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.program import StraightLineProgram, without_unused
-from harness.programs.terms import Matrix, Term, Vector, matrix, vector
+from harness.programs.terms import Builder, Matrix, Term, Vector, matrix, vector
 from harness.storage import Kept
 
 
@@ -83,6 +85,8 @@ class SoftenedProgram:
         problem: a program of the same inputs: ``mass`` and ``force`` of the tree, ``jacobian``, ``wanted`` (aref less J' v) and
             ``weights`` (D) of the rows in the order of ``unbounded``, and then of those that hold on both sides.
         stiffened: the program whose accelerations are not eliminated; None where rows are rigid.
+        unbounded_by: the outputs of ``unbounded`` as functions of these accelerations, which are further inputs, (nv,), and of their rests,
+            (nv,); None without elliptic cones, where an elimination instruction by instruction shows on which sides forces are.
     """
 
     program: StraightLineProgram
@@ -92,6 +96,12 @@ class SoftenedProgram:
     round: list[str]
     problem: StraightLineProgram
     stiffened: StraightLineProgram | None = None
+    unbounded_by: StraightLineProgram | None = None
+
+    @property
+    def by_solution(self) -> tuple[StraightLineProgram, StraightLineProgram] | None:
+        """See ``Zones``."""
+        return None if self.stiffened is None or self.unbounded_by is None else (self.stiffened, self.unbounded_by)
 
 
 # Those whose laws had other numbers last: a diagnosis tries one after the other.
@@ -179,6 +189,7 @@ def _written(
     order = [*first, *(row for row in range(len(constraints.rows)) if row not in first)]
     asked = {"mass": tied.equations["mass"], "force": tied.force, JACOBIAN: jacobian[order].ravel()}
     asked |= {"wanted": required[order], "weights": weights[order]}
+    problem = without_unused(builder.program(asked))
     return SoftenedProgram(
         # Minus, as those of the rigid forces -J' lambda.
         tied.with_forces(weighted.T @ missing + jacobian.T @ constants, vector(-one for one in held)),
@@ -186,9 +197,22 @@ def _written(
         without_unused(builder.program({UNBOUNDED: outside})),
         ranged,
         list(blocks),
-        without_unused(builder.program(asked)),
+        problem,
         tied.with_system(stiffened, given),
+        _by_accelerations(problem, len(ranged), len(first)) if blocks else None,
     )
+
+
+def _by_accelerations(problem: StraightLineProgram, ranged: int, count: int) -> StraightLineProgram:
+    """``SoftenedProgram.unbounded_by`` for a problem whose first ``count`` rows have ranges, as the first of these have, or cones."""
+    nv = len(problem.outputs["force"])
+    names = (f"{what} {place}" for what in ("acceleration", "rest of acceleration") for place in range(nv))
+    builder = Builder((*problem.inputs, *names))
+    known, (*_, accelerations, rests) = builder.append(problem), np.split(vector(builder.inputs), [-2 * nv, -nv])
+    jacobian = np.array(known[JACOBIAN], dtype=object).reshape(-1, nv)
+    missing = vector(known["wanted"][:count]) - jacobian[:count] @ (accelerations + rests)
+    outside = [*(weight * force for weight, force in zip(known["weights"], missing[:ranged], strict=False)), *-missing[ranged:]]
+    return without_unused(builder.program({UNBOUNDED: outside}))
 
 
 def share_and_constant(tied: Tied, known: Mapping[str, Term], law: Softness, row: str) -> tuple[Term, Term]:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,13 +26,11 @@ import numpy as np
 from harness.arrays import Array, Rows
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.kernels import BallKernel
-from harness.programs.loops.interpreter import bounded_outputs
+from harness.programs.loops.interpreter import Bounded, bounded_outputs, encoded, moved_outputs, solutions
 from harness.programs.mechanisms.clamps import Clamp, Ranges
-from harness.programs.mechanisms.cones import Cone, Zone
+from harness.programs.mechanisms.cones import Cone, Flags, Zone
 from harness.programs.program import StraightLineProgram
 from harness.storage import Kept
-
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 _BITS = 192
 # Exchanges of all that do not fit, then of the first alone, in float64; and of all with bounds.
@@ -73,12 +70,15 @@ class Zones:
             that it takes.
         cones: of contacts whose forces lie in round ones.
         paired: numbers of two forces along one row, of which the second is 0 wherever the first is inside its range.
+        by_solution: the equations of motion, and the output of ``program`` as a function of the accelerations that solve them and of
+            the rests of these, which are its last inputs; None where there are none.
     """
 
     clamps: tuple[Clamp, ...]
     program: StraightLineProgram
     cones: tuple[Cone, ...] = ()
     paired: tuple[tuple[int, int], ...] = ()
+    by_solution: tuple[StraightLineProgram, StraightLineProgram] | None = None
 
     @property
     def key(self) -> Hashable:
@@ -101,7 +101,7 @@ class Zones:
         low, high = self.bounds(found) if ranges is None else ranges
         start = self.sides(np.zeros(low.shape)) if start is None else start[:]
         sides, raw, reach = self._guessed(known, found, low, high, replace(start, clamps=np.where(low == high, -1.0, start.clamps)))
-        is_proved = self._are_shown(low, high, sides, raw, reach)
+        raw, is_proved = self._are_shown(known, found, (low, high), sides, (raw, reach))
         raw[~is_proved] = np.nan
         self._prove(known, found, (low, high), sides, (raw, is_proved))
         self._put(found, low, high, sides)
@@ -109,20 +109,19 @@ class Zones:
         found[:, shares] = np.where(is_proved[:, None], found[:, shares], np.nan)
         return raw
 
-    def sides(self, clamps: Array, y: Array | None = None, found: Array | None = None) -> Sides:
-        """Sides of n states; ``y``, (n, rows of cones), and the parameters are of the states of contacts, which part without them."""
+    def sides(self, clamps: Array, y: Array | None = None, found: Array | None = None, rest: Array | None = None) -> Sides:
+        """Sides of n states; y + ``rest``, (n, rows of cones), and the parameters say what contacts do, which part without them."""
         cones = np.zeros((len(clamps), len(self.cones)))
-        towards = np.zeros((len(clamps), sum(cone.size for cone in self.cones))) if y is None else y
+        towards = np.zeros((len(clamps), sum(cone.size for cone in self.cones))) if y is None else y.copy()
         if y is not None and found is not None:
-            for state in range(len(clamps)):
-                for number, (cone, part) in enumerate(zip(self.cones, self.parts, strict=True)):
-                    cones[state, number] = cone.zone(found[state], y[state, part].tolist(), math.sqrt) or Zone.PARTS
-        return Sides(clamps, cones, towards.copy(), np.zeros_like(towards))
+            for number, (cone, part) in enumerate(zip(self.cones, self.parts, strict=True)):
+                cones[:, number] = cone.zones(found, y[:, part])
+        return Sides(clamps, cones, towards, np.zeros_like(towards) if rest is None else rest.copy())
 
     def across(self, known: Array, found: Array, unit_roundoff: float, ranges: Ranges | None = None) -> Array:
         """Parameters that ``settle`` has set, with those forces on the other side of a bound that rounding may lead across it."""
         low, high = self.bounds(found) if ranges is None else ranges
-        raw, reach = _reach_of_near(self, known, found, unit_roundoff, (low, high))
+        raw, reach = self.reach(known, found, unit_roundoff)
         own, y, count = raw[:, : len(self.clamps)], raw[:, len(self.clamps) :], len(self.clamps)
         sides = np.zeros(low.shape)
         for place, clamp in enumerate(self.clamps):
@@ -132,11 +131,12 @@ class Zones:
             sides = np.where(is_near, side - sides, sides)
         other = found.copy()
         self._put_clamps(other, low, high, self._one_of_two(sides, sides))
-        for state in range(len(found)):
-            for cone, part in zip(self.cones, self.parts, strict=True):
-                zone = cone.across(found[state], y[state, part], reach[state, count:][part])
-                if zone is not None:
-                    cone.put(other[state], zone, y[state, part], np.zeros(cone.size))
+        for cone, part in zip(self.cones, self.parts, strict=True):
+            zones = cone.across(found, y[:, part], reach[:, count:][:, part])
+            [crossed] = np.nonzero(zones != cone.zones_at(found))
+            moved = other[crossed]
+            cone.put(moved, zones[crossed], y[crossed, part], np.zeros((len(crossed), cone.size)))
+            other[crossed] = moved
         return np.where(np.isnan(found), found, other)
 
     def reach(self, known: Array, found: Array, unit_roundoff: float) -> tuple[Array, Array]:
@@ -145,6 +145,9 @@ class Zones:
         Those are roundings of that and of its inputs.
         """
         inputs = self.inputs(known, found)
+        by_loops = moved_outputs(self.program, inputs, np.abs(inputs))
+        if by_loops is not None and np.isfinite(by_loops).all():
+            return by_loops[0], _ROUNDINGS * unit_roundoff * by_loops[1]
         [raw], [spread] = (list(rows.values()) for rows in values_and_spread(self.program, inputs, np.abs(inputs)))
         return raw.T, _ROUNDINGS * unit_roundoff * spread.T
 
@@ -162,9 +165,8 @@ class Zones:
     def _put(self, found: Array, low: Array, high: Array, sides: Sides) -> None:
         """What ``sides`` say of each force and contact."""
         self._put_clamps(found, low, high, sides.clamps)
-        for state in range(len(found)):
-            for number, (cone, part) in enumerate(zip(self.cones, self.parts, strict=True)):
-                cone.put(found[state], int(sides.cones[state, number]), sides.towards[state, part], sides.rest[state, part])
+        for zones, cone, part in zip(sides.cones.T, self.cones, self.parts, strict=True):
+            cone.put(found, zones, sides.towards[:, part], sides.rest[:, part])
 
     def _put_clamps(self, found: Array, low: Array, high: Array, sides: Array) -> None:
         """Share and constant of each force below its range, inside or beyond, as ``sides`` say by -1, 0 and 1."""
@@ -181,9 +183,9 @@ class Zones:
                 break
             part, before = found[left], sides[left]
             self._put(part, low[left], high[left], before)
-            raw, reach = _approximate(self.program, self.inputs(known[left], part))
-            own, cones = raw[:, :count], self.sides(before.clamps, raw[:, count:], part)
-            last[left], within[left] = own, reach[:, :count]
+            found_now = _approximate(self, known[left], part)
+            own, cones = found_now.high[:, :count], self.sides(before.clamps, found_now.high[:, count:], part, found_now.low[:, count:])
+            last[left], within[left] = own, found_now.reach[:, :count]
             fitting = np.where(low[left] > own, -1.0, np.where(high[left] < own, 1.0, 0.0))
             fitting = np.where(low[left] == high[left], -1.0, fitting)
             if self.paired:
@@ -195,23 +197,32 @@ class Zones:
                 unfit &= np.cumsum(unfit, axis=1) == 1
             exchanged = np.where(unfit, _exchanged(before.clamps, fitting), before.clamps)
             sides.clamps[left] = self._one_of_two(exchanged, exchanged)
-            sides.cones[left], sides.towards[left] = cones.cones, cones.towards
+            sides.cones[left], sides.towards[left], sides.rest[left] = cones.cones, cones.towards, cones.rest
             moved = np.linalg.norm(cones.towards - before.towards, axis=1) > _SETTLED * np.linalg.norm(cones.towards, axis=1)
             left = left[unfit.any(axis=1) | (cones.cones != before.cones).any(axis=1) | (moved & (cones.cones == Zone.SLIDES).any(axis=1))]
         # Their sides have been exchanged since.
         within[left] = np.inf
         return sides, last, within
 
-    def _are_shown(self, low: Array, high: Array, sides: Sides, raw: Array, reach: Array) -> Flags:
-        """(n,) whether forces within ``reach`` of ``raw`` are all on their sides, and there are no cones."""
-        if self.cones or self.paired:
-            return np.zeros(len(low), dtype=bool)
-        own = sides.clamps
+    def _are_shown(self, known: Array, found: Array, ranges: Ranges, sides: Sides, last: tuple[Array, Array]) -> tuple[Array, Flags]:
+        """What each force would be, (n, clamps), and (n,) whether that and what contacts do are shown to fit ``sides``.
+
+        ``last`` is what forces were last, and within what; contacts that slide have moved since.
+        """
+        (low, high), (raw, reach), own, count = ranges, last, sides.clamps, len(self.clamps)
+        is_shown = np.full(len(low), not self.paired)
+        if self.cones:
+            self._put(there := found.copy(), low, high, sides)
+            now = _approximate(self, known, there)
+            raw, reach = now.high[:, :count].copy(), now.reach[:, :count]
+            y, moved = now.of(slice(count, None)), now.high[:, count:] - sides.towards + (now.low[:, count:] - sides.rest)
+            for zones, cone, part in zip(sides.cones.T, self.cones, self.parts, strict=True):
+                is_shown &= cone.are_shown(found, zones, y.of(part), moved[:, part])
         with np.errstate(invalid="ignore"):
             is_above, is_below = raw - low > reach, high - raw > reach
             fits = np.where(own == 0, is_above & is_below, np.where(own < 0, low - raw > reach, raw - high > reach))
         # A range of one force leaves nothing to be found.
-        return np.asarray((fits | ((low == high) & (own < 0))).all(axis=1))
+        return raw, is_shown & np.asarray((fits | ((low == high) & (own < 0))).all(axis=1))
 
     def _prove(self, known: Array, found: Array, ranges: Ranges, sides: Sides, proof: tuple[Array, Flags]) -> None:
         """Show by balls that all are on sides that fit, where ``proof``, what each force would be and whether that is shown, does not.
@@ -260,11 +271,9 @@ class Zones:
 
     def _cone_fits(self, number: int, found: Array, balls: Sequence[Any], sides: Sides, state: int) -> bool:
         """Whether balls of y show that a contact does what ``sides`` say, which says what they do afterwards."""
-        import flint
-
         part = self.parts[number]
         y, before = balls[part], Zone(int(sides.cones[state, number]))
-        zone = self.cones[number].zone(found, y, flint.arb.sqrt)
+        zone = self.cones[number].zone_in_balls(found, y)
         # On an edge the force is the same on both sides.
         zone = before if zone is None and all(ball.is_finite() for ball in y) else zone
         if zone is None:
@@ -279,28 +288,23 @@ class Zones:
         return bool(zone == before and apart < _SAME * sum(ball**2 for ball in y).sqrt())
 
 
-def _reach_of_near(zones: Zones, known: Array, found: Array, unit_roundoff: float, ranges: Ranges) -> tuple[Array, Array]:
-    """``reach``, elsewhere than near a bound by running bounds of the loops, which are far wider, and may be infinite."""
-    inputs = zones.inputs(known, found)
-    by_loops = None if zones.cones else bounded_outputs(zones.program, inputs, _ROUNDINGS * unit_roundoff * np.abs(inputs))
-    if by_loops is None:
-        return zones.reach(known, found, unit_roundoff)
-    raw, reach, (low, high) = by_loops.high.copy(), np.abs(by_loops.low) + by_loops.bound, ranges
-    with np.errstate(invalid="ignore"):
-        apart = ((np.abs(raw - low) > reach) & (np.abs(raw - high) > reach)) | (low == high)
-    near = np.flatnonzero(~apart.all(axis=1))
-    if len(near):
-        raw[near], reach[near] = zones.reach(known[near], found[near], unit_roundoff)
-    return raw, reach
+def _approximate(zones: Zones, known: Array, found: Array) -> Bounded:
+    """What each force would be without its range, and y of cones, with infinite bounds where nothing is known.
 
-
-def _approximate(program: StraightLineProgram, inputs: Array) -> tuple[Array, Array]:
-    """The outputs of a program, (n, outputs), and within what of them they are, which is infinite where nothing is known."""
-    by_loops = bounded_outputs(program, inputs)
+    Solutions of the equations have narrower bounds than an elimination instruction by instruction.
+    """
+    inputs, by_loops = zones.inputs(known, found), None
+    equations = None if zones.by_solution is None else encoded(zones.by_solution[0])
+    if zones.by_solution is not None and equations is not None:
+        moved = solutions(equations, np.ascontiguousarray(np.hstack([known, found])[:, : equations.inputs].T))
+        nothing = np.zeros_like(moved.high.T)
+        given = np.vstack([inputs, moved.high.T, moved.low.T]), np.vstack([np.zeros_like(inputs), nothing, moved.bound.T])
+        by_loops = bounded_outputs(zones.by_solution[1], *given)
+    by_loops = by_loops or bounded_outputs(zones.program, inputs)
     if by_loops is not None:
-        return by_loops.high, (np.abs(by_loops.low) + by_loops.bound) * (1 + 1e-10)
-    (raw,) = values(program, inputs).values()
-    return raw.T, np.full(raw.T.shape, np.inf)
+        return by_loops
+    (raw,) = values(zones.program, inputs).values()
+    return Bounded(raw.T, np.zeros_like(raw.T), np.full(raw.T.shape, np.inf))
 
 
 def _exchanged(sides: Array, fitting: Array) -> Array:
