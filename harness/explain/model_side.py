@@ -104,10 +104,14 @@ def diagnose(watch: Watch, reference: Reference, limits: Limits = DEFAULT_LIMITS
         _try_directions(search, side, reference, columns)
     if search.is_needed and not search.explaining:
         search.try_outright(numbers)
+        whole = [change for change in structural if change.start is None]
+        if search.is_large:
+            # Each takes one evaluation; a fit takes many, and beside a large error nearly every number is worth one.
+            search.try_outright(whole)
         search.fit_best(columns)
         _fit_closely(search, side, columns)
-        if search.is_large or not search.explaining:
-            search.try_outright(change for change in structural if change.start is None)
+        if not search.is_large and not search.explaining:
+            search.try_outright(whole)
         search.fit_best(side.columns(valued, DIFFERENCE))
         # What is left out may be felt by its square only, or there may be no answer without it.
         search.fit_from_other_starts([*numbers, *valued])

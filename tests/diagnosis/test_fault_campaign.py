@@ -186,6 +186,13 @@ def test_a_diagnosis_that_always_names_the_first_attribute_is_told(monkeypatch: 
     assert any("named first or in their class" in sentence for sentence in broken_bars(faults))
 
 
+def test_what_takes_one_evaluation_is_tried_before_fits_of_a_large_error_take_them_all() -> None:
+    """As in a file with so many numbers that their columns and fits take what a diagnosis may."""
+    few = CampaignSettings(kinds=["axis", "joint_order"], states=16, diagnosed=1, evaluations=300)
+    faults = [fault for fault in campaign("slider_crank", "mjcf", few) if fault.diagnosed is not None]
+    assert len(faults) == 2 and all(fault.named and fault.stopped for fault in faults)
+
+
 def test_an_inference_that_blames_an_engine_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fault_bench, "infer", lambda verdicts: Inference("engine mujoco", "mujoco is at fault"))
     faults = campaign("spring_damper", "mjcf", replace(SMALL, kinds=["damping"], diagnosed=0, evaluations=1))
