@@ -32,8 +32,8 @@ from harness.files.joint_kinds import JointKind
 from harness.files.lint.formats import LEAST
 from harness.files.model_file import ForceElement, JointSpring, ModelFile, PointSpring, document_of
 
-# Of a solver that goes to the end: Newton's method needs two or three.
-MOST_ITERATIONS = 100
+# Of a solver that goes to the end: Newton's method needs two or three. At the end each further one may move it by an ulp.
+MOST_ITERATIONS = 20
 # mjEPS: the principal inertia below which MuJoCo refuses the six numbers of an inertia matrix, though not the three principal ones.
 LEAST_OF_SIX = 1e-14
 # A principal inertia is zero where it is no more than the rounding of the largest.
