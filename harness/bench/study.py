@@ -9,7 +9,7 @@ from typing import Any
 from harness.bench.methods import DERIVATIVES, find_methods
 from harness.bench.parts import MOTION, PARTS, QUANTITIES, SOLVERS, BenchmarkPart, BenchmarkSettings, load, parts_of, vary_action
 from harness.crosscheck.scene import Scene
-from harness.engines import engine_files, file_engines, known_subjects, subjects
+from harness.engines import engine_files, file_engine, known_subjects, subjects
 from harness.errors import InvalidInput, InvalidRequest
 from harness.library import MECHANISMS, ROBOTS, member_of, nearest
 from harness.motion.integrators import integrators, kind_of
@@ -36,8 +36,8 @@ def _names(kinds: Iterable[str], *finds: Callable[[str], Iterable[Any]]) -> list
 
 def methods_of(settings: BenchmarkSettings) -> dict[str, list[str]]:
     """Names of all methods by what they compute, those that may be measured on the library's systems."""
-    kinds = settings.library.kinds
-    of_trees, answering = _names([DERIVATIVES], find_methods), [str(subject) for subject in known_subjects(settings.library)]
+    library, kinds = settings.library, settings.library.kinds
+    of_trees, answering = _names([DERIVATIVES], find_methods), [str(subject) for subject in known_subjects(library)]
     if MECHANISMS not in kinds:
         of_trees, answering = [], []
     return {
@@ -45,7 +45,7 @@ def methods_of(settings: BenchmarkSettings) -> dict[str, list[str]]:
         QUANTITIES: answering,
         DERIVATIVES: of_trees,
         MOTION: _names(kinds, integrators),
-        SOLVERS: [name for name, engine in file_engines(settings.library).items() if engine.solvers],
+        SOLVERS: [name for name, file in engine_files(library).items() if file.of_users and file_engine(library, name).solvers],
     }
 
 

@@ -21,6 +21,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pat
     """The cache that holds the environment of an engine, which is made at its first use in a run."""
     kept = os.environ.get("HARNESS_TEST_CACHE")
     cache = Path(kept) if kept else cache_with_mechanisms(tmp_path_factory.mktemp("environments") / "cache")
+    cache.mkdir(parents=True, exist_ok=True)
 
     @functools.cache
     def made(engine: str) -> Path:

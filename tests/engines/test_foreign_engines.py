@@ -276,7 +276,7 @@ def test_a_benchmark_loses_only_the_method_that_was_answered_nonsense(tmp_path: 
         pytest.param(["search", "bar_pendulum", "--budget", "8", "--no-keep"], marks=pytest.mark.nightly),
         pytest.param(["atlas", "far_base"], marks=pytest.mark.nightly),
         pytest.param(["diagnose", "bar_pendulum"], marks=pytest.mark.nightly),
-        pytest.param(["bench", "bar_pendulum", "--methods", "mujoco batch"], marks=pytest.mark.nightly),
+        ["bench", "bar_pendulum", "--methods", "mujoco batch"],
         pytest.param(["faults", "bar_pendulum", "--kind", "axis"], marks=pytest.mark.nightly),
     ],
     ids=lambda command: command[0],
@@ -288,7 +288,7 @@ def test_every_command_survives_engine_files_and_names_them(small: Path, tmp_pat
         assert done.returncode == 0, done.stderr
         return
     # A process died.
-    assert (done.returncode, done.stderr) == (3, "")
+    assert (done.returncode, without_progress(done.stderr)) == (3, "")
     if command[0] != "faults":
         assert f"{small / 'engines' / 'exits.py'}" in done.stdout
         assert "ended its process with status 0" in done.stdout
