@@ -268,7 +268,7 @@ def _settings(names: Names, options: Options) -> Settings:
     given = {name: str(path) for name in ("library", "mjcf", "urdf") if (path := options.get(name)) is not None}
     floating_base, aided, subjects = options.get("floating_base", False), options.get("aided", False), options.get("subjects", ())
     chosen = [_with_files(name) for name in (names if isinstance(names, Iterable) and not isinstance(names, str) else [names])]
-    found = resolved(Library.at(given.get("library")), chosen, floating_base, aided, drives=True)
+    found = resolved(Library.at(given.get("library")), chosen, floating_base, aided, acts=True)
     return Settings(
         library=found,
         names=matching(found, chosen),

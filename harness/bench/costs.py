@@ -199,7 +199,7 @@ def acceleration_costs(
     A method that cannot do the system, or that fails, has an entry with the reason as its note.
     """
     mechanism, states = scene.mechanism, effort.states(scene.mechanism)
-    truths = Truths(states, elsewhere=False)
+    truths = Truths(states, share=0.0)
     judged: list[Judged] = []
 
     def cost(method: Method) -> Iterator[dict[str, Any]]:

@@ -63,7 +63,7 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
     options = [word for name, path in asked.stand_ins.items() for word in (f"--{name}", str(path))]
     if options and not asked.names:
         _refuse_alone(bracket, options)
-    bracket.choose_library(asked.names, drives=True)
+    bracket.choose_library(asked.names, acts=True)
     settings = Settings(
         library=bracket.library,
         names=matching(bracket.library, asked.names),

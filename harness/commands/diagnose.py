@@ -70,7 +70,7 @@ def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     from harness.truth.quantities import require_quantity
 
     require_quantity(asked.quantity)
-    bracket.choose_library([asked.name], drives=True)
+    bracket.choose_library([asked.name], acts=True)
     if quantity_words(asked.quantity):
         refuse_robots(bracket.library, asked.name, asked.quantity)
         if asked.evaluations is not None:

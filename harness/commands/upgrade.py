@@ -80,7 +80,7 @@ def command(bracket: Bracket, asked: UpgradeOptions) -> None:
     versions, systems = (asked.names[:2], asked.names[2:]) if asked.span is None else (tuple(asked.span.split("..")), asked.names)
     if len(versions) != 2 or not all(versions):
         raise click.UsageError(f"--bisect {asked.span}: expected two versions as 3.3.0..4.0.0")
-    bracket.choose_library(systems, anywhere=True, drives=True)
+    bracket.choose_library(systems, anywhere=True, acts=True)
     settings = Settings(
         library=bracket.library, names=matching(bracket.library, systems), states=asked.states, seed=bracket.seed, examples=None
     )

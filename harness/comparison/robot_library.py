@@ -34,7 +34,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.registry import select
 from harness.results.comparison import fixed_base, names_apart
 from harness.results.switched_on import SwitchedOnPart, counted_parts, stays_off
-from harness.results.table import joined
+from harness.results.table import grouped, joined
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot, with_actuators
 
@@ -91,7 +91,6 @@ class RobotLibrary(Library):
 
     Attributes:
         formats: {path as it was given: "urdf" or "mjcf"}. floating_base: whether a free joint is put under the roots of URDFs.
-        drives: whether the actuators of a file that are read act.
     """
 
     kinds: tuple[str, ...] = (ROBOTS,)
@@ -99,7 +98,6 @@ class RobotLibrary(Library):
     formats: Mapping[str, str] = field(default_factory=dict, hash=False)
     floating_base: bool = False
     stance: Stance = Stance.PLAIN
-    drives: bool = False
 
     @classmethod
     def without_files(cls) -> Self:
@@ -111,7 +109,7 @@ class RobotLibrary(Library):
     def of(cls, paths: Iterable[str], anywhere: bool = False, **about: Any) -> RobotLibrary:
         """The library of the files at ``paths``; of those ``anywhere`` nothing is expected, and no state is stored.
 
-        ``about`` has other attributes: ``floating_base``, ``stance``, ``drives``.
+        ``about`` has other attributes: ``floating_base``, ``stance``, ``acts``.
 
         Raises:
             InvalidModel: a file cannot be read, or is no robot.
@@ -199,7 +197,7 @@ class RobotLibrary(Library):
         if why := undetermined(robot):
             place = joints_without_inertia(robot.tree)[0].place
             raise InvalidModel(robot.path, place.line if place else None, f"{why}; give what it carries a mass, or fix the joint")
-        if self.drives:
+        if self.acts:
             robot = with_actuators(robot, (one.number for one in robot.actuators if not one.why_not))
         digest = hashlib.sha256(robot.path.read_bytes()).hexdigest()
         return replace(mechanism_of(robot), name=self.label(name), digest=digest, request=request_of(robot, self.stance))
@@ -213,34 +211,41 @@ def _read(path: str, floating_base: bool) -> Robot | None:
         return None
 
 
-def on_and_off(library: Library, quantities: Sequence[Quantity]) -> list[str]:
-    """What acts of each file in answers about quantities, and what is off, a sentence for each file; none for mechanisms.
-
-    Accelerations are asked with actuators, and what takes all with dry friction, limits and equalities too.
-    """
+def on_and_off(library: Library, quantities: Sequence[Quantity], engines: Iterable[str]) -> list[str]:
+    """What acts of each file in answers of engines about quantities, and what is off, a sentence for each file; none for mechanisms."""
     if not isinstance(library, RobotLibrary):
         return []
     without = [one.name for one in quantities if not one.is_default and not one.takes_all]
-    all_on, drives = all(one.takes_all for one in quantities), library.drives and len(without) < len(quantities)
-    names, found = names_apart(library.formats), list[str]()
+    acts, names, found = library.acts and len(without) < len(quantities), names_apart(library.formats), list[str]()
+    why_off = {name: load_engine(RobotLibrary.without_files(), name).why_off for name in dict.fromkeys(engines)}
     for path in library.formats:
         if (robot := _read(path, library.floating_base)) is None:
             continue
-        robot = with_actuators(robot, [one.number for one in robot.actuators if drives and not one.why_not])
-        groups = [one for one in GROUPS if (drives and one.what == ACTUATORS) or (all_on and one.what != CONTACTS)]
+        robot = with_actuators(robot, [one.number for one in robot.actuators if acts and not one.why_not])
+        # One that is supplied with what it leaves out is asked about the tree and its actuators.
+        kinds = (ACTUATORS,) if library.stance == Stance.AIDED else [one.what for one in GROUPS if one.what != CONTACTS]
         parts = {
             group.what: [
                 SwitchedOnPart(what=group.what, kind=one.kind, line=one.line, why_not=group.why_not(one, robot)) for one in group.of(robot)
             ]
-            for group in groups
+            for group in GROUPS
+            if acts and group.what in kinds
         }
         counts = {what: sum(not one.why_not for one in own) for what, own in parts.items()}
         on = joined([counted_parts(count, what) for what, count in counts.items() if count])
+        not_in = _off_in(why_off, [what for what, count in counts.items() if count])
         off = joined(stays_off(robot.left_out, [one for what, own in parts.items() if counts[what] for one in own]))
         but_for = f", but for {joined(without)}" if without else ""
-        said = "; ".join([*([f"{on} on{but_for}"] if on else []), *([f"off: {off}"] if off else [])])
+        said = "; ".join([*([f"{on} on{not_in}{but_for}"] if on else []), *([f"off: {off}"] if off else [])])
         found.append(f"{names[path]}: {said}" if said and len(library.formats) > 1 else said[:1].upper() + said[1:])
     return list(filter(None, found))
+
+
+def _off_in(why_off: Mapping[str, Mapping[str, str]], on: Sequence[str]) -> str:
+    """In brackets, kinds of what is on that some engines apply none of, by what they document; "" where all apply all."""
+    missing = grouped((tuple(what for what in on if what in own), engine) for engine, own in why_off.items())
+    said = [f"no {' or '.join(kinds)} in {joined(engines)}" for kinds, engines in missing.items() if kinds]
+    return f" ({'; '.join(said)})" if said else ""
 
 
 def _title(paths: Iterable[str]) -> str:
@@ -248,9 +253,9 @@ def _title(paths: Iterable[str]) -> str:
 
 
 def resolved(
-    library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False, drives: bool = False
+    library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False, acts: bool = False
 ) -> Library:
-    """The library that ``names`` are of: that of robots' files where they are files, else ``library``; ``drives`` as of ``RobotLibrary``.
+    """The library that ``names`` are of: that of robots' files where they are files, else ``library``; ``acts`` as of ``Library``.
 
     Raises:
         InvalidModel: a file cannot be read, or is no robot.
@@ -267,4 +272,4 @@ def resolved(
         raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")
     if library != Library.built_in():
         raise InvalidRequest(f"{files[0]} is a robot's file, which no library has to do with; leave --library {library.name} out")
-    return RobotLibrary.of(files, anywhere, floating_base=floating_base, stance=Stance.AIDED if aided else Stance.PLAIN, drives=drives)
+    return RobotLibrary.of(files, anywhere, floating_base=floating_base, stance=Stance.AIDED if aided else Stance.PLAIN, acts=acts)

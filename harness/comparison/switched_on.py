@@ -20,31 +20,29 @@ import numpy as np
 
 from harness.comparison.case import AskedEngine, felt
 from harness.comparison.geometry import hold_shapes
-from harness.comparison.robot_library import engine_of, engines_of_files
+from harness.comparison.robot_library import RobotLibrary, engine_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.as_read import Folded, effects, read_by
 from harness.explain.changes.readings import element_at
-from harness.explain.documented import documented, laws_of, switched_off_by_file
-from harness.explain.file_case import FileCase
-from harness.explain.file_numbers import left_beside_readings, unexplained
+from harness.explain.documented import documented, effect_of_friction, engine_documenting, switched_off_by_file
+from harness.explain.file_case import FileCase, is_held
 from harness.explain.meant import Meant, driven, largest_change, read_as, worst
 from harness.explain.switches import switches_of, why_no_equality
 from harness.explain.touching import Touching
 from harness.files.equalities import Equality
-from harness.files.findings import EQUALITIES, FRICTION
+from harness.files.findings import EQUALITIES
 from harness.library import Stance
 from harness.results.readings import Effect
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import SwitchedOnRecord
 from harness.trees.robot import with_actuators
-from harness.truth.compare import Comparison, compare
+from harness.truth.compare import compare
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
 
 # Elements whose effect is said; each takes the file's being loaded once more.
 MOST_EFFECTS = 32
-HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
 _UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
 
 
@@ -85,7 +83,7 @@ def pose(meant: Meant, engine: str, without: Collection[str] = ()) -> tuple[Swit
         title=caller.title,
         format=meant.robot.format,
         parts=[one.part() for one in switches],
-        readings=[*_of_what_is_on(original, folded, smooth), *_of_no_friction(meant, caller)],
+        readings=[*_of_what_is_on(original, folded, smooth), *effect_of_friction(meant, caller, RobotLibrary.without_files())],
         message="; ".join(reason for what, reason in caller.why_off.items() if any(one.group.what == what for one in switches)),
     )
     asked_with = [one for one in switches if one.group.what not in caller.why_off]
@@ -153,21 +151,7 @@ def with_verdict(
         compared = compare(case.computed, answers.of(joints), factorises=True)
         if is_held(compared):
             return replace(record, explained=True, to_the_end=worst(compared), remedy=ending.remedy, fault=ending.fault)
-    return record if record.explained or not names else replace(record, rest=_rest(case, answers, compared))
-
-
-def _rest(case: FileCase, answers: EngineAnswers, compared: Comparison) -> list[str]:
-    """What is known of answers that nothing explains, a sentence each."""
-    at, apart = case.at, case.apart
-    accelerations = answers.of(at.robot.joints)
-    if set(compared.verdicts[apart].tolist()) <= HELD:
-        return ["it is only at states where bodies touch that it is not what its documentation gives"]
-    if found := case.explaining(accelerations):
-        return [one.sentence for one in found]
-    if not case.has_constraints:
-        return left_beside_readings(case.original, case.folded, at, answers, compared)
-    kernel = ReferenceKernel(documented(at.robot, case.caller, case.judged, case.departures))
-    return unexplained(case.where_apart, accelerations[apart], kernel)
+    return record if record.explained or not names else replace(record, rest=case.left(answers, compared))
 
 
 def _of_what_is_on(original: Meant, folded: Folded, smooth: Folded) -> list[Effect]:
@@ -177,25 +161,6 @@ def _of_what_is_on(original: Meant, folded: Folded, smooth: Folded) -> list[Effe
     return effects(original, Folded(folded.robot, own)) if own else []
 
 
-def _of_no_friction(meant: Meant, caller: Engine) -> list[Effect]:
-    """What an engine leaves out that documents no dry friction, by the law that another one documents of the file."""
-    own = [one for one in switches_of(meant.robot, meant.robot, caller) if one.group.what == FRICTION and not one.why_not]
-    other = _engine_with(FRICTION, meant.robot.format)
-    # One that documents a law applies some.
-    if not own or FRICTION not in caller.why_off or other is None or laws_of(meant.robot, caller, own)[1]:
-        return []
-    rubbing = ReferenceKernel(documented(meant.few.robot, other, own)).evaluate(meant.few.states)
-    lines = tuple(dict.fromkeys(one.element.line for one in own))
-    change = largest_change(meant.few.truth, rubbing.high, meant.few.truth.certified & rubbing.certified)
-    sentence, source = caller.why_off[FRICTION], f"by the law that {other.title} documents"
-    return [Effect(name=FRICTION, sentence=sentence, concerns="joints", lines=lines, count=len(own), alone=change, source=source)]
-
-
-def _engine_with(what: str, model_format: str) -> Engine | None:
-    """The first engine that is asked with elements of a kind, of which it documents a law."""
-    return next((one for one in engines_of_files().values() if what not in one.why_off and model_format in one.formats), None)
-
-
 def truth_with(meant: Meant, equality: Equality | None) -> Reference | None:
     """The truth of a robot with one equality, by the law that an engine documents; None where it is not judged.
 
@@ -203,17 +168,12 @@ def truth_with(meant: Meant, equality: Equality | None) -> Reference | None:
     """
     if equality is None or not equality.is_active:
         return meant.truth
-    caller = _engine_with(EQUALITIES, meant.robot.format)
+    caller = engine_documenting(EQUALITIES, meant.robot.format, RobotLibrary.without_files())
     if caller is None or why_no_equality(equality, meant.robot):
         return None
     alone = replace(meant.robot, equalities=(equality,))
     own = [one for one in switches_of(alone, alone, caller) if one.group.what == EQUALITIES]
     return ReferenceKernel(documented(alone, caller, own)).evaluate(meant.states)
-
-
-def is_held(compared: Comparison) -> bool:
-    """True for answers that agree, but for lost digits, wherever the truth is decided."""
-    return set(compared.verdicts.tolist()) <= HELD
 
 
 def _effect(read: Meant, answers: EngineAnswers) -> float | None:

@@ -17,7 +17,7 @@ from harness.files.equalities import Constraint, Equality
 from harness.files.findings import ACTUATORS, FRICTION, LIMITS
 from harness.files.model_file import ModelFile, read_model
 from harness.lagrange.derivation import load_mechanism
-from harness.library import MODEL_SUFFIXES, Library
+from harness.library import MODEL_SUFFIXES, Library, Stance
 from harness.programs.mechanisms.mechanism import Mechanism, smooth, undriven, without
 from harness.programs.states import States
 from harness.results.records import ACCELERATIONS
@@ -59,6 +59,8 @@ class Assignment:
     def __post_init__(self) -> None:
         if self.model is not None:
             object.__setattr__(self, "model", acting_as(self.model, self.mechanism))
+        if self.acts and isinstance(self.mechanism, RobotMechanism):
+            object.__setattr__(self, "mechanism", _with_all_on(self.library, self.subject.engine, self.mechanism))
 
     @classmethod
     def of(cls, library: Library, name: str, subject: Subject, path: Path | None = None) -> Assignment:
@@ -72,16 +74,17 @@ class Assignment:
         return cls(library, subject, load_mechanism(library, name), model, name)
 
     def about(self, quantity: str) -> Assignment:
-        """The same about another quantity: few are asked for where actuators, dry friction, limits or equalities of a user's file act."""
-        mechanism, asked = self.mechanism, find_quantities()[quantity]
-        if asked.takes_all and self.library.reads_files and isinstance(mechanism, RobotMechanism):
-            # Imported late: a mechanism needs nothing of it.
-            from harness.explain.documented import with_all_on
+        """The same about another quantity: few are asked for where actuators, dry friction, limits or equalities act."""
+        about = replace(self, quantity=quantity)
+        if about.asked.is_default or about.acts:
+            return about
+        mechanism = self.mechanism
+        return replace(about, mechanism=mechanism.smooth if isinstance(mechanism, RobotMechanism) else smooth(mechanism))
 
-            mechanism = with_all_on(mechanism, load_engine(self.library, self.subject.engine))
-        elif not asked.is_default:
-            mechanism = mechanism.smooth if isinstance(mechanism, RobotMechanism) else smooth(mechanism)
-        return replace(self, quantity=quantity, mechanism=mechanism)
+    @property
+    def acts(self) -> bool:
+        """Whether all of a user's file acts with which the subject's answers are judged; one that is aided has its actuators alone."""
+        return self.library.acts and self.asked.takes_all and self.library.stance == Stance.PLAIN
 
     @property
     def as_read(self) -> Assignment:
@@ -175,7 +178,7 @@ def truth_of(assignment: Assignment) -> Truth:
     def find() -> Truth:
         read, of_file = assignment.as_read, _own_truth(assignment)
         departures = departures_of(assignment) if read is assignment and not assignment.departures else {}
-        left_out = why_left_out(assignment)
+        left_out = why_left_out(assignment) if read is assignment else {}
         if read is assignment and not departures and not left_out:
             return of_file
         from harness.crosscheck.constraint_laws import DepartedTruth
@@ -186,10 +189,17 @@ def truth_of(assignment: Assignment) -> Truth:
         if departures:
             return DepartedTruth(_own_truth(replace(assignment, departures=tuple(one.name for one in departures))), of_file)
         file = assignment.file_as_read
-        return ReadTruth(_own_truth(read), of_file, file.into, file.columns(assignment.asked))
+        return ReadTruth(truth_of(read), of_file, file.into, file.columns(assignment.asked))
 
     # To read what the engine declares of a file takes longer than to judge a batch of states, each of which asks for the truth.
     return _TRUTHS.get((*about, assignment.mechanism.key, *files), find)
+
+
+def _with_all_on(library: Library, engine: str, mechanism: RobotMechanism) -> RobotMechanism:
+    # Imported late: a mechanism needs nothing of it.
+    from harness.explain.documented import with_all_on
+
+    return _ALL_ON.get((library, engine, mechanism.key), lambda: with_all_on(mechanism, engine, load_engine(library, engine)))
 
 
 def _own_truth(assignment: Assignment) -> Truth:
@@ -201,8 +211,15 @@ def _own_truth(assignment: Assignment) -> Truth:
 
 
 def why_left_out(assignment: Assignment) -> Mapping[str, str]:
-    """Reasons why what the mechanism has does not act, by its kind: actuators, dry friction or limits; none where all do."""
+    """Reasons why what the mechanism has does not act, by its kind: actuators, dry friction or limits; none where all do.
+
+    Of a user's file it is dry friction alone: limits are told beside the verdict, and actuators are a reading.
+    """
     bounded, driving = assignment.mechanism.bounded, assignment.mechanism.driving
+    if assignment.acts and isinstance(assignment.mechanism, RobotMechanism):
+        from harness.explain.documented import why_no_friction
+
+        return why_no_friction(assignment.mechanism, load_engine(assignment.library, assignment.subject.engine), assignment.library)
     if assignment.model is None or not assignment.asked.is_default or (bounded is None and driving is None):
         return {}
     why_undriven = "" if driving is None else _why_undriven(assignment, assignment.model)
@@ -213,6 +230,8 @@ def why_left_out(assignment: Assignment) -> Mapping[str, str]:
 
 def truth_without(assignment: Assignment, kinds: Collection[str]) -> Truth:
     """The truth of what the subject is asked for, without what the mechanism has of these kinds, as of ``why_left_out``."""
+    if isinstance(assignment.mechanism, RobotMechanism):
+        return _own_truth(replace(assignment, departures=tuple(kinds)))
     mechanism = undriven(assignment.mechanism) if ACTUATORS in kinds else assignment.mechanism
     bounds = () if mechanism.bounded is None else mechanism.bounded.names
     gone = [name for name in bounds if _kind_of(mechanism, name) in kinds]
@@ -238,7 +257,7 @@ def _why_undriven(assignment: Assignment, model: ModelFile) -> str:
 def departures_of(assignment: Assignment) -> Mapping[Departure, Sequence[Constraint]]:
     """The departures of the subject's engine that bear on what it is asked for, each with the constraints that it concerns."""
     read, mechanism = assignment.model, assignment.mechanism
-    if assignment.asked.takes_all and isinstance(mechanism, RobotMechanism) and mechanism.held is not None:
+    if assignment.acts and isinstance(mechanism, RobotMechanism) and mechanism.held is not None:
         from harness.explain.documented import departing
 
         return departing(mechanism.robot, load_engine(assignment.library, assignment.subject.engine))
@@ -272,10 +291,10 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
         laws = laws_of(assignment.library, assignment.subject.engine, read, assignment.departures) if quantity.has_laws else {}
         soft = softening(laws, read) if laws else None
     ties: tuple[Equality, ...] = ()
-    if quantity.takes_all and isinstance(mechanism, RobotMechanism) and mechanism.held is not None:
+    if assignment.acts and isinstance(mechanism, RobotMechanism):
         from harness.explain.documented import softening_of
 
-        if (own := softening_of(mechanism.robot, engine, assignment.departures)) is not None:
+        if (own := softening_of(mechanism, engine, assignment.library, assignment.departures)) is not None:
             soft, laws, ties = own, own.laws, own.ties
     rules = engine.step_rules(read) if read is not None and quantity.has_step_rules else ()
     is_about_tree = bool(getattr(engine, "takes_inertias_about_tree", False))
@@ -349,6 +368,7 @@ def load_audited(assignment: Assignment) -> Model:
 
 
 _MODELS: Kept[Model] = Kept(64)
+_ALL_ON: Kept[RobotMechanism] = Kept(64)
 # By assignment, and shared by those whose truth is the same.
 _TRUTHS: Kept[Truth] = Kept(256)
 _SHARED: Kept[Truth] = Kept(64)

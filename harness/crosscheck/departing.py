@@ -16,8 +16,8 @@ from harness.crosscheck.assignment import (
 )
 from harness.crosscheck.constraint_laws import DepartedTruth
 from harness.engines import load_engine
-from harness.explain.documented import effect_of, softening_of
-from harness.explain.meant import STATES, STATES_OF_EFFECTS, largest_change
+from harness.explain.documented import effect_of, effect_of_friction, softening_of
+from harness.explain.meant import STATES, STATES_OF_EFFECTS, largest_change, meant
 from harness.files.equalities import Constraint, DryFriction
 from harness.files.findings import ACTUATORS, FRICTION, LIMITS
 from harness.files.model_file import ModelFile
@@ -69,18 +69,23 @@ def departures_and_refusal(assignment: Assignment, seed: int) -> tuple[list[Effe
 
 
 def effects_on_file(assignment: Assignment, seed: int) -> list[Effect]:
-    """The effect of each departure from the documented law of a user's file on its accelerations."""
-    mechanism, engine = assignment.mechanism, load_engine(assignment.library, assignment.subject.engine)
-    assert isinstance(mechanism, RobotMechanism)
-    states = assignment.truth.asked_at(sample(mechanism, STATES_OF_EFFECTS, seed))
+    """The effects of what an engine leaves out of a user's file, and of its departures from the law that it documents of the rest."""
+    own, library, engine = assignment.mechanism, assignment.library, load_engine(assignment.library, assignment.subject.engine)
+    read = assignment.as_read
+    mechanism, departures = read.mechanism, departures_of(read)
+    assert isinstance(own, RobotMechanism) and isinstance(mechanism, RobotMechanism)
+    found = effect_of_friction(meant(own.robot, STATES, seed), engine, library) if why_left_out(assignment) else []
+    if not departures:
+        return found
+    states = assignment.into(assignment.truth.asked_at(sample(own, STATES_OF_EFFECTS, seed)))
 
-    def reference(*departures: str) -> Reference:
-        softening = softening_of(mechanism.robot, engine, departures)
+    def reference(*names: str) -> Reference:
+        softening = softening_of(mechanism, engine, library, names)
         assert softening is not None
         return ReferenceKernel(softening(mechanism)).evaluate(states)
 
     documented = reference()
-    return [effect_of(one, concerned, documented, reference(one.name)) for one, concerned in departures_of(assignment).items()]
+    return [*found, *(effect_of(one, concerned, documented, reference(one.name)) for one, concerned in departures.items())]
 
 
 def _lines(model: ModelFile, what: str) -> list[int]:

@@ -18,10 +18,12 @@ from harness.engines.request import EngineAnswers, by_joint
 from harness.engines.tree_request import asked_joints
 from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import ChangeColumn, Whitening, diagnostic_states, find_columns, parameter_derivatives, watch
-from harness.explain.file_numbers import left_beside_readings
+from harness.explain.documented import all_judged
+from harness.explain.file_case import FileCase
 from harness.explain.fit import Projection, explaining_directions
-from harness.explain.meant import STATES, Meant, meant
+from harness.explain.meant import STATES, Meant, meant, reference_of
 from harness.explain.model_side import explaining_numbers
+from harness.explain.touching import Touching
 from harness.files.text.scan import Watch, tag, written
 from harness.programs.states import States
 from harness.study import Note
@@ -78,12 +80,16 @@ def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
     """
     asked, mechanism = assignment.as_read, assignment.mechanism
     assert isinstance(mechanism, RobotMechanism) and isinstance(asked.mechanism, RobotMechanism)
+    engine, robot, truth = load_engine(assignment.library, assignment.subject.engine), asked.mechanism.robot, acceleration_truth_of(asked)
     found = meant(mechanism.robot, STATES, seed)
-    states, robot, truth = assignment.into(States.concatenate([found.states, worst])), asked.mechanism.robot, acceleration_truth_of(asked)
-    read, answers = Meant(robot, states, truth.evaluate(states)), asked.answers(states)
-    judged = truth.judge(read.truth, states, answers, load_audited(asked))
+    states = assignment.into(States.concatenate([assignment.truth.asked_at(found.states), worst]))
+    answers, every = asked.answers(states), np.ones(len(states), dtype=np.bool_)
+    judged = truth.judge(truth.evaluate(states), states, answers, load_audited(asked))
+    at = Meant(robot, states, reference_of(robot).evaluate(states))
+    acting = all_judged(robot, engine) if assignment.acts else []
+    case = FileCase(found, engine, assignment.file_as_read.folded, at, acting, Touching.nowhere(len(states)), every)
     by_name = EngineAnswers(by_joint(asked_joints(robot.tree, robot.joints), answers))
-    return "; ".join(left_beside_readings(found, assignment.file_as_read.folded, read, by_name, judged))
+    return "; ".join(case.left(by_name, judged))
 
 
 def _with_worst(assignment: Assignment, seed: int, worst: States) -> States:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment
+from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.stages import Answers
 from harness.crosscheck.together import Answered, answered_together
 from harness.crosscheck.variation import Variation, count_digits, rows_of, shrink, states_of
@@ -50,12 +50,14 @@ class Found:
         states: every state it was asked at, in order. comparison: the judgement of each.
         simplest_failure: index of the shrunk state that does not agree, None where all agree.
         added: how many of the states were not asked for: those that earlier searches kept, and the shrunk one.
+        remark: what the answers have in common, as of ``Answers``.
     """
 
     states: States
     comparison: Comparison
     simplest_failure: int | None
     added: int = 0
+    remark: str = ""
 
 
 def search(
@@ -121,6 +123,7 @@ class _Panel:
         self._truths = {subject: assignment.truth for subject, assignment in self._asked.items()}
         self._seen: dict[str, list[tuple[States, Comparison]]] = {subject: [] for subject in self._asked}
         self._worst: dict[str, tuple[float, Array]] = {}
+        self._remarks: dict[str, str] = {}
         self._note, self._each = note, each
 
     @property
@@ -139,10 +142,7 @@ class _Panel:
         for subject in subjects:
             key = self._truths[subject].key
             try:
-                if subject in found:
-                    comparison = self._asked[subject].judge_all(asked[key], certified[key], found[subject][0][0])
-                else:
-                    comparison = self._ask(subject, asked[key], certified[key])
+                comparison = self._ask(subject, asked[key], certified[key], found.get(subject))
             except Exception as error:
                 self.failures[subject] = error
                 continue
@@ -161,9 +161,20 @@ class _Panel:
 
         return answered_together({subject: self._asked[subject] for subject in subjects}, asks, self._note, _named(states))
 
-    def _ask(self, subject: str, states: States, certified: Certified) -> Comparison:
-        self._note(note_of(subject, states))
-        return self._asked[subject].judge(states, certified)
+    def _ask(self, subject: str, states: States, certified: Certified, found: Answered | None = None) -> Comparison:
+        assignment = self._asked[subject]
+        if found is None:
+            self._note(note_of(subject, states))
+            comparison = assignment.judge(states, certified)
+        else:
+            comparison = assignment.judge_all(states, certified, found[0][0])
+        if (comparison.verdicts == Verdict.DISAGREES.value).any():
+            # Imported late: a run in which all is well needs nothing of it.
+            from harness.crosscheck.solvers import judged_to_the_end
+
+            comparison, stopped = judged_to_the_end(assignment, certified, load_audited(assignment), states, comparison)
+            self._remarks[subject] = stopped or self._remarks.get(subject, "")
+        return comparison
 
     def worst(self, count: int) -> Array:
         """``count`` rows, (count, columns): the worst states of the subjects, in turn."""
@@ -198,7 +209,8 @@ class _Panel:
         states = States.concatenate([states for states, _ in self._seen[subject]])
         comparison = Comparison.concatenate([comparison for _, comparison in self._seen[subject]])
         simplified = subject in self.simplest
-        return Found(states, comparison, len(states) - 1 if simplified else None, self.kept + simplified)
+        last = len(states) - 1 if simplified else None
+        return Found(states, comparison, last, self.kept + simplified, self._remarks.get(subject, ""))
 
 
 def _draw(panel: _Panel, examples: int, seed: int) -> None:

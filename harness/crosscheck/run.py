@@ -175,6 +175,9 @@ class CrossCheck(Study):
                     elif one is not None:
                         pair.found = one
                         pair.add(one.states, one.comparison)
+                        # Of the sample more is known than of what was searched.
+                        if one.remark and not pair.remarks:
+                            pair.remarks.append(f"{one.remark}.")
 
             for pair in natives if self._moves else []:
                 outcome = yield from ask(call, find_superfluous, pair.assignment, affinity=system.name)
@@ -237,7 +240,9 @@ class CrossCheck(Study):
     def _asked_at(self, system: SystemProgress, states: States) -> Inquiry[None]:
         """Ask every subject at a batch of states, and take what it answers."""
         pairs = answering(system.pairs.values())
-        found = yield from self._together(system, pairs, "the reference", compare_all, states)
+        # A state that was named is asked as it is.
+        compared = compare_all if self.settings.state is None else partial(compare_all, share=0.0)
+        found = yield from self._together(system, pairs, "the reference", compared, states)
         if found is None:
             return
         seconds, compilation_seconds, answers = found

@@ -30,12 +30,14 @@ def measure_componentwise(assignment: Assignment, state: States, beyond: float) 
 
 def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tuple[list[Effect], list[str]]:
     """Readings that explain answers: see ``FileAsRead.effects_and_refusal`` and ``departing.departures_and_refusal``."""
-    if departures_of(assignment) or why_left_out(assignment):
+    if not assignment.library.reads_files and (departures_of(assignment) or why_left_out(assignment)):
         # Imported late: a run in which all is well needs nothing of it.
-        from harness.crosscheck.departing import departures_and_refusal, effects_on_file
+        from harness.crosscheck.departing import departures_and_refusal
 
-        if not assignment.library.reads_files:
-            return departures_and_refusal(assignment, seed)
-        effects, refusal = assignment.file_as_read.effects_and_refusal(seed, failure)
-        return [*effects, *(effects_on_file(assignment, seed) if not failure else [])], refusal
-    return assignment.file_as_read.effects_and_refusal(seed, failure)
+        return departures_and_refusal(assignment, seed)
+    effects, refusal = assignment.file_as_read.effects_and_refusal(seed, failure)
+    if assignment.acts and not failure:
+        from harness.crosscheck.departing import effects_on_file
+
+        effects = [*effects, *effects_on_file(assignment, seed)]
+    return effects, refusal

@@ -41,7 +41,7 @@ from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, compare
-from harness.truth.quantities import Truth
+from harness.truth.quantities import ASKED_ELSEWHERE, Truth
 from harness.truth.reference import Reference, moves
 from harness.verdict import Verdict
 
@@ -92,25 +92,29 @@ class Answers:
 class Truths:
     """The truths at one batch of states, each certified once: two files of a mechanism mostly say the same.
 
-    ``elsewhere``: whether a declared truth is evaluated where it is asked, see ``Truth.asked_at``, and not at the very states.
+    ``share``: of the states that a declared truth takes elsewhere, as of ``Truth.asked_at``.
 
     Attributes:
         seconds: per certified state, of the truth that takes longest. compilation_seconds: the same of compiling; 0 where this process
             had compiled already.
     """
 
-    def __init__(self, states: States, elsewhere: bool = True) -> None:
-        self._states, self._elsewhere = states, elsewhere
+    def __init__(self, states: States, share: float = ASKED_ELSEWHERE) -> None:
+        self._states, self._share = states, share
         self._known: dict[Hashable, Certified] = {}
         self.seconds = self.compilation_seconds = 0.0
 
+    def asked_at(self, truth: Truth) -> States:
+        """The states at which answers are held against a truth."""
+        return truth.asked_at(self._states, self._share)
+
     def of(self, truth: Truth) -> Certified:
-        """The values of a truth at the states; raises as ``Truth.evaluate``."""
+        """The values of a truth there; raises as ``Truth.evaluate``."""
         if truth.key not in self._known:
             # So that making or loading the loops, which all systems share, is not charged to this one.
             loop("evaluate")
             started = compiled = time.perf_counter()
-            states = truth.asked_at(self._states) if self._elsewhere else self._states
+            states = self.asked_at(truth)
             if not truth.is_compiled:
                 truth.evaluate(states[:1])
                 compiled = time.perf_counter()
@@ -121,14 +125,14 @@ class Truths:
 
 
 def compare_all(
-    assignments: Sequence[Assignment], states: States, note: Note, *, each: bool = False
+    assignments: Sequence[Assignment], states: States, note: Note, *, each: bool = False, share: float = ASKED_ELSEWHERE
 ) -> tuple[float, float, dict[str, Answers]]:
     """Seconds per certified state, seconds of compilation, and by ``Assignment.title`` what was answered at ``states``.
 
-    All assignments are of one mechanism. The note names the one that is being asked, or all that are asked together; with ``each`` none
-    are, so that where a process dies the note names one.
+    All assignments are of one mechanism; ``share`` as of ``Truths``. The note names the one that is being asked, or all that are asked
+    together; with ``each`` none are, so that where a process dies the note names one.
     """
-    truths, answers = Truths(states), dict[str, Answers]()
+    truths, answers = Truths(states, share), dict[str, Answers]()
     for assignment in assignments:
         if assignment.asked.is_default:
             try:
@@ -142,7 +146,7 @@ def compare_all(
 
     def asks(assignment: Assignment, model: Model) -> Sequence[Calls]:
         truth = assignment.truth
-        return _warmed_up(truth, model, truth.asked_at(states))
+        return _warmed_up(truth, model, truths.asked_at(truth))
 
     together = {} if each or len(assignments) == 1 else answered_together({one.title: one for one in assignments}, asks, note, {})
     for assignment in assignments:
@@ -173,13 +177,18 @@ def ask(assignment: Assignment, states: States, truths: Truths, before: tuple[Ar
     try:
         model = load_audited(assignment)
         truth, closed = assignment.truth, states
-        certified, states = truths.of(truth), truth.asked_at(states)
+        certified, states = truths.of(truth), truths.asked_at(truth)
         answers, seconds = timed_answers(truth, model, states, quantity.is_asked_again, before)
         if quantity.is_asked_again:
             require_repeatable(truth, model, states, answers, certified)
         comparison, of_solver = truth.judge(certified, states, answers[0], model), ""
-        if quantity.is_default:
-            comparison, of_solver = judged_by_solver(truth, certified, model, states, comparison)
+        is_tied = assignment.mechanism.constraints is not None or assignment.mechanism.bounded is not None
+        if quantity.is_default and (is_tied or (comparison.verdicts == Verdict.DISAGREES.value).any()):
+            # Imported late: a run in which all is well needs nothing of it.
+            from harness.crosscheck.solvers import by_defaults, judged_to_the_end
+
+            comparison, stopped = judged_to_the_end(assignment, certified, model, states, comparison)
+            of_solver = stopped or by_defaults(truth, certified, model, states)
         wrong = comparison.verdicts == Verdict.DISAGREES.value
         if wrong.any() and assignment.model is not None:
             # A reader that is mended agrees, and one that does something else disagrees with what it is known to read, too.
@@ -214,42 +223,6 @@ def ask(assignment: Assignment, states: States, truths: Truths, before: tuple[Ar
         return Answers.missing(error) if quantity.is_default else Answers(failure=f"{NOT_OFFERED}{error}", unsupported=True)
     except Exception as error:
         return Answers.missing(error)
-
-
-def judged_by_solver(truth: Truth, certified: Certified, model: Model, states: States, comparison: Comparison) -> tuple[Comparison, str]:
-    """The judgement where the settings of the engine's solver of constraints have a part in it, and a sentence on these.
-
-    An answer that disagrees is explained where the solver, when it goes on until nothing changes, ends where the truth is.
-    """
-    wrong = np.flatnonzero(comparison.verdicts == Verdict.DISAGREES.value)
-    if len(wrong) and truth.rigid is not None and (finish := getattr(model, "to_the_end", None)) is not None:
-        ended, setting = finish()
-        some = states[wrong]
-        left = truth.asked_and_judged(certified[wrong], some, ended)
-        if left.are_all(Verdict.AGREES, Verdict.UNSTABLE, Verdict.EXPLAINED):
-            verdicts = comparison.verdicts.copy()
-            verdicts[wrong] = Verdict.EXPLAINED.value
-            worst = f"up to {comparison.backward_error[wrong].max():.3g} data roundoffs before the optimum that it documents"
-            return replace(comparison, verdicts=verdicts), f"The engine stops its solver {worst}; to the end it goes with {setting}"
-    chosen = None if (default := getattr(model, "by_default", None)) is None else default()
-    if chosen is None:
-        return comparison, ""
-    usual, own, defaults = chosen
-    few = states[: min(ASKED_AGAIN, len(states))]
-    found = truth.asked_and_judged(certified[: len(few)], few, usual).verdicts
-    counts = [(f"{said} at {int((found == verdict).sum())}", (found == verdict).any()) for verdict, said in _SAID_OF_DEFAULTS.items()]
-    said = ", ".join(said for said, any_of in counts if any_of)
-    return comparison, f"Solved by {own}; by its defaults ({defaults}) it {said} of {len(few)} states"
-
-
-# What an engine does by its default settings.
-_SAID_OF_DEFAULTS = {
-    Verdict.AGREES.value: "agrees",
-    Verdict.UNSTABLE.value: "loses digits",
-    Verdict.DISAGREES.value: "disagrees",
-    Verdict.ERROR.value: "answers nothing finite",
-    Verdict.UNDECIDED.value: "is not judged",
-}
 
 
 def declared_precision(assignment: Assignment) -> str:

@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from harness.engines import ConstraintLaw, Engine
+from harness.engines import ConstraintLaw, Engine, file_engines
+from harness.explain.as_read import read_by
 from harness.explain.changes.departures import Departure, departed, departures_of
 from harness.explain.changes.readings import element_at
-from harness.explain.meant import largest_change, reference_of
+from harness.explain.meant import Meant, largest_change, reference_of
 from harness.explain.switches import Switch, constraints_among, held_with, judged_among, switches_of
 from harness.files.equalities import Constraint, DryFriction, Equality, Limit
-from harness.files.findings import ACTUATORS, CONTACTS, EQUALITIES, SWITCHED_OFF
+from harness.files.findings import CONTACTS, EQUALITIES, FRICTION, SWITCHED_OFF
 from harness.files.touching import Touch
+from harness.library import Library, Stance
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.results.readings import Effect
-from harness.trees.mechanism import RobotMechanism, mechanism_of
-from harness.trees.robot import Robot, with_actuators
+from harness.trees.mechanism import RobotMechanism
+from harness.trees.robot import Robot
 from harness.truth.optimum import optimum
-from harness.truth.reference import Reference
+from harness.truth.reference import Reference, ReferenceKernel
 
 
 def laws_of(
@@ -26,7 +28,7 @@ def laws_of(
 ) -> tuple[list[Constraint], Mapping[str, ConstraintLaw]]:
     """The constraints among what is on, with these contacts, and the laws that the engine documents of them."""
     chosen = [*constraints_among(robot, switches), *contacts]
-    return chosen, caller.laws(element_at(robot.tree.place), robot.format, chosen)
+    return chosen, caller.laws(element_at(robot.tree.place), robot.format, chosen) if chosen else {}
 
 
 def switched_off_by_file(switches: Sequence[Switch], read: Robot, caller: Engine) -> list[Switch]:
@@ -58,22 +60,60 @@ def documented(
     return optimum(mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))
 
 
-def all_judged(robot: Robot, caller: Engine) -> list[Switch]:
-    """The elements of a robot, as an engine's reader has it, with which the engine's answers are judged at any state."""
-    return judged_among(switched_off_by_file(switches_of(robot, robot, caller), robot, caller), caller)
+def all_judged(robot: Robot, caller: Engine, read: Robot | None = None) -> list[Switch]:
+    """The elements of a robot with which an engine's answers are judged at any state; ``read`` is what its reader makes of the robot."""
+    read = robot if read is None else read
+    return judged_among(switched_off_by_file(switches_of(robot, read, caller), read, caller), caller)
 
 
-def with_all_on(mechanism: RobotMechanism, caller: Engine) -> RobotMechanism:
-    """A user's file with all on with which an engine's answers are judged, as the engine is to load it; smooth where that is nothing."""
-    robot, request = mechanism.robot, mechanism.request
-    judged = all_judged(robot, caller)
-    # One that is supplied with what it leaves out is asked about the tree alone.
-    if not judged or request is None or request.aid is not None:
-        return mechanism.smooth
-    acting = [one.number for one in judged if one.group.what == ACTUATORS]
-    if acting != [one.number for one in robot.tree.actuators]:
-        mechanism = replace(mechanism_of(with_actuators(robot, acting)), name=mechanism.name, digest=mechanism.digest)
-    return replace(mechanism, request=replace(request, held=held_with(robot, judged)))
+def with_all_on(mechanism: RobotMechanism, name: str, caller: Engine) -> RobotMechanism:
+    """A user's file with all on with which an engine's answers are judged, as the engine, of this name, is to load it."""
+    request = mechanism.request
+    if mechanism.reader or request is None:
+        return mechanism
+    judged = all_judged(mechanism.robot, caller, read_by(mechanism.robot, name, caller, Stance.PLAIN).robot)
+    return replace(mechanism, request=replace(request, held=held_with(mechanism.robot, judged) if judged else None))
+
+
+def engine_documenting(what: str, model_format: str, library: Library) -> Engine | None:
+    """The first engine that is asked with elements of a kind, of which it documents a law."""
+    return next((one for one in file_engines(library).values() if what not in one.why_off and model_format in one.formats), None)
+
+
+def friction_left_out(robot: Robot, caller: Engine, library: Library) -> tuple[Engine, list[Switch]] | None:
+    """Dry friction of a file of which an engine documents that it applies none, with another engine, which documents a law of it."""
+    own = [one for one in switches_of(robot, robot, caller) if one.group.what == FRICTION and not one.why_not]
+    # One that documents a law applies some.
+    if not own or FRICTION not in caller.why_off or laws_of(robot, caller, own)[1]:
+        return None
+    other = engine_documenting(FRICTION, robot.format, library)
+    return None if other is None else (other, own)
+
+
+def why_no_friction(mechanism: RobotMechanism, caller: Engine, library: Library) -> dict[str, str]:
+    """The reason why an engine applies no dry friction of a file that has some; none of a file as the engine's reader has it."""
+    left_out = None if mechanism.reader else friction_left_out(mechanism.robot, caller, library)
+    return {} if left_out is None else {FRICTION: caller.why_off[FRICTION]}
+
+
+def effect_of_friction(meant: Meant, caller: Engine, library: Library) -> list[Effect]:
+    """The effect of dry friction that an engine leaves out, by the law that another one documents of the file; none where it has none."""
+    left_out = friction_left_out(meant.robot, caller, library)
+    if left_out is None:
+        return []
+    other, own = left_out
+    rubbing = ReferenceKernel(documented(meant.few.robot, other, own)).evaluate(meant.few.states)
+    return [
+        Effect(
+            name=FRICTION,
+            sentence=caller.why_off[FRICTION],
+            concerns="joints",
+            lines=tuple(dict.fromkeys(one.element.line for one in own)),
+            count=len(own),
+            alone=largest_change(meant.few.truth, rubbing.high, meant.few.truth.certified & rubbing.certified),
+            source=f"by the law that {other.title} documents",
+        )
+    ]
 
 
 @dataclass(frozen=True)
@@ -95,11 +135,17 @@ class Softening:
         return documented(self.robot, self.caller, self.judged, self.departures, mechanism=mechanism)
 
 
-def softening_of(robot: Robot, caller: Engine, departures: Collection[str] = ()) -> Softening | None:
-    """That of a user's file with all on, with the departures of these names; None where no constraint is."""
-    judged = all_judged(robot, caller)
+def softening_of(mechanism: RobotMechanism, caller: Engine, library: Library, departures: Collection[str] = ()) -> Softening | None:
+    """That of a user's file with all on, with the departures of these names; None where no constraint is.
+
+    A file has dry friction even where its engine applies none; what the engine's reader makes of it has none, nor has a departure of
+    that name.
+    """
+    robot, known = mechanism.robot, departures_of(caller.name, caller.reader)
+    left_out = None if mechanism.reader or FRICTION in departures else friction_left_out(robot, caller, library)
+    caller, judged = left_out or (caller, all_judged(robot, caller))
     chosen, laws = laws_of(robot, caller, judged)
-    own = [one for one in departures_of(caller.name, caller.reader) if one.name in departures]
+    own = [one for one in known if one.name in departures]
     ties = tuple(one for one in chosen if isinstance(one, Equality))
     return Softening(robot, caller, judged, own, departed(own, robot.tree, chosen, laws), ties) if laws else None
 

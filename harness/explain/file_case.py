@@ -10,10 +10,12 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Engine
+from harness.engines.request import EngineAnswers
 from harness.explain.as_read import Folded, fold
 from harness.explain.changes.departures import Departure, departures_of
 from harness.explain.clamps import moved_clamps
 from harness.explain.documented import documented, effect_of, laws_of
+from harness.explain.file_numbers import left_beside_readings, unexplained
 from harness.explain.meant import Meant, reference_of
 from harness.explain.suspects import Explained, ExplainedOrder, Suspect, SuspectSearch, suspects_of
 from harness.explain.switches import Switch, constraints_among
@@ -21,9 +23,17 @@ from harness.explain.touching import Touching
 from harness.results.readings import FELT, Effect
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import with_actuators
-from harness.truth.compare import Flags
+from harness.truth.compare import Comparison, Flags
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.reference import Reference, ReferenceKernel
+from harness.verdict import Verdict
+
+_HELD = {Verdict.AGREES.value, Verdict.UNSTABLE.value, Verdict.UNDECIDED.value}
+
+
+def is_held(compared: Comparison) -> bool:
+    """True for answers that agree, but for lost digits, wherever the truth is decided."""
+    return set(compared.verdicts.tolist()) <= _HELD
 
 
 @dataclass(frozen=True)
@@ -101,6 +111,18 @@ class FileCase:
         """The numbers with another value of which the truth is what an engine answers, (n, nv); where none does, ranges out of order."""
         own = accelerations[self.apart]
         return self.search.explaining(own) or self.search.orders_explaining(own, moved_clamps(self.original.robot))
+
+    def left(self, answers: EngineAnswers, compared: Comparison) -> list[str]:
+        """What is known of answers that nothing explains, a sentence each."""
+        accelerations = answers.of(self.at.robot.joints)
+        if self.touching.is_any.any() and is_held(compared[self.apart]):
+            return ["it is only at states where bodies touch that it is not what its documentation gives"]
+        if found := self.explaining(accelerations):
+            return [one.sentence for one in found]
+        if not self.has_constraints:
+            return left_beside_readings(self.original, self.folded, self.at, answers, compared)
+        kernel = ReferenceKernel(documented(self.at.robot, self.caller, self.judged, self.departures))
+        return unexplained(self.where_apart, accelerations[self.apart], kernel)
 
     @cached_property
     def _by_parameters(self) -> tuple[ReferenceKernel, dict[object, int]]:

@@ -44,11 +44,16 @@ def conclusion(records: Sequence[Record]) -> str:
         every = f"{all_of_them} {kind}s agree" if len(asked) > 1 else f"{_name(asked[0], head)} agrees"
         return f"{head}{every}{softly}{rest}"
     answered = [one for one in asked if one.verdict in SOUND and one.as_expected and one not in agreeing]
-    explained, departing = ([one for one in answered if (one.outcome == DEPARTS) == departs] for departs in (False, True))
+    # An answer that is explained by no reading is that of a solver that stops early.
+    stopping = [one for one in answered if one.verdict == Verdict.EXPLAINED and not one.readings]
+    departing = [one for one in answered if one.outcome == DEPARTS]
+    explained = [one for one in answered if one not in stopping and one not in departing]
     known = len(asked) - len(agreeing) - len(answered) - len(wrong)
     parts = [f"{len(agreeing) or 'none'} {plural(len(agreeing) or 1, 'agrees', 'agree')}{softly}"]
     parts += [f"{len(explained)} {plural(len(explained), 'is', 'are')} explained by how the engine reads the file"] if explained else []
     parts += [f"{len(departing)} {plural(len(departing), 'departs', 'depart')} from the engine's documentation"] if departing else []
+    stops = f"{len(stopping)} {plural(len(stopping), 'stops', 'stop')} before the optimum that the engine documents"
+    parts += [stops] if stopping else []
     parts += [f"{known} {plural(known, 'differs', 'differ')} for a known reason"] if known else []
     unexpected = f"{len(wrong)} {'' if known else plural(len(wrong), 'differs ', 'differ ')}unexpectedly"
     parts += [unexpected] if known or wrong else []
@@ -132,7 +137,8 @@ def _read(explained: Sequence[Record]) -> str:
     from harness.results.conclusion import reasons_text
 
     largest = [reading for one in explained for reading in by_effect(one.readings)[:1]]
-    return "".join(f". {sentence}" for sentence in reasons_text(largest))
+    stopping = dict.fromkeys(one.message.partition(". ")[0].removesuffix(".") for one in explained if not one.readings and one.message)
+    return "".join(f". {sentence}" for sentence in [*reasons_text(largest), *stopping])
 
 
 def _nothing(records: Sequence[Record]) -> str:

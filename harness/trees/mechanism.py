@@ -65,11 +65,12 @@ class RobotMechanism(Mechanism):
 
     @functools.cached_property
     def smooth(self) -> RobotMechanism:
-        """The same without its actuators, for which quantities other than accelerations are asked."""
-        if self.actuation is None:
+        """The same with nothing on, for which most quantities are asked."""
+        if self.actuation is None and self.held is None:
             return self
         request = None if self.request is None else replace(self.request, held=None)
-        return replace(mechanism_of(with_actuators(self.robot, ())), name=self.name, digest=self.digest, request=request)
+        tree = self if self.actuation is None else mechanism_of(with_actuators(self.robot, ()))
+        return replace(tree, name=self.name, digest=self.digest, request=request)
 
     @property
     def written(self) -> FileProgram:

@@ -121,10 +121,7 @@ class DeclaredMechanism(Mechanism):
         assert self.zones is not None
         ranges = self._ranges(self.zones, states, found, residuals)
         raw = self.zones.settle(states.known, found, ranges, self._start(self.zones, states, found, ranges))
-        inputs = self._inputs_of_residuals(states, found)
-        (spread,) = values_and_spread(self._residual_program, inputs, np.abs(inputs))[1].values()
-        # At a limit of exactly 0 roundings change nothing.
-        is_at = (np.abs(residuals) <= UNIT_ROUNDOFF * spread.T) & (spread.T > 0)
+        is_at = _is_rounding(self._residual_program, self._inputs_of_residuals(states, found), residuals)
         for place, row in self._within_limits:
             [states_at] = np.nonzero(is_at[:, row])
             if len(states_at):
@@ -213,6 +210,20 @@ class DeclaredMechanism(Mechanism):
     def _residual_program(self) -> StraightLineProgram:
         assert self.softened is not None
         return _alone(self.softened, RESIDUAL)
+
+
+def at_limits(mechanism: DeclaredMechanism, states: States) -> Flags:
+    """(n, rows) where half an ulp of the inputs decides whether a limit is reached."""
+    program, inputs = mechanism._residual_program, mechanism._inputs_of_residuals(states, Mechanism.parameters_at(mechanism, states))
+    found = _is_rounding(program, inputs, nearest(program, inputs))
+    found[:, np.setdiff1d(np.arange(found.shape[1]), [row for _, row in mechanism.pushing])] = False
+    return found
+
+
+def _is_rounding(program: StraightLineProgram, inputs: Array, residuals: Array) -> Flags:
+    """(n, rows) where residuals are within half an ulp of the inputs of their program, and not exactly 0 whatever these are."""
+    (spread,) = values_and_spread(program, inputs, np.abs(inputs))[1].values()
+    return np.asarray((np.abs(residuals) <= UNIT_ROUNDOFF * spread.T) & (spread.T > 0))
 
 
 def lost(mechanism: DeclaredMechanism) -> float:

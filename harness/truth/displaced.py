@@ -19,7 +19,7 @@ from harness.programs.evaluation import values
 from harness.programs.mechanisms.mechanism import JACOBIAN, RESIDUAL, Constraints, Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Flags
-from harness.truth.declared import DeclaredMechanism
+from harness.truth.declared import DeclaredMechanism, at_limits
 from harness.truth.manifold import closes
 from harness.truth.reference import ReferenceKernel
 
@@ -96,7 +96,23 @@ def felt(mechanism: DeclaredMechanism, states: States, share: float) -> States:
         q, v = states.q.copy(), states.v.copy()
         q[chosen], v[chosen] = moved.q, moved.v
         states = replace(states, q=q, v=v)
-    return pressed(mechanism, states, share)
+    return _off_limits(mechanism, pressed(mechanism, states, share))
+
+
+def _off_limits(mechanism: DeclaredMechanism, states: States) -> States:
+    """The states, of which those where rounding decides whether a limit pushes are moved to either side of it, by amounts of their own."""
+    rows = mechanism.softened
+    if rows is None or not mechanism.pushing or not (at := at_limits(mechanism, states)).any():
+        return states
+    chosen, wanted, moved = at.astype(np.float64), np.zeros(at.shape), np.flatnonzero(at.any(axis=1))
+    for state in moved.tolist():
+        random = _random_of(states, state)
+        wanted[state] = random.choice((-1.0, 1.0), at.shape[1]) * 10 ** random.uniform(*_ANYWHERE)
+    few = states[moved]
+    at_last, _, usable = _nearer(mechanism, rows, few, chosen[moved], wanted[moved], math.inf)
+    q = states.q.copy()
+    q[moved] = np.where(usable[:, None], at_last.q, few.q)
+    return replace(states, q=q)
 
 
 def slowed(mechanism: DeclaredMechanism, states: States) -> States:

@@ -14,9 +14,10 @@ from harness.crosscheck.assignment import Assignment
 from harness.crosscheck.held import SOUND
 from harness.engines import Subject, Unsupported, load_engine
 from harness.engines.interface import QUATERNION, CompiledNumber
-from harness.engines.request import Refused
+from harness.engines.request import Held, Refused
 from harness.engines.tree_request import model_request
-from harness.explain.meant import meant, question_of
+from harness.explain.as_read import ReadTruth
+from harness.explain.meant import Meant, question_of
 from harness.files.findings import ACTUATORS, CONTACTS, LeftOut
 from harness.library import Library
 from harness.results.readings import share_text
@@ -27,8 +28,9 @@ from harness.study import Note
 from harness.trees.mechanism import RobotMechanism
 from harness.trees.robot import Robot
 from harness.truth.compare import Certified
-from harness.truth.sampling import generic_sample
-from harness.upgrade.touching import ContactPortrait, contact_changes, contacts_portrayed
+from harness.truth.reference import Reference
+from harness.truth.sampling import generic_sample, sample
+from harness.upgrade.touching import ContactPortrait, contact_changes, contacts_portrayed, to_the_end
 from harness.verdict import AGREEMENT
 
 # States at which two versions are held against each other.
@@ -99,9 +101,14 @@ def _answers(one: Assignment, seed: int) -> tuple[Certified, Array] | None:
 
 
 def _answers_on_file(one: Assignment, robot: Robot, seed: int) -> tuple[Certified, Array] | None:
-    """The same over the joints of a file, whatever an engine reads of it."""
-    of_file = meant(robot, STATES, seed)
-    answers = load_engine(one.library, one.subject.engine).ask(question_of(of_file, one.library.stance))
+    """The same over the joints of a file, whatever an engine reads of it; its solver of constraints goes to the end."""
+    truth, engine = one.truth, load_engine(one.library, one.subject.engine)
+    truth = truth.of_file if isinstance(truth, ReadTruth) else truth
+    states = truth.asked_at(sample(one.mechanism, STATES, seed))
+    certified = truth.evaluate(states)
+    assert isinstance(certified, Reference) and isinstance(one.mechanism, RobotMechanism)
+    of_file, held = Meant(robot, states, certified), one.mechanism.held or Held((), ())
+    answers = engine.ask(question_of(of_file, one.library.stance, replace(held, solver=to_the_end(engine))))
     return (of_file.truth, answers.of(robot.joints)) if set(robot.joints) <= set(answers.accelerations) else None
 
 

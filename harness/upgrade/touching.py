@@ -71,7 +71,7 @@ def contacts_portrayed(library: Library, robot: Robot, engine: str, seed: int) -
     if settled.refusal or not settled.states:
         return None
     states = put(replace(of_file.states, q=question.q, v=question.v, tau=question.tau), np.arange(len(question.q)), *settled.states)
-    asked = question, ask(_to_the_end(caller)), question_of(of_file, Stance.PLAIN)
+    asked = question, ask(to_the_end(caller)), question_of(of_file, Stance.PLAIN)
     answers = [caller.ask(replace(one, q=states.q, v=states.v)) for one in asked if one is not None]
     if any(one.refusal or not set(robot.joints) <= set(one.accelerations) for one in answers):
         return None
@@ -80,7 +80,8 @@ def contacts_portrayed(library: Library, robot: Robot, engine: str, seed: int) -
     return ContactPortrait(answers[0].contacts, default, ended, sizes)
 
 
-def _to_the_end(caller: Engine) -> SolverSettings | None:
+def to_the_end(caller: Engine) -> SolverSettings | None:
+    """Settings with which an engine's solver of constraints goes to the end; None of one that declares none."""
     return caller.endings[0].solver if caller.endings else None
 
 

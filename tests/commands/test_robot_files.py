@@ -105,7 +105,8 @@ def test_an_engine_is_judged_as_its_user_calls_it_and_its_readings_are_named(fol
         ("mimic.urdf", "mujoco/urdf"): "explained",
         ("mimic.urdf", "pinocchio/urdf"): "explained",
     }
-    (damping,) = records["arm.urdf", "pinocchio/urdf"]["readings"]
+    damping, friction = records["arm.urdf", "pinocchio/urdf"]["readings"]
+    assert friction["name"] == "dry friction" and friction["alone"] > 0.01 and "pin.aba applies no dry friction" in done.stdout
     assert damping["name"] == "joint damping" and damping["lines"] and damping["alone"] > 0.1
     lines = ", ".join(map(str, damping["lines"]))
     assert f" %  Pinocchio's ABA applies no joint damping (2 joints, lines {lines}): add -d v to tau\n" in done.stdout
@@ -408,7 +409,7 @@ def test_the_actuators_of_a_file_act_and_a_replay_gives_their_controls(folder: P
     done = harness("check", "driven.xml", "--subject", "mujoco/mjcf", "--states", "16", "--json", "found.json", cwd=folder)
     assert done.returncode == 0, done.stdout + done.stderr
     first, (record,) = done.stdout.splitlines()[0], json.loads((folder / "found.json").read_text())["records"]
-    assert "agrees. 3 actuators on; off: equalities and 1 actuator (line 26: it is of the kind <muscle>, which is not read)." in first
+    assert "agrees. 1 equality and 3 actuators on; off: 1 actuator (line 26: it is of the kind <muscle>, which is not read)." in first
     state = record["worst_state"]
     assert len(state["control"]) == len(state["activation"]) == 3 and state["activation"][:2] == [0.0, 0.0]
     done = harness("check", "driven.xml", "--subject", "mujoco/mjcf", "--states", "4", "--quantity", "energy", cwd=folder)

@@ -62,7 +62,7 @@ def firm() -> Assignment:
 def test_a_solver_that_stops_early_is_explained_with_what_to_set() -> None:
     found = asked(firm())
     assert found.comparison is not None and "explained" in found.comparison.verdicts and "disagrees" not in found.comparison.verdicts
-    assert "The engine stops its solver up to" in found.remark and "to the end it goes with <option iterations=" in found.remark
+    assert "stops its solver up to" in found.remark and "documents: set <option iterations=" in found.remark
 
 
 def test_what_the_end_does_not_mend_is_red(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,7 +81,7 @@ class Asked:
         self.path, self.text = path, text
         if text:
             path.write_text(text)
-        library = RobotLibrary.of([str(path)], anywhere=True, drives=True)
+        library = RobotLibrary.of([str(path)], anywhere=True, acts=True)
         plain = Assignment.of(library, str(path), Subject("mujoco", "mjcf"))
         self.assignment = plain.about("sensors")
         truth = self.assignment.truth

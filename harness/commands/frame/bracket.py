@@ -93,8 +93,8 @@ class Bracket:
         floating = ["--floating-base"] * self.floating_base + ["--aided"] * self.aided
         return ["--library", self.library_path, *floating] if self.library_path else floating
 
-    def choose_library(self, names: Sequence[str], anywhere: bool = False, drives: bool = False) -> None:
-        """Make robots' files the library from here on, where ``names`` are theirs; ``anywhere`` and ``drives`` as of ``RobotLibrary``.
+    def choose_library(self, names: Sequence[str], anywhere: bool = False, acts: bool = False) -> None:
+        """Make robots' files the library from here on, where ``names`` are theirs; ``anywhere`` and ``acts`` as of ``RobotLibrary``.
 
         Raises:
             InvalidInput: a file cannot be read, or is no robot.
@@ -106,7 +106,7 @@ class Bracket:
             # Imported late: a run that is about mechanisms needs nothing of it.
             from harness.comparison.robot_library import resolved
 
-            self.library = resolved(self.library, names, self.floating_base, self.aided, anywhere, drives)
+            self.library = resolved(self.library, names, self.floating_base, self.aided, anywhere, acts)
 
     def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""

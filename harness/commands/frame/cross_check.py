@@ -78,8 +78,8 @@ def _sentence(study: CrossCheck, quantities: Sequence[str], robots: RobotCompari
         from harness.comparison.robot_library import on_and_off
         from harness.truth.quantities import find_quantities
 
-        asked = [find_quantities()[name] for name in quantities]
-        return " ".join([answer, *(f"{one}." for one in on_and_off(library, asked)[:MOST_SAID])])
+        asked, engines = [find_quantities()[name] for name in quantities], [one.engine for one in study.subjects]
+        return " ".join([answer, *(f"{one}." for one in on_and_off(library, asked, engines)[:MOST_SAID])])
     if robots is None:
         return answer
     from harness.results.survey_conclusion import survey_summary

@@ -7,6 +7,7 @@ better messages, only knows where it ends.
 
 from __future__ import annotations
 
+import copyreg
 import re
 import stat
 from collections.abc import Iterable, Mapping
@@ -39,6 +40,8 @@ _KINDS = (
 )
 # The version of an XML declaration, which stands at the beginning of a file.
 _VERSION = re.compile(r"""\A(\ufeff?<\?xml\s+version\s*=\s*)(["'])[\w.:-]*\2""")
+# Engines in processes of their own are asked about elements too, which go there as text.
+copyreg.pickle(etree._Element, lambda element: (etree.fromstring, (etree.tostring(element, with_tail=False),)))
 
 
 @dataclass(frozen=True)

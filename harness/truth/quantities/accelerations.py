@@ -139,13 +139,15 @@ class AccelerationTruth(Truth):
 
     def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
         """See ``Truth``: a declared truth is asked off the manifold as well, on which its law is hardly felt."""
-        if self.rigid is None:
+        if self.mechanism.softened is None or not share:
             return states
         # Imported late: a tree needs nothing of it.
         from harness.truth.declared import DeclaredMechanism
-        from harness.truth.displaced import opened, pressed
+        from harness.truth.displaced import felt, opened, pressed
 
         assert isinstance(self.mechanism, DeclaredMechanism)
+        if self.rigid is None:
+            return felt(self.mechanism, states, share)
         if self.mechanism.constraints is not None:
             states = opened(self.mechanism, states, share)
         return states if self.mechanism.bounded is None else pressed(self.mechanism, states, share)
@@ -222,10 +224,16 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
         from harness.truth.far_links import FarLinks
 
         far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
-    rigid = AccelerationTruth(with_all(mechanism), *about, far_links=far_links)
-    return rigid if basis.softened is None else AccelerationTruth(basis.softened(_driven(basis.mechanism)), *about, rigid)
+    if basis.softened is None:
+        return AccelerationTruth(with_all(mechanism), *about, far_links=far_links)
+    soft = basis.softened(_driven(mechanism))
+    # Of a user's file nobody says that its constraints are meant to be rigid.
+    rigid = None if isinstance(mechanism, RobotMechanism) else AccelerationTruth(with_all(mechanism), *about)
+    return AccelerationTruth(soft, *about, rigid, far_links)
 
 
 _KERNELS: Kept[ReferenceKernel] = Kept(64)
 _FAR_LINKS: Kept[FarLinks] = Kept(64)
-ACCELERATIONS = Quantity(NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, is_asked_again=True)
+ACCELERATIONS = Quantity(
+    NAME, _truth, is_of_file=False, has_laws=True, is_default=True, is_quick=False, takes_all=True, is_asked_again=True
+)

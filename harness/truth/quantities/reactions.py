@@ -230,7 +230,7 @@ class SensorTruth(TruthOfMotion):
 
     def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
         """See ``Truth``: where constraints act, they are felt near closed equalities and beyond limits alone."""
-        if self._declared is None:
+        if self._declared is None or not share:
             return states
         from harness.truth.displaced import felt
 

@@ -1,0 +1,73 @@
+"""An engine's solver of constraints beside the optimum that it documents: where it stops, and what its own settings make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from harness.crosscheck.assignment import Assignment
+from harness.engines import Model, load_engine, load_model
+from harness.programs.states import States
+from harness.trees.mechanism import RobotMechanism
+from harness.truth.compare import Certified, Comparison
+from harness.truth.quantities import Truth
+from harness.verdict import Verdict
+
+
+def judged_to_the_end(
+    assignment: Assignment, certified: Certified, model: Model, states: States, comparison: Comparison
+) -> tuple[Comparison, str]:
+    """The judgement of answers that an engine's solver of constraints has a part in, and a sentence on where it stops.
+
+    An answer that disagrees is explained where the solver, when it goes on until nothing changes, ends where the truth is.
+    """
+    wrong = np.flatnonzero(comparison.verdicts == Verdict.DISAGREES.value)
+    for ended, remedy in endings_of(assignment, model) if len(wrong) else ():
+        left = assignment.truth.asked_and_judged(certified[wrong], states[wrong], ended)
+        if left.are_all(Verdict.AGREES, Verdict.UNSTABLE, Verdict.EXPLAINED):
+            verdicts = comparison.verdicts.copy()
+            verdicts[wrong] = Verdict.EXPLAINED.value
+            title = load_engine(assignment.library, assignment.subject.engine).title or assignment.subject.engine
+            worst = f"up to {comparison.backward_error[wrong].max():.3g} data roundoffs before the optimum that it documents"
+            return replace(comparison, verdicts=verdicts), f"{title} stops its solver {worst}: {remedy}"
+    return comparison, ""
+
+
+def endings_of(assignment: Assignment, model: Model) -> Iterator[tuple[Model, str]]:
+    """The subject's model with settings by which its solver of constraints goes to the end, and what its user does for that."""
+    mechanism, library, subject = assignment.as_read.mechanism, assignment.library, assignment.subject
+    if (finish := getattr(model, "to_the_end", None)) is not None and assignment.truth.rigid is not None:
+        ended, setting = finish()
+        yield ended, f"set {setting}"
+    if isinstance(mechanism, RobotMechanism) and mechanism.held is not None:
+        for ending in load_engine(library, subject.engine).endings:
+            held = replace(mechanism.held, solver=ending.solver)
+            ended = replace(mechanism, request=replace(mechanism.request, held=held))
+            yield load_model(library, subject, ended, None), ending.remedy
+
+
+def by_defaults(truth: Truth, certified: Certified, model: Model, states: States) -> str:
+    """A sentence on what a model, which the harness has told more than its user has to, answers by its engine's own settings."""
+    chosen = None if (default := getattr(model, "by_default", None)) is None else default()
+    if chosen is None:
+        return ""
+    usual, own, defaults = chosen
+    few = states[: min(_BY_DEFAULTS, len(states))]
+    found = truth.asked_and_judged(certified[: len(few)], few, usual).verdicts
+    counts = [(f"{said} at {int((found == verdict).sum())}", (found == verdict).any()) for verdict, said in _SAID_OF_DEFAULTS.items()]
+    said = ", ".join(said for said, any_of in counts if any_of)
+    return f"Solved by {own}; by its defaults ({defaults}) it {said} of {len(few)} states"
+
+
+# States at which a model is asked by its engine's own settings.
+_BY_DEFAULTS = 64
+# What an engine does by these.
+_SAID_OF_DEFAULTS = {
+    Verdict.AGREES.value: "agrees",
+    Verdict.UNSTABLE.value: "loses digits",
+    Verdict.DISAGREES.value: "disagrees",
+    Verdict.ERROR.value: "answers nothing finite",
+    Verdict.UNDECIDED.value: "is not judged",
+}
