@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of
+from harness.crosscheck.solvers import endings_of
 from harness.engines import accelerations, gaps_of, load_engine
 from harness.engines.request import EngineAnswers, by_joint
 from harness.engines.tree_request import asked_joints
@@ -83,8 +84,10 @@ def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
     engine, robot, truth = load_engine(assignment.library, assignment.subject.engine), asked.mechanism.robot, acceleration_truth_of(asked)
     found = meant(mechanism.robot, STATES, seed)
     states = assignment.into(States.concatenate([assignment.truth.asked_at(found.states), worst]))
-    answers, every = asked.answers(states), np.ones(len(states), dtype=np.bool_)
-    judged = truth.judge(truth.evaluate(states), states, answers, load_audited(asked))
+    # A solver that stops early leaves what has no number of the file for its cause.
+    model = next((ended for ended, _ in endings_of(asked, load_audited(asked))), load_audited(asked))
+    answers, every = truth.answers(model, states), np.ones(len(states), dtype=np.bool_)
+    judged = truth.judge(truth.evaluate(states), states, answers, model)
     at = Meant(robot, states, reference_of(robot).evaluate(states))
     acting = all_judged(robot, engine) if assignment.acts else []
     case = FileCase(found, engine, assignment.file_as_read.folded, at, acting, Touching.nowhere(len(states)), every)

@@ -39,5 +39,5 @@ def readings_and_refusal(assignment: Assignment, seed: int, failure: str) -> tup
     if assignment.acts and not failure:
         from harness.crosscheck.departing import effects_on_file
 
-        effects = [*effects, *effects_on_file(assignment, seed)]
+        effects = effects_on_file(assignment, effects, seed)
     return effects, refusal

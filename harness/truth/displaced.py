@@ -96,23 +96,37 @@ def felt(mechanism: DeclaredMechanism, states: States, share: float) -> States:
         q, v = states.q.copy(), states.v.copy()
         q[chosen], v[chosen] = moved.q, moved.v
         states = replace(states, q=q, v=v)
-    return _off_limits(mechanism, pressed(mechanism, states, share))
+    if not mechanism.pushing:
+        return states
+    found = _off_limits(mechanism, pressed(mechanism, states, share))
+    # Far away positions are too coarse for the end of a range.
+    coarse = np.asarray(at_limits(mechanism, found).any(axis=1))[:, None]
+    return replace(found, q=np.where(coarse, states.q, found.q), v=np.where(coarse, states.v, found.v))
 
 
 def _off_limits(mechanism: DeclaredMechanism, states: States) -> States:
-    """The states, of which those where rounding decides whether a limit pushes are moved to either side of it, by amounts of their own."""
+    """The states, of which those are moved where limits have no law, by amounts that their own bits choose.
+
+    That is where rounding decides whether one pushes, and where a length has no derivative, as the angle of a ball joint that is not
+    turned.
+    """
     rows = mechanism.softened
-    if rows is None or not mechanism.pushing or not (at := at_limits(mechanism, states)).any():
+    if rows is None or not len(states):
         return states
-    chosen, wanted, moved = at.astype(np.float64), np.zeros(at.shape), np.flatnonzero(at.any(axis=1))
-    for state in moved.tolist():
-        random = _random_of(states, state)
-        wanted[state] = random.choice((-1.0, 1.0), at.shape[1]) * 10 ** random.uniform(*_ANYWHERE)
-    few = states[moved]
-    at_last, _, usable = _nearer(mechanism, rows, few, chosen[moved], wanted[moved], math.inf)
+    chosen, wanted = np.zeros((2, len(states), len(rows.rows)))
+    _, _, usable = _nearer(mechanism, rows, states, chosen, wanted, math.inf)
     q = states.q.copy()
-    q[moved] = np.where(usable[:, None], at_last.q, few.q)
-    return replace(states, q=q)
+    for state in np.flatnonzero(~usable).tolist():
+        random = _random_of(states, state)
+        q[[state]] = _turned(mechanism, q[[state]], 10 ** random.uniform(*_ANYWHERE) * random.uniform(-1.0, 1.0, (1, mechanism.nv)))
+    states = replace(states, q=q)
+    chosen[at_limits(mechanism, states)] = 1.0
+    for state in np.flatnonzero(chosen.any(axis=1)).tolist():
+        random = _random_of(states, state)
+        # Joints that follow one another are at their limits together.
+        wanted[state] = random.choice((-1.0, 1.0)) * 10 ** random.uniform(*_ANYWHERE)
+    moved, _, usable = _nearer(mechanism, rows, states, chosen, wanted, math.inf)
+    return replace(states, q=np.where((usable & chosen.any(axis=1))[:, None], moved.q, states.q))
 
 
 def slowed(mechanism: DeclaredMechanism, states: States) -> States:

@@ -205,7 +205,7 @@ MUJOCO = readings_of(
                 _ONE_EXTENSION,
             ),
             _left_out.mimics: (
-                "MuJoCo holds a mimic joint by a soft constraint, which is off here",
+                "MuJoCo holds a mimic joint by a soft constraint",
                 "keep that constraint on, and make its solref stiffer where it gives",
                 f"{_EXTENSIONS}, equality/joint",
             ),
