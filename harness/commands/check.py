@@ -43,7 +43,8 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
     NAME is a mechanism with its plain models, or a variant, MECHANISM.VARIANT;
     a pattern takes all that it fits. Without NAMEs it is all of both.
     The path of a URDF or MJCF file is a robot: what its numbers mean is the truth, and the
-    engines that read it are as their user calls them. An answer is explained where it is right for what
+    engines that read it are as their user calls them, with actuators, dry friction, limits and equalities
+    on, and contacts off. An answer is explained where it is right for what
     the engine's reader makes of the file, which is named with its effect.
 
     \b
