@@ -79,13 +79,13 @@ class Robot:
     left_out: tuple[LeftOut, ...]
     impossible: tuple[Impossible, ...]
     total_mass: float
-    floating_base: str = ""
-    equalities: tuple[Equality, ...] = ()
-    declared: tuple[Declared, ...] = ()
-    actuators: tuple[Actuator, ...] = ()
-    force_limits: ForceLimits = ()
-    shapes: Shapes | None = None
-    unit_roundoff: float = 2.0**-53
+    floating_base: str
+    equalities: tuple[Equality, ...]
+    declared: tuple[Declared, ...]
+    actuators: tuple[Actuator, ...]
+    force_limits: ForceLimits
+    shapes: Shapes | None
+    unit_roundoff: float
 
     @property
     def bodies(self) -> int:

@@ -51,7 +51,7 @@ def least_squares_bound(columns: Array, error: Array) -> float:
 
 
 def smallest_bound(columns: Array, error: Array) -> float:
-    """The smallest max_k |y_k| with columns y = error, for columns (n, k) of rank n and error (n,).
+    """The smallest max_k |y_k| with columns y = error, for columns (n, k) of rank n and error (n,), not 0.
 
     Raises:
         RuntimeError: the solver gives up.
@@ -59,8 +59,6 @@ def smallest_bound(columns: Array, error: Array) -> float:
     from scipy.optimize import linprog
 
     largest, count = np.abs(error).max(), columns.shape[1]
-    if largest == 0:
-        return 0.0
     limits = np.hstack([np.vstack([np.eye(count), -np.eye(count)]), -np.ones((2 * count, 1))])
     found = linprog(
         np.append(np.zeros(count), 1.0),

@@ -168,14 +168,14 @@ def oscillator(rule: Callable[[Fraction, Fraction], tuple[Fraction, Fraction]], 
 
 
 def test_the_declared_motion_is_that_of_a_map_in_rationals(tmp_path: Path) -> None:
-    """A mass on a spring and damper, for which each rule is a quotient of numbers."""
+    """A mass on a spring and damper, for which each rule is a quotient of numbers; over 80 steps 128 bits lose more than half of theirs."""
     path = tmp_path / "slider.xml"
     path.write_text(
         """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="slider" type="slide" axis="1 0 0" stiffness="40" damping="3"/>
         <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
     )
     robot = read_robot(path)
-    forces, h, mass, stiffness, damping = step_forces(robot.tree, robot.joints), Fraction(2.0**-6), 2, 40, 3
+    forces, h, mass, stiffness, damping = step_forces(robot.tree, robot.joints), Fraction(2.0**-2), 2, 40, 3
     rules = {
         frozenset[ImplicitPart](): Fraction(mass),
         frozenset({ImplicitPart.JOINT_DAMPERS}): mass + h * damping,
@@ -188,9 +188,9 @@ def test_the_declared_motion_is_that_of_a_map_in_rationals(tmp_path: Path) -> No
             v = v + h * (-stiffness * q - damping * v - ahead * v) / effective
             return q + h * v, v
 
-        (q,), (v,) = DeclaredMotion(forces, (), StepRule("one", float(h), implicit)).end([0.25], [-0.5], 30)
+        (q,), (v,) = DeclaredMotion(forces, (), StepRule("one", float(h), implicit)).end([0.25], [-0.5], 80)
         with flint.ctx.workprec(256):
-            assert (float(q), float(v)) == oscillator(one, 30)
+            assert (float(q), float(v)) == oscillator(one, 80)
             assert q.rad() < 2.0**-75 and v.rad() < 2.0**-75
 
 

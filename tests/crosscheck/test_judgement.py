@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from harness.crosscheck.expected import Expectations
+from harness.crosscheck.hypothesis_search import Found
 from harness.crosscheck.judgement import Pair, SystemProgress, record_of
 from harness.crosscheck.settings import Settings
 from harness.engines import Subject
@@ -99,3 +100,28 @@ def test_a_record_without_a_sample_is_of_all_answers() -> None:
     )
     record = record_of(Settings(library=Library.built_in()), Expectations(), SystemProgress("pendulum", {}), pair)
     assert (record.median_backward_error, record.share) == (2.0, 1 / 3)
+
+
+def test_a_record_tells_whence_its_states_came() -> None:
+    """Of a search, those that were asked for and those that were not; what is stored stands first among the rest."""
+    pair, flags = Pair(subject=Subject("mujoco", "mjcf"), stored=3), np.zeros(10, dtype=bool)
+    for count in (10, 4):
+        errors = np.ones(count)
+        judged = Comparison(errors, errors, flags[:count], np.full(count, AGREES), flags[:count], np.zeros(count))
+        pair.add(States.at(*np.zeros((3, count, 2))), judged)
+    pair.found = Found(States.at(*np.zeros((3, 4, 2))), judged, None, added=1)
+    record = record_of(Settings(library=Library.built_in()), Expectations(), SystemProgress("pendulum", {}), pair)
+    assert record.origins == {"stored": 3, "sampled": 7, "searched": 3, "simplest": 1} and record.states == 14
+
+
+def test_a_file_that_cannot_be_used_is_no_failure_of_the_engines_that_would_read_it() -> None:
+    subjects = [Subject("mujoco", "mjcf"), Subject("pinocchio", "urdf")]
+    progress = SystemProgress("pendulum", {str(one): Pair(subject=one) for one in subjects})
+    progress.fail("a line is wrong")
+    settings = Settings(library=Library.built_in())
+    for pair in progress.pairs.values():
+        record = record_of(settings, Expectations(), progress, pair)
+        assert (record.verdict, record.message, record.failed, pair.refused) == ("error", "a line is wrong", False, True)
+    crashed = Pair(subject=subjects[0])
+    crashed.fail("it died")
+    assert record_of(settings, Expectations(), progress, crashed).failed

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -12,7 +16,19 @@ from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.anatomy import anatomy
 from harness.files.text.joint_table import joint_rows
 from harness.files.text.lines import lines_of
-from harness.files.text.scan import Number, Watch, find_elements, find_numbers, largest_change, scaled, with_values, without
+from harness.files.text.scan import (
+    Element,
+    Number,
+    Watch,
+    edited,
+    find_elements,
+    find_numbers,
+    largest_change,
+    scaled,
+    with_values,
+    without,
+)
+from harness.files.text.slots import Slot
 from harness.library import MODEL_SUFFIXES, Library
 
 MJCF = """\
@@ -133,6 +149,79 @@ def test_the_watched_model_is_the_one_that_was_read() -> None:
     path = Library.built_in().model_path("collar", "urdf")
     model = read_model(path, "urdf")
     assert parse_model(path, model.text, "urdf") == model
+
+
+OPTIONS = [
+    "",
+    "<option/>",
+    '<option gravity="0 0 -3"/>',
+    "<option></option>",
+    "<option>\n<flag/></option>",
+    '<option><flag contact="disable"/></option>',
+    '<option><flag gravity="disable"/></option><option><flag spring="disable" damper="enable"/></option>',
+    '<option/><option gravity="0 0 -3"><flag damper="disable"/></option>',
+]
+FLAGS = {"gravity": "mjDSBL_GRAVITY", "spring": "mjDSBL_SPRING", "damper": "mjDSBL_DAMPER"}
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_a_stage_is_switched_wherever_its_flag_stands_or_would(option: str) -> None:
+    """And no other one is, nor does a line move where the flag is taken away again."""
+    body = '<body name="2"><joint name="pin" axis="0 1 0"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>'
+    plain = f"<mujoco>{option}<worldbody>\n{body}</worldbody></mujoco>"
+
+    def disabled(text: str) -> dict[str, bool]:
+        flags = mujoco.MjModel.from_xml_string(text).opt.disableflags
+        return {stage: bool(flags & getattr(mujoco.mjtDisableBit, flag)) for stage, flag in FLAGS.items()}
+
+    def slots(text: str) -> dict[str, Slot]:
+        return dict(anatomy(parse_model(Path("a.xml"), text, "mjcf")).stages)
+
+    before = disabled(plain)
+    assert {stage: slot.words for stage, slot in slots(plain).items()} == {
+        stage: ("disable" if off else "enable",) for stage, off in before.items()
+    }
+    for stage, slot in slots(plain).items():
+        for word in ("disable", "enable"):
+            text = edited(plain, slot.written([word]))
+            assert disabled(text) == {**before, stage: word == "disable"}
+            gone = edited(text, slots(text)[stage].gone(text))
+            assert disabled(gone) == {**before, stage: False} and gone.count("\n") == text.count("\n")
+
+
+def slots_of(value: object) -> Iterator[Slot]:
+    """Every slot in an anatomy."""
+    if isinstance(value, Slot):
+        yield value
+    elif is_dataclass(value) and not isinstance(value, ModelFile):
+        for part in fields(value):
+            yield from slots_of(getattr(value, part.name))
+    elif isinstance(value, Mapping):
+        yield from slots_of(tuple(value.values()))
+    elif isinstance(value, tuple):
+        for one in value:
+            yield from slots_of(one)
+
+
+@pytest.mark.parametrize("model_format", MODEL_SUFFIXES)
+def test_what_is_taken_away_leaves_its_default_and_all_else(model_format: str) -> None:
+    """But what goes with it: an element that has no other attribute."""
+    for name in ("collar", "furuta_pendulum.rotated_inertial", "spring_pendulum", "coupled_oscillators"):
+        model = read_model(Library.built_in().model_path(name, model_format), model_format)
+        every = [slot for slot in slots_of(anatomy(model)) if not slot.absent]
+        assert len(every) > 5
+        for slot in every:
+            text = edited(model.text, slot.gone(model.text))
+            left = find_elements(text, model_format)
+            assert text.count("\n") == model.text.count("\n")
+            assert slot.place.found not in {one.get(slot.place.attribute) for one in left if one.line == slot.place.line}
+            gone = attributes_of(find_elements(model.text, model_format)) - attributes_of(left)
+            # A spring of Gazebo's goes with the element that holds it.
+            assert gone.total() <= 1 or slot.place.attribute == "", (slot.place, gone)
+
+
+def attributes_of(elements: Sequence[Element]) -> Counter[tuple[object, ...]]:
+    return Counter((one.path, attribute.name, attribute.value) for one in elements for attribute in one.attributes)
 
 
 @pytest.mark.parametrize("before", [True, False])

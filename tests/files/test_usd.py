@@ -387,6 +387,23 @@ def test_gravity_is_off_where_a_scene_says_so(tmp_path: Path) -> None:
     assert not any(gravity) and robot(tmp_path, text).tree.places["gravity"].line == line_of(text, "gravityEnabled")
 
 
+@pytest.mark.parametrize(("magnitude", "expected"), [("0", 0.0), ("0.25", 0.25), ("-inf", 9.81), ("-1", 9.81)])
+def test_gravity_of_a_negative_size_is_that_of_the_earth(tmp_path: Path, magnitude: str, expected: float) -> None:
+    text = changed("gravityMagnitude = 9.81", f"gravityMagnitude = {magnitude}")
+    assert [float(x) for x in robot(tmp_path, text).tree.gravity] == [0, 0, -expected]
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(40.0, 0.0), (0.0, 3.0), (0.0, 0.0), (40.0, 3.0)])
+def test_a_drive_acts_that_has_a_stiffness_or_a_damping(tmp_path: Path, stiffness: float, damping: float) -> None:
+    text = changed("drive:linear:physics:stiffness = 40", f"drive:linear:physics:stiffness = {stiffness}")
+    text = changed("drive:linear:physics:damping = 3", f"drive:linear:physics:damping = {damping}", text)
+    found = robot(tmp_path, text).actuators
+    acts = f'<position joint="slide" kp="{stiffness}" kv="{damping}"/>' if stiffness else f'<velocity joint="slide" kv="{damping}"/>'
+    assert len(found) == bool(stiffness or damping)
+    twin = re.sub("<actuator>.*</actuator>", f"<actuator>{acts}</actuator>" if found else "", TWIN)
+    assert held(tmp_path, text, twin)[0]
+
+
 def test_newton_is_stronger_than_mjc_and_that_is_told(tmp_path: Path) -> None:
     text = changed("float newton:armature = 0.25", "float newton:armature = 0.25\n        double mjc:armature = 0.3")
     found = robot(tmp_path, text)
@@ -433,6 +450,109 @@ def test_shapes_of_even_density_weigh_what_those_of_an_mjcf_do(tmp_path: Path) -
         mjcf = re.sub(r'<inertial mass="4.8"[^>]*/>', f'<geom {twin} pos="0.3 0 0" density="500"/>', TWIN)
         found = hold_against(meant(robot(tmp_path, mjcf, "arm.xml"), 8, 0), robot(tmp_path, usd), {})
         assert found.alike and not found.differences, (kind, conclude_pair(found).sentence)
+
+
+# Operations of a prim as a geom of MJCF has them, the outermost first.
+TURNED = Rotation.from_euler("xyz", (10, 20, 30), degrees=True)
+OPERATIONS = {
+    "translate": ("double3 {} = (0.3, 0.1, 0)", (0.3, 0.1, 0), Rotation.identity()),
+    "!invert!translate": ("double3 {} = (0.3, 0.1, 0)", (-0.3, -0.1, 0), Rotation.identity()),
+    "orient": ("quatd {} = (1.6, 1.2, 0, 0)", (0, 0, 0), rotation((0.8, 0.6, 0, 0))),
+    "rotateY:of_the_shape": ("double {} = 40", (0, 0, 0), Rotation.from_euler("y", 40, degrees=True)),
+    "rotateXYZ": ("double3 {} = (10, 20, 30)", (0, 0, 0), TURNED),
+    "rotateZYX": ("double3 {} = (10, 20, 30)", (0, 0, 0), Rotation.from_euler("zyx", (30, 20, 10), degrees=True)),
+    "!invert!rotateXYZ": ("double3 {} = (10, 20, 30)", (0, 0, 0), TURNED.inv()),
+    "scale": ("double3 {} = (1, 1.0000001, 1)", (0, 0, 0), Rotation.identity()),
+    "transform": (
+        "matrix4d {} = (" + ", ".join(f"({numbers(row, ', ')}, 0)" for row in TURNED.as_matrix().T) + ", (0.3, 0.1, 0, 1))",
+        (0.3, 0.1, 0),
+        TURNED,
+    ),
+}
+
+
+@pytest.mark.parametrize("outer", [*OPERATIONS])
+def test_operations_of_prims_follow_one_another_inwards(tmp_path: Path, outer: str) -> None:
+    """Of a capsule that gives its body its mass; it and a prim above it have an operation each, and the first is the outermost."""
+    operations, at, turn = [], np.zeros(3), Rotation.identity()
+    for name in (outer, "translate:inner", "rotateXYZ:inner"):
+        text, shift, own = OPERATIONS[name.removesuffix(":inner")]
+        operations.append((name.replace("!invert!", "!invert!xformOp:") if "!" in name else f"xformOp:{name}", text))
+        at, turn = at + turn.apply(shift), turn * own
+    (first, text), *inner = operations
+    above, below = (
+        "\n".join([*(text.format(name.removeprefix("!invert!")) for name, text in own), f"uniform token[] xformOpOrder = {words}"])
+        for own, words in (([(first, text)], f'["{first}"]'), (inner, '["xformOp:translate:inner", "xformOp:rotateXYZ:inner"]'))
+    )
+    shape = (
+        f'def Xform "above"\n{{\n{above}\ndef Capsule "shape" (prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsMassAPI"])\n{{\n'
+        f"double radius = 0.1\ndouble height = 0.4\nfloat physics:density = 500\n{below}\n}}\n}}"
+    )
+    usd = re.sub(r'(def Xform "fore" \(.*\)\n    {)[^}]*}', lambda found: f"{found[1]}\n{shape}\n    }}", ARM)
+    geom = f'<geom type="capsule" size="0.1 0.2" pos="{numbers(at)}" quat="{numbers(turn.as_quat(scalar_first=True))}" density="500"/>'
+    mjcf = re.sub(r'<inertial mass="4.8"[^>]*/>', geom, TWIN)
+    compared = quantities(robot(tmp_path, mjcf, "arm.xml"), robot(tmp_path, usd))
+    assert not {key: one.texts for key, one in compared.items() if one.differs}
+
+
+# One part each: how it is told, the text whose line is told, and the part.
+PARTS = [
+    ("dry friction", 'MjcTendon "rubs"', "uniform double mjc:frictionloss = 2"),
+    ("tendon limits", 'MjcTendon "ends"', "uniform double mjc:range:min = -1\nuniform double mjc:range:max = 1"),
+    ("", 'MjcTendon "free"', "uniform double mjc:range:min = 0\nuniform double mjc:range:max = 0\nuniform double mjc:frictionloss = 0"),
+]
+TENDON_PARTS = """def {}
+{{
+    rel mjc:path = [</arm/shoulder>, </arm/slide>]
+    uniform double[] mjc:path:coef = [0.5, 2]
+    uniform token mjc:type = "fixed"
+    {}
+}}
+"""
+FURTHER = [
+    ("damping of bodies", "float physics:mass = 4.8", "float physxRigidBody:linearDamping = 0.05"),
+    ("bodies moved from outside", "float physics:mass = 4.8", "bool physics:kinematicEnabled = 1"),
+    ("", "float physics:mass = 4.8", "bool physics:kinematicEnabled = 0\nfloat physxRigidBody:angularDamping = 0"),
+    ("effort and velocity limits", 'uniform token physics:axis = "X"', "float newton:velocityLimit = 3"),
+    ("limits on one side", 'uniform token physics:axis = "X"', "float physics:lowerLimit = -1"),
+    ("fluid", "float physics:gravityMagnitude", "double mjc:option:viscosity = 1"),
+]
+
+
+def test_parts_that_no_tree_holds_are_told_with_their_lines(tmp_path: Path) -> None:
+    def told(text: str) -> dict[str, tuple[int, ...]]:
+        return {one.what: one.lines for one in robot(tmp_path, text).left_out if one.lines != before.get(one.what)}
+
+    before: dict[str, tuple[int, ...]] = {}
+    before = told(ARM)
+    for what, definition, part in PARTS:
+        text = ARM + TENDON_PARTS.format(definition, part)
+        assert told(text) == ({what: (line_of(text, definition),)} if what else {}), part
+    for what, beside, part in FURTHER:
+        # What follows on the same line moves no other one.
+        text = changed(beside, "; ".join([*part.split("\n"), beside]))
+        found = told(text)
+        # A body that is moved from outside closes a loop with its joint.
+        assert {*found} - {"equalities"} == ({what} if what else set()), part
+        assert not what or {line_of(text, part), line_of(text, "PhysicsPrismaticJoint")} & {*found[what]}
+
+
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [("PhysicsSphericalJoint", "Meeting"), ("PhysicsFixedJoint", "Weld"), ("PhysicsRevoluteJoint", ""), ("PhysicsPrismaticJoint", "")],
+)
+def test_a_joint_that_closes_a_loop_is_a_constraint_or_told(tmp_path: Path, kind: str, says: str) -> None:
+    ties = "rel physics:body0 = </arm/{}>\nrel physics:body1 = </twin>"
+    text = ARM + (
+        f'def Xform "twin" ({BODY})\n{{\nfloat physics:mass = 3\nfloat3 physics:diagonalInertia = (1, 1, 1)\n}}\n'
+        f'def PhysicsRevoluteJoint "beside"\n{{\n{ties.format("upper")}\n}}\n'
+        f'def {kind} "closes"\n{{\n{ties.format("fore")}\npoint3f physics:localPos1 = (0, 0, 0.5)\n}}\n'
+    )
+    found = robot(tmp_path, text)
+    (one,) = found.equalities
+    assert (one.kind, type(one.says).__name__ if one.says else "", one.line) == (kind, says, line_of(text, "closes"))
+    assert bool(one.why_not) == (not says)
+    assert [part.lines for part in found.left_out if part.what == "equalities"] == [(one.line,)]
 
 
 def test_a_stage_is_read_with_its_layers_and_in_binary(tmp_path: Path) -> None:
@@ -506,6 +626,10 @@ def test_lines_are_those_of_the_text() -> None:
 # What has no meaning.
 
 SCALE = 'float3 xformOp:scale = (2, 2, 2)\nuniform token[] xformOpOrder = ["xformOp:scale"]\n'
+MIRRORED = (
+    "matrix4d xformOp:transform = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, -1, 0), (0, 0, 0, 1))\n"
+    'uniform token[] xformOpOrder = ["xformOp:transform"]\n'
+)
 LOCKED = "\n{\n" + "".join(
     f"float limit:{one}:physics:low = 1\nfloat limit:{one}:physics:high = -1\n" for one in ("transX", "transY", "transZ", "rotZ")
 )
@@ -550,6 +674,10 @@ REFUSED = {
         ("float physics:mass = 4.8", f"{SCALE}float physics:mass = 4.8"),
         "</arm/fore> xformOp:scale is 2 2 2; expected 1 1 1 on a body and above it",
     ),
+    "a mirrored prim": (
+        ("float physics:mass = 4.8", f"{MIRRORED}float physics:mass = 4.8"),
+        "xformOp:transform scales, shears or mirrors; expected a rotation and a translation",
+    ),
     "an operation that is not there": (
         ("float physics:mass = 4.8", 'uniform token[] xformOpOrder = ["xformOp:translate"]\nfloat physics:mass = 4.8'),
         "has the operation 'xformOp:translate' in its xformOpOrder and no such attribute",
@@ -585,6 +713,24 @@ def test_a_fifo_is_refused_before_it_is_opened(tmp_path: Path) -> None:
     text = ARM.replace("metersPerUnit = 1", "metersPerUnit = 1\n    subLayers = [@pipe.usda@]")
     with pytest.raises(InvalidModel, match=rf"arm.usda:{line_of(text, 'pipe')}: @pipe.usda@ is a FIFO; expected a layer"):
         robot(tmp_path, text)
+
+
+def test_a_file_that_cannot_be_read_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(self: Path, mode: str) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    with pytest.raises(InvalidModel, match=r"gone.usda: there is no such file; write the model, or correct the path"):
+        read_robot(tmp_path / "gone.usda")
+    with pytest.raises(InvalidModel, match=r"arm.usda: is empty; expected a robot in USD"):
+        robot(tmp_path, "")
+    with monkeypatch.context() as patch:
+        patch.setattr(stage, "MOST_BYTES", 10)
+        with pytest.raises(InvalidModel, match=r"arm.usda: is larger than 10 bytes"):
+            robot(tmp_path, ARM)
+    path = written(tmp_path, ARM)
+    monkeypatch.setattr(Path, "open", closed)
+    with pytest.raises(InvalidModel, match=r"arm.usda: cannot be read: Permission denied"):
+        read_robot(path)
 
 
 def test_a_missing_package_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

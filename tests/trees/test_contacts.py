@@ -28,6 +28,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot
+from harness.trees.shapes import ShapesInWorld
 from harness.truth.compare import compare
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.optimum import optimum
@@ -297,3 +298,21 @@ def test_on_an_edge_of_a_zone_the_larger_side_counts(tmp_path: Path, monkeypatch
     monkeypatch.setattr(cones.Cone, "across", lambda self, found, *_: self.zones_at(found))
     alone = [float(ReferenceKernel(mechanism).evaluate(at(slip)).sensitivity[0]) for slip in (slow, fast)]
     assert abs(alone[0] / alone[1] - 1) > 1e-6
+
+
+def test_the_size_of_a_place_holds_all_lengths_that_are_added_for_it_and_no_angle(tmp_path: Path) -> None:
+    """An anchor is added and taken away; of joints, positions that are lengths count, and neither angles nor quaternions."""
+    path = tmp_path / "shapes.xml"
+    path.write_text(
+        """<mujoco><worldbody><geom type="sphere" size="0.25" pos="0 -32 0"/>
+        <body name="trunk" pos="1 -2 0"><freejoint name="base"/><geom type="sphere" size="0.5" pos="0 0 4" mass="1"/>
+        <body name="arm" pos="0 8 0"><joint name="turn" type="hinge" pos="0 0 -16"/><joint name="slide" type="slide"/>
+        <geom type="sphere" size="0.125" mass="1"/></body></body></worldbody></mujoco>"""
+    )
+    robot = read_robot(path)
+    assert robot.joints == ("base", "turn", "slide") and robot.shapes is not None
+    shapes = ShapesInWorld(robot.tree, robot.joints, robot.shapes.shapes)
+    at_zero, moved = ([one.size for one in shapes.at(q)] for q in ([0, 0, 0, 1, 0, 0, 0, 0, 0], [3, -5, 7, 0.6, 0, -0.8, 0, 2.5, -9]))
+    assert at_zero[0] == 32.25 and [after - before for before, after in zip(at_zero, moved, strict=True)] == [0, 15, 24]
+    # Whatever the pose of a body that floats counts, the arm has that and its own.
+    assert at_zero[2] - at_zero[1] == (8 + 2 * 16 + 0.125) - (4 + 0.5)

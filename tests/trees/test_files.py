@@ -144,14 +144,48 @@ def test_what_is_left_out_is_listed_with_its_lines() -> None:
     }
 
 
-def test_sections_that_are_left_out_are_told(tmp_path: Path) -> None:
-    path, body = tmp_path / "robot.xml", '<body><joint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
-    path.write_text(f'<mujoco>\n<visual/>\n<statistic/>\n<size nconmax="3"/>\n<bones/>\n<worldbody>{body}</worldbody></mujoco>')
-    assert set(read_robot(path).left_out) == {
-        LeftOut("settings of the picture", (2, 3), False),
-        LeftOut("sizes of memory", (4,), False),
-        LeftOut("elements that MJCF does not know", (5,), False),
+# One line each: a part of an MJCF, how it is told, and whether it bears on the motion.
+PARTS = [
+    ("<visual/>", "settings of the picture", False),
+    ("<statistic/>", "settings of the picture", False),
+    ('<size nconmax="3"/>', "sizes of memory", False),
+    ("<bones/>", "elements that MJCF does not know", False),
+    ('<option density="0 -0.0"/>', "", False),
+    ('<option wind="0 0 -2"/>', "fluid", True),
+    ('<asset><material name="red"/></asset>', "meshes, textures and materials", False),
+    ('<custom><numeric name="one" data="1"/></custom>', "custom data", False),
+    ('<keyframe><key name="rest"/></keyframe>', "keyframes", False),
+    ('<contact><exclude body1="a" body2="b"/></contact>', "contacts that are excluded", False),
+    ('<contact><pair geom1="one" geom2="other"/></contact>', "contacts", True),
+    ('<deformable><skin name="skin"/></deformable>', "visual geometry", False),
+    ('<deformable><flex name="flex"/></deformable>', "deformable bodies", True),
+    ('<extension><plugin plugin="own"/></extension>', "plugins", True),
+    ('<worldbody><body mocap="true"/></worldbody>', "bodies moved from outside", False),
+    ("<worldbody><camera/></worldbody>", "cameras and lights", False),
+    ("<worldbody><light/></worldbody>", "cameras and lights", False),
+    ('<worldbody><geom name="one" size="1"/></worldbody>', "contacts", True),
+    ('<worldbody><geom name="other" size="1" contype="0"/></worldbody>', "contacts", True),
+    ('<worldbody><geom size="1" contype="0" conaffinity="0"/></worldbody>', "visual geometry", False),
+    ('<tendon><fixed range="0 1"><joint joint="hinge" coef="1"/></fixed></tendon>', "tendon limits", True),
+    ('<tendon><fixed frictionloss="0.5"><joint joint="hinge" coef="1"/></fixed></tendon>', "dry friction", True),
+    ('<tendon><fixed frictionloss="0.0"><joint joint="hinge" coef="1"/></fixed></tendon>', "", False),
+]
+
+
+def test_parts_that_are_left_out_are_told_with_their_lines(tmp_path: Path) -> None:
+    bodies = "".join(
+        f'<body name="{name}"><joint name="{joint}"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+        for name, joint in (("a", "hinge"), ("b", "other"))
+    )
+    path = tmp_path / "robot.xml"
+    path.write_text("\n".join(["<mujoco>", *(text for text, _, _ in PARTS), f"<worldbody>{bodies}</worldbody></mujoco>"]))
+    told = {(what, bears) for _, what, bears in PARTS if what}
+    expected = {
+        LeftOut(what, tuple(line for line, (_, *own) in enumerate(PARTS, 2) if own == [what, bears]), bears) for what, bears in told
     }
+    found = read_robot(path).left_out
+    assert set(found) == expected and len(found) == len(expected)
+    assert [one.bears_on_motion for one in found] == sorted((one.bears_on_motion for one in found), reverse=True)
 
 
 def test_joints_stand_in_the_order_of_the_file() -> None:

@@ -28,7 +28,7 @@ from harness.explain.meant import Meant, question_of
 from harness.files.equalities import SolverParameters, frictions_of, limits_of
 from harness.files.tree import Body
 from harness.library import Stance
-from harness.programs.evaluation import mass_matrix
+from harness.programs.evaluation import mass_matrix, values
 from harness.programs.kernels import BallKernel
 from harness.programs.loops.interpreter import bounded_outputs
 from harness.programs.mechanisms import zones
@@ -575,6 +575,37 @@ def test_tendons_rub_and_are_limited_as_documented_but_for_their_curvature(name:
     robot = read_robot(path)
     curved = [one for one in departures_of("mujoco", "") if one.name == "J' v of tendons and ball joints"]
     assert_departs_where_it_moves(path, robot, curved, departs="sites" in name)
+
+
+def test_rows_move_by_their_jacobian_and_their_curvature(tmp_path: Path) -> None:
+    """By differences along the motion; of hinges and slides alone, positions change by v."""
+    path = tmp_path / "cord.xml"
+    path.write_text(
+        """<mujoco><worldbody><site name="w" pos="0.3 -0.2 0.9"/><body><joint name="a" axis="0 1 0" range="-9 9"/>
+        <inertial pos=".5 0 0" mass="1" diaginertia=".1 .1 .1"/><site name="s" pos=".1 .2 .3"/>
+        <body pos="1 0 0"><joint name="b" type="slide" axis="0 .6 .8"/><joint name="c" axis="1 0 0" frictionloss="2"/>
+        <inertial pos=".3 .1 0" mass="2" diaginertia=".1 .12 .1"/><site name="t" pos=".4 .2 -.3"/></body></body></worldbody>
+        <tendon><spatial range="1 2" frictionloss="3"><site site="s"/><site site="w"/><site site="t"/></spatial></tendon></mujoco>"""
+    )
+    mechanism = mechanism_of(read_robot(path))
+    rows, step = documented(read_robot(path)).softened, 2.0**-20
+    assert rows is not None and len(rows.rows) == 6
+    states = sample(mechanism, STATES, SEED)
+
+    def at(by: float) -> dict[str, Array]:
+        moved = replace(states, q=states.q + by * states.v)
+        return values(rows.program, documented(read_robot(path)).inputs(moved)[: len(rows.program.inputs)])
+
+    before, now, after = (at(by * step) for by in (-1, 0, 1))
+    rate = np.einsum("rvn,nv->rn", now["jacobian"].reshape(6, mechanism.nv, -1), states.v)
+    np.testing.assert_allclose(now["rate"], rate, rtol=1e-12, atol=1e-12)
+    # A row of dry friction holds no position.
+    placed = now["residual"].any(axis=1)
+    assert placed.tolist() == [" limit" in name for name in rows.rows], rows.rows
+    for found, change in ((rate[placed], "residual"), (now["bias"], "rate")):
+        moved = (after[change] - before[change])[placed if change == "residual" else slice(None)]
+        np.testing.assert_allclose(found, moved / (2 * step), rtol=1e-6, atol=1e-7 * np.abs(now["bias"]).max())
+    assert (np.abs(now["bias"]).max(axis=1) > 0.1).sum() == 3
 
 
 @pytest.mark.parametrize("attributes", ['range="0 60"', 'range="0 170" margin="0.4" solimplimit="0.2 0.9 1.5 0.3 2.5"'])

@@ -91,6 +91,8 @@ BODIES = {
     "heavy": '<inertial pos="0.1 0.2 0.3" mass="2" diaginertia="0.03 0.02 0.02" euler="10 20 30"/>',
     "full": '<inertial pos="0.1 0.2 0.3" mass="2" fullinertia="0.014 0.1 0.11 0.001 0.002 0.003"/>',
     "solid": '<geom type="capsule" fromto="0.1 0 0 0.2 0.3 0.1" size="0.02" density="100"/>',
+    "solid that points down": '<geom type="box" fromto="0.1 0 0.2 0.1 0 -0.3" size="0.02" density="100"/>',
+    "solid that points up": '<geom type="box" fromto="0.3 0 0 0.3 0 0.1" size="0.03" density="90"/>',
     "solids": '<geom size="0.05" pos="0.1 0 0"/><geom type="box" size="0.02 0.03 0.04" pos="-0.1 0.2 0" euler="10 20 30"/>',
     "nothing": "",
 }

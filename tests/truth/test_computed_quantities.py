@@ -64,6 +64,16 @@ def test_engines_and_formats_agree_on_every_quantity(modelled_name: str) -> None
 
 
 @pytest.mark.parametrize("modelled_name", TREES)
+def test_the_parts_of_a_value_are_no_shorter_than_the_value(modelled_name: str) -> None:
+    """But where positions of joints are among them, which are inputs that no algorithm forms."""
+    states = sample(load_mechanism(BUILT_IN, modelled_name), STATES, SEED)
+    for quantity in [name for name in NAMES if name not in ("position", "momentum")]:
+        found = truth(modelled_name, quantity).evaluate(states)
+        lengths = found.lengths(found.high)[found.certified]
+        assert (found.share[found.certified] >= lengths * (1 - 1e-12)).all(), quantity
+
+
+@pytest.mark.parametrize("modelled_name", TREES)
 def test_energies_are_those_that_the_system_declares(modelled_name: str) -> None:
     mechanism = load_mechanism(BUILT_IN, modelled_name)
     states = sample(mechanism, STATES, SEED)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from catalogue import ROBOTS
@@ -11,7 +13,7 @@ from harness.trees.robot import read_robot
 from harness.truth.compare import Comparison, compare
 from harness.truth.far_links import FarLinks
 from harness.truth.reference import ReferenceKernel
-from harness.truth.sampling import sample
+from harness.truth.sampling import generic_sample, sample
 from harness.verdict import Verdict
 
 ARM = next(path for path in ROBOTS if path.name == "arm.urdf")
@@ -49,3 +51,22 @@ def test_an_error_is_explained_in_proportion_to_mass_and_arm() -> None:
     assert (np.diff(far.masses) < 0).all() and (np.diff(far.arms) > 0).all() and far.arms[0] < 1e-15
     assert far.explain(truth, states, truth.high).all()
     assert not far.explain(truth, states, truth.high * 1.001).any()
+
+
+def test_what_rates_explain_grows_with_their_square() -> None:
+    """Where they are so fast that accelerations and weight are nothing beside them."""
+    robot = read_robot(ARM)
+    mechanism = mechanism_of(robot)
+    states = generic_sample(mechanism, 4, 0)
+    truth, far = ReferenceKernel(mechanism).evaluate(states), FarLinks(robot)
+
+    def largest(scale: float) -> np.ndarray:
+        """The longest error along the first velocity that is explained, by halving an interval of exponents."""
+        faster, low, high = replace(states, v=scale * states.v), np.full(4, -30.0), np.full(4, 30.0)
+        for _ in range(40):
+            middle = (low + high) / 2
+            is_explained = far.explain(truth, faster, truth.high + 10 ** middle[:, None] * np.eye(mechanism.nv)[0])
+            low, high = np.where(is_explained, middle, low), np.where(is_explained, high, middle)
+        return 10**low
+
+    np.testing.assert_allclose(largest(2e9) / largest(1e9), 4.0, rtol=1e-6)

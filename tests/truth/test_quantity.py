@@ -53,10 +53,12 @@ PRODUCT = StraightLineProgram(("x", "y"), (("input", 0), ("input", 1), ("mul", 0
 SIZES = StraightLineProgram(("x", "y"), (("input", 0), ("input", 1), ("mul", 0, 1)), {"product": (2,), "nothing": (2,)})
 
 
-def product(x: float, y: float, *, radius: float = 0.0, slope: float = 0.0, sizes: StraightLineProgram | None = None) -> Certified:
-    """x y at y = y(x, w) with dy/dx = slope and dy/dw = 3, at w = 7."""
+def product(
+    x: float, y: float, *, low: float = 0.0, radius: float = 0.0, slope: float = 0.0, sizes: StraightLineProgram | None = None
+) -> Certified:
+    """x (y + low) at y = y(x, w) with dy/dx = slope and dy/dw = 3, at w = 7."""
     between = Between(
-        np.array([[y]]), np.zeros((1, 1)), np.array([[radius]]), np.array([[7.0]]), np.array([[[slope, 0.0, 3.0]]]), np.zeros((1, 1, 1)),
+        np.array([[y]]), np.array([[low]]), np.array([[radius]]), np.array([[7.0]]), np.array([[[slope, 0.0, 3.0]]]), np.zeros((1, 1, 1)),
         np.array([True]),
     )  # fmt: skip
     return QuantityKernel(PRODUCT, [[0], [1]], slice(1, 2), sizes).evaluate(np.array([[x, y]]), between)
@@ -74,6 +76,27 @@ def test_what_is_not_certified_before_is_not_certified_after() -> None:
     coarse, fine = (product(2.0, 5.0, radius=radius, sizes=SIZES) for radius in (1e-10, 1e-25))
     assert (coarse.certified.all(), fine.certified.all()) == (False, True)
     assert compare(coarse, coarse.high).verdicts.tolist() == ["undecided"]
+
+
+def test_values_between_have_all_their_digits() -> None:
+    found = product(2.0, 5.0, low=2.0**-60)
+    assert (found.high[0, 0].tolist(), found.low[0, 0].tolist()) == ([10.0], [2.0**-59])
+
+
+@pytest.mark.parametrize("longest", [1e-9, 1e-15])
+def test_a_length_whose_roundings_are_as_large_is_not_certified(longest: float) -> None:
+    """Equal parts of a block cancel in its length but for a share of them."""
+    factor = np.array([[[1.0, -1.0], [0.0, longest]]])
+    found = QuantityKernel(PRODUCT, [[0, 0]]).evaluate(np.array([[2.0, 5.0]]), norm_factor=factor)
+    assert found.certified.tolist() == [longest == 1e-9]
+    assert found.sensitivity[0, 0] == pytest.approx(2 * 10 * longest, rel=1e-6)
+
+
+@pytest.mark.parametrize(("roundoffs", "verdict"), [(63.5, "agrees"), (64.5, "disagrees")])
+def test_sixty_four_data_roundoffs_are_allowed(roundoffs: float, verdict: str) -> None:
+    found = product(2.0, 5.0)
+    answers = found.high + np.array([[roundoffs * UNIT_ROUNDOFF * found.sensitivity[0, 0]], [0.0]])
+    assert compare(found, answers).verdicts.tolist() == [verdict]
 
 
 def test_an_error_is_counted_in_data_roundoffs_of_the_worst_block() -> None:

@@ -306,9 +306,9 @@ def test_one_coordinate_without_inertia_is_not_certified(mechanism_of: Callable[
     assert not ReferenceKernel(mechanism_of(system)).evaluate(States.at([[1.0]], [[0.0]], [[0.0]])).certified.any()
 
 
-def test_precision_grows_with_cancellation(mechanism_of: Callable[[System], Mechanism]) -> None:
-    """big (1 + x/big) - big is x, but at 128 bits nothing of it is left: the answer needs 256."""
-    system = System(
+def cancelling() -> System:
+    """Acceleration big (1 + x/big) - big, which is x."""
+    return System(
         coordinates={x: "a"},
         kinetic=m * x.diff(t) ** 2 / 2,
         potential=0,
@@ -316,12 +316,27 @@ def test_precision_grows_with_cancellation(mechanism_of: Callable[[System], Mech
         parameters={m: (1.0, "kg"), big: (2.0**150, "N")},
         total_mass=m,
     )
+
+
+def test_precision_grows_with_cancellation(mechanism_of: Callable[[System], Mechanism]) -> None:
+    """At 128 bits nothing of x is left: the answer needs 256."""
     states = States.at([[0.3], [-1e-3]], [[0.0]] * 2, [[0.0]] * 2)
-    reference = ReferenceKernel(mechanism_of(system)).evaluate(states)
+    reference = ReferenceKernel(mechanism_of(cancelling())).evaluate(states)
     assert reference.certified.all()
     assert (reference.bits > PRECISIONS[0]).all()
     assert np.array_equal(reference.high[:, 0], states.q[:, 0])
     assert (reference.radius <= CERTIFIED_RADIUS * reference.sensitivity).all()
+
+
+def test_accelerations_alone_are_asked_of_pairs_of_float64_and_of_one_precision_of_balls(
+    mechanism_of: Callable[[System], Mechanism],
+) -> None:
+    """Digits of x are left in pairs of float64 where nothing cancels, then in balls, then in neither."""
+    sizes = np.array([1.0, 2.0**60, 2.0**150, 2.0**60, 1.0])
+    states = States.at([[0.3]] * 5, *np.zeros((2, 5, 1)))
+    high, low = ReferenceKernel(mechanism_of(cancelling())).accelerations(states, np.column_stack([np.ones(5), sizes]))
+    np.testing.assert_array_equal(high[:, 0], np.where(sizes < 2.0**150, 0.3, math.nan))
+    np.testing.assert_array_equal(np.abs(low[:, 0]) < 2.0**-60, sizes < 2.0**150)
 
 
 @pytest.mark.parametrize(("light", "is_certified"), [(1e-20, True), (1e-38, False)])

@@ -27,7 +27,7 @@ from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import robot_of
 from harness.truth.compare import compare, farthest_block
 from harness.truth.quantities import TruthBasis
-from harness.truth.quantities.steps import StepTruth
+from harness.truth.quantities.steps import CONVENTIONS, StepTruth
 from harness.truth.sampling import generic_sample, sample
 from harness.verdict import AGREEMENT
 
@@ -324,3 +324,16 @@ def test_a_rule_with_stages_has_a_weight_for_each_and_nothing_implicit() -> None
     for wrong in ({"weights": (Fraction(1),)}, {"implicit": frozenset({ImplicitPart.JOINT_DAMPERS})}, {"with_old_velocities": True}):
         with pytest.raises(InvalidRequest, match="'wrong' has stages; expected a weight for each and the start, and nothing else"):
             StepRule("wrong", 0.1, **{"stages": ((half,),), "weights": (Fraction(0), Fraction(1)), **wrong})  # type: ignore[arg-type]
+
+
+def test_a_quaternion_of_another_convention_is_turned_back() -> None:
+    before, after = np.array([[0.8, 0.6, 0.0, 0.0]]), np.array([[0.5, -0.1, 0.7, 0.5]])
+    made = {
+        "quaternions have their scalar last": after[:, [1, 2, 3, 0]],
+        "quaternions are those of the inverse rotations": np.array([[0.5, 0.1, -0.7, -0.5]]),
+        # The turn from before to after is about the body's axes, and was taken for one about the world's.
+        "rotations turn about the world's axes": multiplied(multiplied(before * [1, -1, -1, -1], after), before),
+    }
+    assert made.keys() == CONVENTIONS.keys()
+    for name, wrong in made.items():
+        np.testing.assert_allclose(CONVENTIONS[name](wrong, before), after, atol=1e-15, err_msg=name)

@@ -125,7 +125,7 @@ def _stage(parts: _Parts, stage: str) -> Slot:
         return parts.slot(next((flag for flag in flags if flag.get(stage) is not None), flags[0]), stage, "enable")
     option = parts.inside(parts.elements[0], "option")
     slot = parts.slot_inside(option or parts.elements[0], "flag", stage, "enable")
-    if option is not None and option.closed > option.opened:
+    if option is not None and option.end > option.opened:
         return slot
     # No option can hold the flag; options may stand in the file more than once.
     return replace(slot, head=f"<option>{slot.head}", tail=f"{slot.tail}</option>")

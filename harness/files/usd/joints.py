@@ -41,7 +41,6 @@ _NUMBERS = {
     "friction_loss": (("newton:friction", False), ("mjc:frictionloss", False)),
     "stiffness": (("mjc:stiffness", False),),
 }
-_MIMICS = ("newton:mimicJoint", "physxMimicJoint")
 
 
 class JointReader:
