@@ -276,6 +276,18 @@ def test_contacts_that_have_another_law_are_refused_by_name(name: str, tmp_path:
         assert any(f"contacts (line {refused[0].line}: it {why})" in text for text in stays_off([], record.parts))
 
 
+def test_options_of_an_included_file_are_those_of_the_file(tmp_path: Path) -> None:
+    """Its cones, ratio and iterations: a scene includes a robot that has them."""
+    inner, path = written(tmp_path), tmp_path / "scene.xml"
+    path.write_text(f'<mujoco><include file="{inner.name}"/></mujoco>')
+    record = held_by(path)
+    assert (record.verdict, record.explained) == (Verdict.AGREES, True) and record.touching >= 4
+    edited(inner, tmp_path, REFUSED["noslip"][0])
+    again = tmp_path / "again.xml"
+    again.write_text(path.read_text())
+    assert {part.why_not for part in held_by(again).parts if part.what == CONTACTS} == {REFUSED["noslip"][1]}
+
+
 def test_bodies_that_hardly_touch_are_judged_with_contacts_on(tmp_path: Path) -> None:
     path = edited(written(tmp_path), tmp_path, ('type="plane"', 'type="plane" pos="0 0 -50"'))
     record = held_by(path)

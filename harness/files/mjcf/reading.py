@@ -231,7 +231,7 @@ def _expand(source: Source) -> None:
         InvalidModel: a file that cannot be read or is included again, more elements than a model needs, or an element that makes
             bodies by the rules of MuJoCo's program.
     """
-    _include(source)
+    put_included(source)
     for element in source.root.iter(*_MAKERS):
         source.refuse(element, f"{describe(element)} makes bodies by the rules of MuJoCo's program, which is not read; write them out")
     # The innermost first, as MuJoCo numbers names.
@@ -239,7 +239,8 @@ def _expand(source: Source) -> None:
         _replicate(source, element)
 
 
-def _include(source: Source) -> None:
+def put_included(source: Source) -> None:
+    """Put included files into the elements of a file, in place; raises InvalidModel as of a file that is read."""
     path = source.document.path
     seen = {path.resolve()}
     while (element := next(source.root.iter("include"), None)) is not None:

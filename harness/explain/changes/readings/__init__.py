@@ -22,8 +22,9 @@ from packaging.specifiers import SpecifierSet
 
 from harness.arrays import Array
 from harness.environments import split_name
-from harness.files.document.source import read_any
+from harness.files.document.source import Source, read_any
 from harness.files.given import Given, Place, Pose
+from harness.files.mjcf.reading import put_included
 from harness.files.tree import WORLD, Body, Inertia, Joint, Solid, Tree
 from harness.registry import declared
 from harness.results.readings import page_of
@@ -238,7 +239,10 @@ def computed(value: float, body: Body, what: str, index: int = 0) -> Fraction:
 
 
 def element_at(place: Place | None) -> etree._Element | None:
-    """The element of a file that stands at a place, for what a reading needs of it and no tree holds; None where the place is none."""
+    """The element of a file that stands at a place, for what a reading needs of it and no tree holds; None where the place is none.
+
+    Included files are in the place of what includes them: their options are the file's.
+    """
     if place is None:
         return None
     return _elements(place.path)[place.element]
@@ -246,7 +250,11 @@ def element_at(place: Place | None) -> etree._Element | None:
 
 @functools.lru_cache(maxsize=4)
 def _elements(path: Path) -> list[etree._Element]:
-    return list(read_any(path, "a model").lines)
+    document = read_any(path, "a model")
+    elements = list(document.lines)
+    if next(document.root.iter("include"), None) is not None:
+        put_included(Source(document))
+    return elements
 
 
 def changed_parts(before: Tree, after: Tree) -> dict[tuple[str, ...], list[Place]]:
