@@ -39,6 +39,7 @@ class Assignment:
     """One subject on one mechanism.
 
     Attributes:
+        mechanism: with all on with which answers are judged, where it is a user's file of which that ``acts``.
         model: the file that the engine reads, with the actuators, dry friction and limits of the mechanism; None for an engine that is
             handed the mechanism itself.
         system: the system or variant whose own file is the truth of quantities that take the numbers of one; "" for the mechanism's.
@@ -59,7 +60,7 @@ class Assignment:
     def __post_init__(self) -> None:
         if self.model is not None:
             object.__setattr__(self, "model", acting_as(self.model, self.mechanism))
-        if self.acts and isinstance(self.mechanism, RobotMechanism):
+        if self.acts and isinstance(self.mechanism, RobotMechanism) and not self.mechanism.reader:
             object.__setattr__(self, "mechanism", _with_all_on(self.library, self.subject.engine, self.mechanism))
 
     @classmethod

@@ -69,7 +69,7 @@ def all_judged(robot: Robot, caller: Engine, read: Robot | None = None) -> list[
 def with_all_on(mechanism: RobotMechanism, name: str, caller: Engine) -> RobotMechanism:
     """A user's file with all on with which an engine's answers are judged, as the engine, of this name, is to load it."""
     request = mechanism.request
-    if mechanism.reader or request is None:
+    if request is None:
         return mechanism
     judged = all_judged(mechanism.robot, caller, read_by(mechanism.robot, name, caller, Stance.PLAIN).robot)
     return replace(mechanism, request=replace(request, held=held_with(mechanism.robot, judged) if judged else None))

@@ -113,14 +113,20 @@ class FileCase:
         return self.search.explaining(own) or self.search.orders_explaining(own, moved_clamps(self.original.robot))
 
     def left(self, answers: EngineAnswers, compared: Comparison) -> list[str]:
-        """What is known of answers that nothing explains, a sentence each."""
+        """What is known of answers that nothing explains, a sentence each; none where digits are lost and no more."""
         accelerations = answers.of(self.at.robot.joints)
         if self.touching.is_any.any() and is_held(compared[self.apart]):
             return ["it is only at states where bodies touch that it is not what its documentation gives"]
+        if not self.has_constraints and is_held(compared):
+            return left_beside_readings(self.original, self.folded, self.at, answers, compared)
+        if compared.are_all(Verdict.AGREES, Verdict.UNDECIDED):
+            return []
         if found := self.explaining(accelerations):
             return [one.sentence for one in found]
         if not self.has_constraints:
             return left_beside_readings(self.original, self.folded, self.at, answers, compared)
+        if is_held(compared):
+            return []
         kernel = ReferenceKernel(documented(self.at.robot, self.caller, self.judged, self.departures))
         return unexplained(self.where_apart, accelerations[self.apart], kernel)
 

@@ -13,8 +13,14 @@ import pytest
 from lxml import etree
 from support import Done, call_engines_here, harness
 
+from harness.comparison.robot_library import RobotLibrary
+from harness.crosscheck.assignment import Assignment
+from harness.engines import Subject
 from harness.engines.adapters.mujoco import acting as adapter
-from harness.files.reading import read_any
+from harness.files.document.source import read_any
+from harness.library import Library
+from harness.truth.sampling import sample
+from harness.verdict import Verdict
 
 FILES = Path(__file__).parent.parent / "comparison" / "files"
 
@@ -116,3 +122,12 @@ def test_a_mimic_joint_that_is_held_by_a_constraint_is_told_with_the_constraint_
 def test_an_element_goes_to_another_process_with_all_that_it_holds() -> None:
     root = read_any(FILES / "driven.xml", "a model").root
     assert etree.tostring(pickle.loads(pickle.dumps(root))) == etree.tostring(root)
+
+
+def test_what_is_read_is_another_mechanism_though_no_equation_feels_the_difference() -> None:
+    """Pinocchio passes over the pose of a body that is fixed to the world."""
+    path = str(Library.built_in().model_path("two_fingers_bar", "mjcf"))
+    asked = Assignment.of(RobotLibrary.of([path], anywhere=True, acts=True), path, Subject("pinocchio", "mjcf"))
+    read = asked.as_read
+    assert read is not asked and read.mechanism.key == asked.mechanism.key and read.as_read is read
+    assert asked.judge(asked.truth.asked_at(sample(asked.mechanism, 4, seed=0))).are_all(Verdict.AGREES)
