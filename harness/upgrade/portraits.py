@@ -17,8 +17,10 @@ from harness.engines.interface import QUATERNION, CompiledNumber
 from harness.engines.request import Held, Refused
 from harness.engines.tree_request import model_request
 from harness.explain.as_read import ReadTruth
+from harness.explain.documented import all_judged
 from harness.explain.meant import Meant, question_of
-from harness.files.findings import ACTUATORS, CONTACTS, LeftOut
+from harness.explain.switches import GROUPS
+from harness.files.findings import CONTACTS, LeftOut
 from harness.library import Library
 from harness.results.readings import share_text
 from harness.results.table import error_text, grouped
@@ -74,7 +76,7 @@ def portray(library: Library, system: str, subject: Subject, seed: int, note: No
     if robot is not None:
         note(f"contacts of {subject}")
         contacts = contacts_portrayed(library, robot, subject.engine, seed)
-        left_out = tuple(part for part in _left_out(robot) if contacts is None or part.what != CONTACTS)
+        left_out = tuple(part for part in _left_out(one, robot) if contacts is None or part.what != CONTACTS)
         found = replace(found, left_out=left_out, actuators=len(robot.tree.actuators), contacts=contacts)
     if answered is None:
         return found
@@ -82,12 +84,15 @@ def portray(library: Library, system: str, subject: Subject, seed: int, note: No
     return replace(found, accelerations=shares, roundoff=roundoff)
 
 
-def _left_out(robot: Robot) -> Iterator[LeftOut]:
-    """What of a file that would move it is not asked about; of actuators that act, those that are not read."""
+def _left_out(one: Assignment, robot: Robot) -> Iterator[LeftOut]:
+    """What of a file that would move it is not asked about; of what acts, the elements that are not judged."""
+    known = all_judged(robot, load_engine(one.library, one.subject.engine)) if one.acts else []
+    judged = {(switch.group.what, switch.number) for switch in known}
+    acting = {group.what: group.of(robot) for group in GROUPS if any(what == group.what for what, _ in judged)}
     for part in robot.left_out:
         lines = part.lines
-        if part.what == ACTUATORS and robot.tree.actuators:
-            lines = tuple(one.line for one in robot.actuators if one.why_not)
+        if part.what in acting:
+            lines = tuple(own.line for number, own in enumerate(acting[part.what]) if (part.what, number) not in judged)
         if part.bears_on_motion and lines:
             yield replace(part, lines=lines)
 

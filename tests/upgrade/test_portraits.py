@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from comparison.robots import FILES
 
+from harness.comparison.robot_library import RobotLibrary
+from harness.engines import Subject
 from harness.engines.interface import AXES, QUATERNION, CompiledNumber
 from harness.results.upgrade import CompiledChange
-from harness.upgrade.portraits import ROUNDED, Portrait, changes_between
+from harness.upgrade.portraits import ROUNDED, Portrait, changes_between, portray
 
 
 def changes(before: list[CompiledNumber], now: list[CompiledNumber]) -> list[CompiledChange]:
@@ -74,3 +78,23 @@ def test_accelerations_move_by_more_than_their_rounding() -> None:
     # A state without a certified truth says nothing.
     nowhere = np.array([np.inf, np.inf])
     assert changes_between("bar", "toy/urdf", Portrait((), one, nowhere), Portrait((), 2 * one, nowhere))[0] == []
+
+
+@pytest.mark.parametrize(("name", "off"), [("arm.xml", {}), ("driven.xml", {"actuators": (26,)}), ("firm.xml", {})])
+def test_what_acts_in_both_answers_is_compared(name: str, off: dict[str, tuple[int, ...]]) -> None:
+    """Dry friction, limits and equalities are on; an actuator that is not read is told with its line."""
+    path = str(FILES / name)
+    found = portray(RobotLibrary.of([path], anywhere=True, acts=True), path, Subject("mujoco", "mjcf"), 0, lambda text: None)
+    assert {one.what: one.lines for one in found.left_out} == off and len(found.accelerations)
+
+
+def test_accelerations_of_a_portrait_feel_what_acts(tmp_path: Path) -> None:
+    """Where the shoulder's friction is another, so are they; where it is not asked about, they are the same."""
+    files = [FILES / "arm.xml", tmp_path / "arm.xml"]
+    files[1].write_text(files[0].read_text().replace('frictionloss="0.125"', 'frictionloss="0.25"'))
+    moved = {}
+    for acts in (False, True):
+        libraries = [RobotLibrary.of([str(path)], anywhere=True, acts=acts) for path in files]
+        pair = [portray(one, one.system_names()[0], Subject("mujoco", "mjcf"), 0, lambda text: None) for one in libraries]
+        moved[acts] = float(np.abs(pair[0].accelerations - pair[1].accelerations).max())
+    assert moved[False] < 1e-12 and moved[True] > 1e-3, moved

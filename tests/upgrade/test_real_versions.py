@@ -19,7 +19,8 @@ FULL = """<mujoco><worldbody><body name="bar"><joint name="pin" axis="0 1 0"/>
   <inertial pos="0.1 0.2 0.05" mass="2" fullinertia="0.1 0.2 0.25 0.01 0.02 -0.03"/></body></worldbody></mujoco>
 """
 SERVO = """<mujoco><worldbody><body><joint name="shoulder" axis="0 1 0"/><inertial pos="0 0 0.2" mass="2" diaginertia="0.09 0.08 0.02"/>
-  <body pos="0 0 0.4"><joint name="elbow" axis="0 1 0"/><inertial pos="0 0 0.3" mass="3" diaginertia="0.02 0.02 0.01"/></body>
+  <body pos="0 0 0.4"><joint name="elbow" axis="0 1 0" range="-140 30" frictionloss="0.1"/>
+    <inertial pos="0 0 0.3" mass="3" diaginertia="0.02 0.02 0.01"/></body>
 </body></worldbody>
 <actuator><position name="servo" joint="shoulder" kp="100" dampratio="1"/></actuator></mujoco>
 """
@@ -65,7 +66,7 @@ def test_a_damping_ratio_means_something_else_from_3_15_on(tmp_path: Path) -> No
     better = r"Yes, for the better: MuJoCo 3\.15\.0 changes servo\.xml against 3\.14\.0, with 1 actuator on: "
     assert re.match(rf"{better}accelerations by up to \S+ % and compiled", done.stdout)
     assert "no longer: MuJoCo before 3.15 takes sum M_jj / J_j^2 for the inertia of dampratio" in done.stdout
-    assert "1 actuator, line 4; " in done.stdout and "not compared" not in done.stdout
+    assert "1 actuator, line 5; " in done.stdout and "not compared" not in done.stdout
 
 
 def test_a_drift_between_versions_is_due_to_the_law_of_an_actuator(tmp_path: Path) -> None:
@@ -84,7 +85,7 @@ def test_a_bisection_names_the_version_and_the_line_of_a_damping_ratio(tmp_path:
     (tmp_path / "servo.xml").write_text(SERVO)
     done = harness_in_a_process("upgrade", "mujoco", "--bisect", "3.13.0..4.0.0", "servo.xml", "--states", "60", cwd=tmp_path)
     assert done.stdout.startswith("MuJoCo 3.15.0 is the first version that changes anything, and 3.14.0 is as 3.13.0"), done.stderr
-    assert "MuJoCo before 3.15 takes sum M_jj / J_j^2 for the inertia of dampratio" in done.stdout and "1 actuator, line 4" in done.stdout
+    assert "MuJoCo before 3.15 takes sum M_jj / J_j^2 for the inertia of dampratio" in done.stdout and "1 actuator, line 5" in done.stdout
 
 
 def test_two_versions_that_do_alike(tmp_path: Path) -> None:
