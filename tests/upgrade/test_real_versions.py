@@ -78,7 +78,7 @@ def test_a_drift_between_versions_is_due_to_the_law_of_an_actuator(tmp_path: Pat
     done = harness("drift", "servo.xml", *by, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     law = r"mujoco@3\.15\.0 has another derivative gain than mujoco@3\.14\.0: 100 % of the gap over 0\.5 s"
-    assert re.match(rf"{law} \(mujoco@3\.15\.0 line 4: dampratio 1, compiled as ", done.stdout)
+    assert re.match(rf"{law} \(mujoco@3\.15\.0 line 5: dampratio 1, compiled as ", done.stdout)
 
 
 def test_a_bisection_names_the_version_and_the_line_of_a_damping_ratio(tmp_path: Path) -> None:
