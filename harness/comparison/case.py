@@ -67,7 +67,7 @@ class AskedEngine:
 
 
 def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Meant, Flags]:
-    """What is read, at states where constraints are felt, and which of them no limit pushes.
+    """What is read, at states where constraints are felt, and which of them no limit pushes and nothing is nearly at rest.
 
     Half of the states nearly close the equalities: anywhere else impedances are those of far away. A quarter is beyond limits, another
     where the engine's steps lead, so that bodies touch, and another so slow and so nearly at rest that dry friction gives.
@@ -98,6 +98,10 @@ def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Mea
                 states = replace(states, q=q, v=v, tau=tau)
     if touches:
         states = asked.settled(judged, replace(read, states=states)).states
-    if isinstance(mechanism, DeclaredMechanism) and mechanism.pushing:
-        within = ~mechanism.reaches_limits(states)
+    if isinstance(mechanism, DeclaredMechanism):
+        if mechanism.pushing:
+            within = ~mechanism.reaches_limits(states)
+        if rubs:
+            # There an acceleration is next to nothing, and any change many times that.
+            within &= numbers % _EACH_PRESSED != 2
     return Meant(read.robot, states, reference_of(read.robot).evaluate(states)), within

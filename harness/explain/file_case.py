@@ -40,7 +40,7 @@ def is_held(compared: Comparison) -> bool:
 class FileCase:
     """Elements that are judged, at the states of what is read, ``at``, and the contacts there.
 
-    ``within``: the states at which no limit pushes, and where no bodies touch if there are such.
+    ``within``: the states at which no limit pushes and nothing is nearly at rest, and where no bodies touch if there are such.
     """
 
     original: Meant
