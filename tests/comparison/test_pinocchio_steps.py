@@ -15,12 +15,12 @@ from comparison.robots import FILES, edited
 from flint import arb, arb_mat
 from support import call_engines_here
 
-from harness.comparison import switched_on
 from harness.comparison.robot_library import RobotLibrary, engine_of, robot_at, robot_subjects
 from harness.comparison.switched_on import judge_switched_on
 from harness.engines import subjects
 from harness.engines.adapters.pinocchio import step_law, stepping
 from harness.explain.documented import documented
+from harness.explain.file_case import FileCase
 from harness.explain.meant import meant
 from harness.explain.switches import switches_of
 from harness.files.equalities import Constraint, DryFriction
@@ -133,7 +133,7 @@ def _of_fewer(name: str) -> Callable[..., Any]:
 
 
 def assert_red(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(switched_on, "_rest", lambda *_: ["nothing explains it"])
+    monkeypatch.setattr(FileCase, "left", lambda *_: ["nothing explains it"])
     record = held_by(path, "pinocchio_pgs")
     assert not record.explained and record.to_the_end is None and record.rest
 

@@ -111,7 +111,8 @@ class AccelerationTruth(Truth):
         unit_roundoff: of the numbers that an engine computes with.
         factorises: whether the engine declares that it factorises M.
         far_links: of a user's file, whose engine forms inertias about the centre of a whole tree; None of all others.
-        rigid: the truth that holds rigid what gives here; None where nothing does.
+        rigid: the truth that holds rigid what gives here; None where nothing does, and of a user's file.
+        is_of_file: whether what gives is of a user's file.
     """
 
     mechanism: Mechanism
@@ -120,6 +121,7 @@ class AccelerationTruth(Truth):
     factorises: bool = False
     rigid: AccelerationTruth | None = None
     far_links: FarLinks | None = None
+    is_of_file: bool = False
     blocks = ()
 
     @property
@@ -139,14 +141,14 @@ class AccelerationTruth(Truth):
 
     def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
         """See ``Truth``: a declared truth is asked off the manifold as well, on which its law is hardly felt."""
-        if self.mechanism.softened is None or not share:
+        if not share or (self.rigid is None and not self.is_of_file):
             return states
         # Imported late: a tree needs nothing of it.
         from harness.truth.declared import DeclaredMechanism
         from harness.truth.displaced import felt, opened, pressed
 
         assert isinstance(self.mechanism, DeclaredMechanism)
-        if self.rigid is None:
+        if self.is_of_file:
             return felt(self.mechanism, states, share)
         if self.mechanism.constraints is not None:
             states = opened(self.mechanism, states, share)
@@ -226,10 +228,10 @@ def _truth(basis: TruthBasis) -> AccelerationTruth:
         far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
     if basis.softened is None:
         return AccelerationTruth(with_all(mechanism), *about, far_links=far_links)
-    soft = basis.softened(_driven(mechanism))
+    soft, is_of_file = basis.softened(_driven(mechanism)), isinstance(mechanism, RobotMechanism)
     # Of a user's file nobody says that its constraints are meant to be rigid.
-    rigid = None if isinstance(mechanism, RobotMechanism) else AccelerationTruth(with_all(mechanism), *about)
-    return AccelerationTruth(soft, *about, rigid, far_links)
+    rigid = None if is_of_file else AccelerationTruth(with_all(mechanism), *about)
+    return AccelerationTruth(soft, *about, rigid, far_links, is_of_file)
 
 
 _KERNELS: Kept[ReferenceKernel] = Kept(64)
