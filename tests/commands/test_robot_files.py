@@ -114,10 +114,12 @@ def test_an_engine_is_judged_as_its_user_calls_it_and_its_readings_are_named(fol
 
 
 def test_a_plain_engine_that_its_readings_do_not_explain_is_red(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A process keeps what it has read of a file of this name.
+    (folder / "arm.urdf").rename(folder / "unexplained.urdf")
     monkeypatch.setattr("harness.explain.as_read.find_readings", lambda *_: [])
-    done = harness("check", "arm.urdf", "--states", "12", cwd=folder)
+    done = harness("check", "unexplained.urdf", "--states", "12", cwd=folder)
     assert done.returncode == 1 and rows(done)["pinocchio/urdf"][3].startswith("disagrees")
-    assert "harness diagnose arm.urdf --states 12" in done.stdout
+    assert "harness diagnose unexplained.urdf --states 12" in done.stdout
     assert "the file is the truth, and pinocchio/urdf differs from it" in done.stdout
 
 
