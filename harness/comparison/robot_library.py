@@ -212,7 +212,7 @@ def _read(path: str, floating_base: bool) -> Robot | None:
 
 
 def on_and_off(library: Library, quantities: Sequence[Quantity], engines: Iterable[str]) -> list[str]:
-    """What acts of each file in answers of engines about quantities, and what is off, a sentence for each file; none for mechanisms."""
+    """A sentence for each file on what of it acts in answers of engines about quantities, and what is off; none for mechanisms."""
     if not isinstance(library, RobotLibrary):
         return []
     without = [one.name for one in quantities if not one.is_default and not one.takes_all]

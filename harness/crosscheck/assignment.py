@@ -84,7 +84,7 @@ class Assignment:
 
     @property
     def acts(self) -> bool:
-        """Whether all of a user's file acts with which the subject's answers are judged; one that is aided has its actuators alone."""
+        """True where all of a user's file acts with which answers are judged; one that is aided has its actuators alone."""
         return self.library.acts and self.asked.takes_all and self.library.stance == Stance.PLAIN
 
     @property

@@ -113,7 +113,7 @@ class FileCase:
         return self.search.explaining(own) or self.search.orders_explaining(own, moved_clamps(self.original.robot))
 
     def left(self, answers: EngineAnswers, compared: Comparison) -> list[str]:
-        """What is known of answers that nothing explains, a sentence each; none where digits are lost and no more."""
+        """Sentences on answers that nothing explains; none where digits are lost and no more."""
         accelerations = answers.of(self.at.robot.joints)
         if self.touching.is_any.any() and is_held(compared[self.apart]):
             return ["it is only at states where bodies touch that it is not what its documentation gives"]

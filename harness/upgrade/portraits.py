@@ -85,7 +85,7 @@ def portray(library: Library, system: str, subject: Subject, seed: int, note: No
 
 
 def _left_out(one: Assignment, robot: Robot) -> Iterator[LeftOut]:
-    """What of a file that would move it is not asked about; of what acts, the elements that are not judged."""
+    """Parts of a file that would move it and are not asked about; of what acts, the elements that are not judged."""
     known = all_judged(robot, load_engine(one.library, one.subject.engine)) if one.acts else []
     judged = {(switch.group.what, switch.number) for switch in known}
     acting = {group.what: group.of(robot) for group in GROUPS if any(what == group.what for what, _ in judged)}

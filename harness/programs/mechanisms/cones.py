@@ -117,7 +117,7 @@ class Cone:
         return np.asarray(found[:, self.friction[0]] / np.sqrt(found[:, self.ratio]))
 
     def _widest(self, found: Array, reach: Array) -> Array:
-        """How far both edges move at most where y moves by ``reach``."""
+        """The most that both edges move where y moves by ``reach``."""
         across = (found[:, list(self.friction)] * reach[:, 1:]).sum(axis=1)
         return np.asarray(np.maximum(1.0, self._mu(found)) ** 2 * (reach[:, 0] + across))
 

@@ -205,7 +205,7 @@ class Zones:
         return sides, last, within
 
     def _are_shown(self, known: Array, found: Array, ranges: Ranges, sides: Sides, last: tuple[Array, Array]) -> tuple[Array, Flags]:
-        """What each force would be, (n, clamps), and (n,) whether that and what contacts do are shown to fit ``sides``.
+        """Forces without their ranges, (n, clamps), and (n,) whether these and what contacts do are shown to fit ``sides``.
 
         ``last`` is what forces were last, and within what; contacts that slide have moved since.
         """
@@ -289,7 +289,7 @@ class Zones:
 
 
 def _approximate(zones: Zones, known: Array, found: Array) -> Bounded:
-    """What each force would be without its range, and y of cones, with infinite bounds where nothing is known.
+    """Forces without their ranges, and y of cones, with infinite bounds where nothing is known.
 
     Solutions of the equations have narrower bounds than an elimination instruction by instruction.
     """
