@@ -24,7 +24,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
     """Search for the hardest states of NAME.
 
     Stores with the system the states at which each subject does worst; every later run compares them again.
-    Those of a robot's FILE go to hard_states/ beside it.
+    Those of a robot's FILE, which is searched with its actuators, dry friction, limits and equalities on, go to hard_states/ beside it.
 
     \b
     Examples:
@@ -33,11 +33,13 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
       harness search arm_7r --quantity mass_matrix
       harness search robot.urdf --no-keep
     """
+    from harness.comparison.robot_library import on_and_off
     from harness.hard.search import DEFAULT_BUDGET, SearchSettings, StateSearch
     from harness.results.hard_states import as_lines
+    from harness.truth.quantities import find_quantities
 
     require("a search follows evolution strategies", "cma")
-    bracket.choose_library([name])
+    bracket.choose_library([name], acts=True)
     settings = SearchSettings(
         library=bracket.library,
         name=name,
@@ -52,5 +54,7 @@ def command(bracket: Bracket, name: str, subjects: tuple[str, ...], quantity: st
     study = StateSearch(settings)
     result = bracket.complete(study)
     bracket.write_json(search=result.to_json())
-    say(f"{bracket.library.label(name)}: {result.sentence}.", "", *as_lines(result))
+    engines = [subject.partition("/")[0] for subject in result.states]
+    acting = [f"{one}." for one in on_and_off(bracket.library, [find_quantities()[quantity]], engines)]
+    say(" ".join([f"{bracket.library.label(name)}: {result.sentence}.", *acting]), "", *as_lines(result))
     bracket.finish(study.problems, result.crashed, result.status == 0)

@@ -80,7 +80,7 @@ def evolve(assignment: Assignment, states: int, population: int, seed: int, note
 
     A strategy that has converged starts again elsewhere, with twice the population.
     """
-    judge, space = assignment.judge, StateSpace(assignment.mechanism, decades)
+    truth, space = assignment.truth, StateSpace(assignment.mechanism, decades)
     random = np.random.default_rng([seed, population])
     population = max(SMALLEST_POPULATION, min(population, states))
     tried: list[tuple[States, Comparison]] = []
@@ -89,9 +89,9 @@ def evolve(assignment: Assignment, states: int, population: int, seed: int, note
         strategy = _strategy(space, population, random)
         while left >= population and not strategy.stop():
             points = strategy.ask()
-            batch = space.decode(np.array(points))
+            batch = truth.asked_at(space.decode(np.array(points)))
             note(note_of(str(assignment.subject), batch))
-            comparison = judge(batch)
+            comparison = assignment.judge(batch)
             strategy.tell(points, (-objective(comparison)).tolist())
             left -= population
             tried.append((batch, comparison))

@@ -12,14 +12,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from harness.crosscheck.assignment import Assignment, refuse_robots
+from harness.crosscheck.assignment import Assignment, load_audited, refuse_robots
 from harness.crosscheck.expected import load_expectations, on_file
 from harness.crosscheck.hypothesis_search import note_of
 from harness.crosscheck.side_tasks import ask_one_by_one, readings_and_refusal
@@ -27,11 +27,12 @@ from harness.crosscheck.variation import shrink
 from harness.engines import NotOffered, Subject, Unsupported, asked_of, engine_files, installed_version, load_engine, select_subjects
 from harness.errors import InvalidInput, InvalidRequest, not_installed
 from harness.hard.evolution import Hunt, hunt, hunts
-from harness.hard.worst_cases import digits_lost, locate, reproduce
+from harness.hard.worst_cases import Loss, digits_lost, locate, reproduce
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.states import States
 from harness.results.hard_states import (
+    SOLVER,
     FoundCase,
     FoundState,
     SearchResult,
@@ -44,6 +45,7 @@ from harness.results.hard_states import (
 )
 from harness.results.records import ACCELERATIONS, quantity_options
 from harness.study import Inquiry, Note, Part, Study, ask, call
+from harness.truth.compare import Comparison
 from harness.truth.quantities import find_quantities, require_quantity
 from harness.verdict import SEVERITY, Verdict
 from harness.version import __version__
@@ -158,9 +160,9 @@ class StateSearch(Study):
         if self._has_failed(outcome, assignment.subject):
             return
         self._cases += outcome.value
-        if any(found.verdict == Verdict.EXPLAINED for found, _ in outcome.value):
+        if any(found.verdict == Verdict.EXPLAINED and found.term != SOLVER for found, _ in outcome.value):
             outcome = yield from ask(call, readings_and_refusal, assignment, self.settings.seed, "")
-            if not self._has_failed(outcome, assignment.subject):
+            if not self._has_failed(outcome, assignment.subject) and outcome.value[0]:
                 self.found.readings[str(assignment.subject)] = outcome.value[0]
 
     def _replay(self, assignment: Assignment, crash: Crash) -> Inquiry[None]:
@@ -229,8 +231,9 @@ class StateSearch(Study):
             is_mild = SEVERITY[one.verdict] <= SEVERITY[expectation.verdict] and (one.backward_error or 0.0) <= expectation.limit
             result.cases.append(FoundCase(found=one, expected=expectation.verdict, as_expected=is_mild, replay=replay, reproducer=program))
         new = merged([], [case.found for case in result.cases])
+        explained = any(case.found.verdict == Verdict.EXPLAINED for case in result.cases)
         if not new:
-            result.not_stored = "every state agrees"
+            result.not_stored = "every state agrees or is explained" if explained else "every state agrees"
         elif not settings.keep:
             result.not_stored = "not asked for"
         else:
@@ -254,21 +257,33 @@ def read(library: Library, name: str, subjects: Sequence[Subject], quantity: str
 
 def examine(assignment: Assignment, states: States, note: Note) -> list[tuple[FoundState, str]]:
     """Each state shrunk and explained, with its reproducer; of states with one verdict and term the worst."""
-    judge = assignment.judge
-
-    def noted(batch: States) -> Any:
-        note(note_of(str(assignment.subject), batch))
-        return judge(batch)
-
-    explained: list[FoundState] = []
-    for index in range(len(states)):
-        state, error = shrink(noted, assignment.mechanism, states[index : index + 1])
-        verdict = str(noted(state).verdicts[0])
-        loss = locate(assignment, state)
-        about = {"state": state.as_json(0), "verdict": verdict, "term": loss.term, "statement": loss.statement}
-        explained.append(_found(assignment, backward_error=None if math.isnan(error) else error, digits_lost=digits_lost(error), **about))
+    explained = [_examined(assignment, states[index : index + 1], note) for index in range(len(states))]
     worst = worst_of_each(explained, attrgetter("verdict", "term"))
     return [(found, reproduce(assignment, States.at(**found.state))) for found in worst]
+
+
+def _examined(assignment: Assignment, state: States, note: Note) -> FoundState:
+    """One state shrunk, under its own controls, and explained."""
+    driving = {name: getattr(state, name) for name in ("control", "activation")}
+
+    def driven(batch: States) -> States:
+        return replace(batch, **{name: np.repeat(value, len(batch), axis=0) for name, value in driving.items()})
+
+    def judged(batch: States) -> Comparison:
+        note(note_of(str(assignment.subject), driven(batch)))
+        return assignment.judge(driven(batch))
+
+    state, error = shrink(judged, assignment.mechanism, state)
+    state, comparison, stopped = driven(state), judged(state), ""
+    if comparison.are_all(Verdict.DISAGREES):
+        # Imported late: a search in which nobody disagrees needs nothing of it.
+        from harness.crosscheck.solvers import judged_to_the_end
+
+        certified, model = assignment.truth.evaluate(state), load_audited(assignment)
+        comparison, stopped = judged_to_the_end(assignment, certified, model, state, comparison)
+    loss = Loss(SOLVER, stopped) if stopped else locate(assignment, state)
+    seen = {"state": state.as_json(0), "verdict": str(comparison.verdicts[0]), "term": loss.term, "statement": loss.statement}
+    return _found(assignment, backward_error=None if math.isnan(error) else error, digits_lost=digits_lost(error), **seen)
 
 
 def _found(assignment: Assignment, **seen: Any) -> FoundState:

@@ -62,8 +62,8 @@ class Loss:
     """The place where one answer lost its digits.
 
     Attributes:
-        term: "mass matrix" (forming or factorising it), "velocity", "gravity" or "passive"; of another quantity than accelerations the
-            block that is farthest off; "none" where it is not known.
+        term: "mass matrix" (forming or factorising it), "velocity", "gravity" or "passive"; ``SOLVER`` where one of constraints
+            stops early; of another quantity than accelerations the block that is farthest off; "none" where it is not known.
         statement: the same in a sentence.
         at_rest: backward error where forces stand for the velocity terms, in the data roundoff of the state itself; None
             where that is not known.

@@ -28,6 +28,8 @@ from harness.storage import write_atomically
 from harness.verdict import AGREEMENT, SEVERITY, SOUND, Verdict
 
 FOLDER = "hard_states"
+# In place of a term, where a solver of constraints stops before the optimum that its engine documents.
+SOLVER = "solver"
 _Case = TypeVar("_Case", "FoundState", "RankedCase")
 
 
@@ -36,7 +38,7 @@ class FoundState:
     """One state at which a subject did badly.
 
     Attributes:
-        state: {"q": (nq,), "v": (nv,), "tau": (nv,)} in SI.
+        state: {"q": (nq,), "v": (nv,), "tau": (nv,)} in SI; with time, control and activation where these are not 0.
         subject: as "mujoco/mjcf".
         backward_error: [units of data roundoff]; None for a crash or an answer that is not finite.
         digits_lost: decimal digits beyond those the data leave open.
@@ -63,9 +65,9 @@ class FoundState:
     quantity: str = ACCELERATIONS
 
     def __post_init__(self) -> None:
-        if list(self.state) not in (["q", "v", "tau"], ["q", "v", "tau", "time"]) or not all(
-            math.isfinite(value) for part in self.state.values() for value in part
-        ):
+        first, further = list(self.state)[:3], list(self.state)[3:]
+        is_state = first == ["q", "v", "tau"] and further == [name for name in ("time", "control", "activation") if name in further]
+        if not is_state or not all(math.isfinite(value) for part in self.state.values() for value in part):
             raise ValueError('"state" is not {"q": [...], "v": [...], "tau": [...]} with finite numbers')
         if self.verdict not in SEVERITY:
             raise ValueError(f'"verdict" is {self.verdict!r}; expected one of {", ".join(SEVERITY)}')
@@ -263,7 +265,8 @@ class SearchResult:
                 f"{', '.join(wrong)} {plural(len(wrong), 'does', 'do')} worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree"
             )
         read = [f"; {subject} answers for the file as it reads it: {explanation(one)}" for subject, one in self.readings.items()]
-        return f"nobody does worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree{''.join(read)}"
+        stops = [f"; {case.found.statement}" for case in self.cases if case.found.term == SOLVER]
+        return f"nobody does worse than expected; of {asked} {size}, up to {AGREEMENT:g} agree{''.join([*read, *stops])}"
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``harness.results.plain_json.dumps``."""
