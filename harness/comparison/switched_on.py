@@ -24,6 +24,7 @@ from harness.comparison.robot_library import RobotLibrary, engine_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.as_read import Folded, effects, read_by
+from harness.explain.changes.placements import as_placed, placement_of
 from harness.explain.changes.readings import element_at
 from harness.explain.documented import documented, effect_of_friction, engine_documenting, switched_off_by_file
 from harness.explain.file_case import FileCase, is_held
@@ -33,7 +34,7 @@ from harness.explain.touching import Touching
 from harness.files.equalities import Equality
 from harness.files.findings import EQUALITIES
 from harness.library import Stance
-from harness.results.readings import Effect
+from harness.results.readings import Effect, lines_text
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import SwitchedOnRecord
 from harness.trees.robot import with_actuators
@@ -122,7 +123,18 @@ def _shapes(at: Meant, caller: Engine, answers: EngineAnswers) -> ShapesRecord |
     # Shapes of bodies that are fused have other bodies and numbers.
     if not answers.contacts or caller.fuses(element_at(at.robot.tree.place), at.robot.format):
         return None
-    return hold_shapes(at.robot, at.states.q, answers.contacts, answers.shapes)
+    found = hold_shapes(at.robot, at.states.q, answers.contacts, answers.shapes)
+    placement = placement_of(caller.name, caller.reader)
+    if found is None or not found.rest or placement is None or at.robot.shapes is None:
+        return found
+    elsewhere = tuple(as_placed(placement, at.robot.tree, shape) for shape in at.robot.shapes.shapes)
+    moved = [one.place for one, other in zip(at.robot.shapes.shapes, elsewhere, strict=True) if one != other]
+    robot = replace(at.robot, shapes=replace(at.robot.shapes, shapes=elsewhere))
+    by_engine = hold_shapes(robot, at.states.q, answers.contacts, answers.shapes) if moved else found
+    if by_engine is None or by_engine.rest:
+        return found
+    lines = lines_text([place.line for place in moved])
+    return replace(by_engine, verdict=str(Verdict.EXPLAINED.value), placement=f"{placement.sentence} ({lines}): {placement.remedy}")
 
 
 def with_verdict(

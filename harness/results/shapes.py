@@ -15,6 +15,7 @@ class ShapesRecord:
         contacts: how many are judged by closed forms. given: how many are taken as the engine finds them.
         error: the worst of distances, normals and points, in roundoffs of what is added.
         rest: what is otherwise than in the file, a sentence for each pair of shapes and kind.
+        placement: where the engine's compiler puts shapes, and what to do about it, where that explains all; "" for where the file does.
     """
 
     verdict: str
@@ -22,6 +23,7 @@ class ShapesRecord:
     given: int
     error: float
     rest: list[str] = field(default_factory=list)
+    placement: str = ""
 
     @property
     def text(self) -> str:
@@ -32,4 +34,5 @@ class ShapesRecord:
             return f"other contacts than the file has: {self.rest[0]}{more}"
         if not self.contacts:
             return f"no contact is of shapes with a closed form{given}" if given else "no shapes touch, and none do by the file"
-        return f"{counted_nouns(self.contacts, 'contacts')} within {error_text(self.error)} roundoffs of where the file has them{given}"
+        by, why = ("the compiler", f". {self.placement}") if self.placement else ("the file", "")
+        return f"{counted_nouns(self.contacts, 'contacts')} within {error_text(self.error)} roundoffs of where {by} has them{given}{why}"

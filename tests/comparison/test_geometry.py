@@ -406,3 +406,48 @@ def test_a_file_whose_shapes_mean_something_else_says_why(old: str, new: str, wh
     path.write_text(SHAPES.replace(old, new, 1))
     shapes = read_robot(path).shapes
     assert shapes is not None and shapes.why_not.startswith(why)
+
+
+# Shapes in frames that are nearly theirs.
+
+NEARLY = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+<body name="link" pos="0 0 0.2"><freejoint/>
+  <inertial pos="0.1 0.02 0" quat="0.8 0 0.6 0" mass="1" diaginertia="0.01 0.02 0.015"/>
+  <geom name="rod" type="capsule" size="0.05 0.2" pos="{pos}" quat="{quat}"/>
+</body>
+</worldbody></mujoco>"""
+PLACED = {
+    "at the inertia": ("0.1000003 0.0199996 0", "0.8000002 0 0.6 0"),
+    "along the inertia": ("0.1 0.03 0", "0.8 1e-7 0.6 0"),
+    "at the body": ("3e-7 0 -5e-7", "1 0 4e-7 0"),
+    "along the body": ("0.2 0 0", "1 0 4e-7 0"),
+}
+
+
+@pytest.mark.usefixtures("at_few_states")
+@pytest.mark.parametrize("place", PLACED)
+def test_a_shape_that_is_nearly_in_a_frame_of_its_body_is_put_there(place: str, tmp_path: Path) -> None:
+    position, orientation = PLACED[place]
+    path = written(tmp_path, NEARLY.format(pos=position, quat=orientation))
+    record = judge_switched_on(meant_by(path), "mujoco")
+    assert record.shapes is not None and (record.explained, record.shapes.rest) == (True, [])
+    assert record.shapes.contacts > 0 and record.shapes.verdict == Verdict.EXPLAINED
+    line = line_of(path, 'name="rod"')
+    assert f"differ by less than 1e-6 (line {line}): write" in record.shapes.text
+
+
+@pytest.mark.usefixtures("at_few_states")
+@pytest.mark.parametrize(("position", "orientation"), [("0.100002 0.02 0", "0.80001 0 0.6 0"), ("2e-6 0 0", "0.8 0 0.60001 0")])
+def test_one_that_is_further_from_them_stays_where_the_file_has_it(position: str, orientation: str, tmp_path: Path) -> None:
+    record = judge_switched_on(meant_by(written(tmp_path, NEARLY.format(pos=position, quat=orientation))), "mujoco")
+    assert record.shapes is not None and (record.shapes.verdict, record.shapes.placement, record.shapes.rest) == (Verdict.AGREES, "", [])
+
+
+@pytest.mark.usefixtures("at_few_states")
+def test_contacts_elsewhere_are_red_beside_one_that_is_put_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    call_engines_here(monkeypatch)
+    real = adapter.found_contacts
+    monkeypatch.setattr(adapter, "found_contacts", lambda model, data: [CHANGED["points"](one) for one in real(model, data)])
+    position, orientation = PLACED["at the inertia"]
+    record = judge_switched_on(meant_by(written(tmp_path, NEARLY.format(pos=position, quat=orientation))), "mujoco")
+    assert record.shapes is not None and record.shapes.rest and record.shapes.verdict == Verdict.DISAGREES
