@@ -18,9 +18,12 @@ MOST_SHARED_NAMES = 2
 # The one class that is a language: its methods are the operators.
 LANGUAGE = "Term"
 JOINT_KINDS = {"hinge", "slide", "planar", "ball", "free"}
+# A docstring says what a thing is, its noun first.
+NO_NOUNS = {"How", "Of", "What", "When", "Where", "Whether", "Which", "Whose"}
 
 Module = tuple[str, ast.Module]
 Functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+DOCUMENTED = (ast.Module, ast.ClassDef, *Functions)
 
 
 def modules(package: Path) -> list[Module]:
@@ -165,6 +168,12 @@ def climbing_registrations(found: list[Module]) -> list[str]:
     return answer
 
 
+def docstrings_without_a_subject(found: list[Module]) -> list[str]:
+    """Docstrings whose first word is no noun of the thing."""
+    documented = ((name, node, ast.get_docstring(node)) for name, tree in found for node in walked(tree) if isinstance(node, DOCUMENTED))
+    return [f"{name}:{getattr(node, 'lineno', 1)} {text}" for name, node, text in documented if text and text.split()[0] in NO_NOUNS]
+
+
 @dataclass(frozen=True)
 class Bar:
     """At most so many of what ``count`` finds, and a file of the package with ``planted`` further ones."""
@@ -184,6 +193,7 @@ BARS = [
     Bar(questions_of_kind, 3, "def f(library, quantity):\n    return library.is_of_robots or quantity != ACCELERATIONS\n", 2),
     Bar(names_of_two_classes, MOST_SHARED_NAMES, "class Planted: ...\nclass A:\n    class Planted: ...\n"),
     Bar(files_with_joint_kinds, 4, 'KIND = "planar"\n'),
+    Bar(docstrings_without_a_subject, 0, 'def f():\n    """What it does."""\n'),
     Bar(climbing_registrations, 0, "from harness.report import site\n\n@site.pages.register\ndef f(study): ...\n"),
 ]
 

@@ -84,7 +84,7 @@ def quantity_costs(scene: Scene, quantity: Quantity, subjects: Sequence[Subject]
 
 
 def calls_at(asked: Calls, q: Array) -> Callable[[Model], None]:
-    """What asks a model what is asked at positions ``q``, (n, nq), and nothing at others, as at zero for the engine's own frames."""
+    """Function that asks a model at positions ``q``, (n, nq), and nothing at others, as at zero for the engine's own frames."""
     calls = [call for call in asked.each if np.array_equal(call.arguments[0], q)]
     # An engine may write into what it is given.
     given = [(call.method, [np.array(one) if isinstance(one, np.ndarray) else one for one in call.arguments]) for call in calls]

@@ -42,7 +42,7 @@ class AskedEngine:
         return ask_engine(self.caller.name, self._question(switches, at, few, solver))
 
     def settled(self, switches: Sequence[Switch], at: Meant) -> Meant:
-        """What is read, at states of which some are where the engine's own steps lead; as it is where the harness lets it take none."""
+        """The robot as read, at states of which some are where the engine's own steps lead; as it is where it may take none."""
         numbers = settling(len(at.states))
         part = replace(at, states=at.states[numbers])
         question = self._question(switches, part, few=False, solver=None)
@@ -67,7 +67,7 @@ class AskedEngine:
 
 
 def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Meant, Flags]:
-    """What is read, at states where constraints are felt, and which of them no limit pushes and nothing is nearly at rest.
+    """The robot as read, at states where constraints are felt; and which of them no limit pushes and nothing is nearly at rest.
 
     Half of the states nearly close the equalities: anywhere else impedances are those of far away. A quarter is beyond limits, another
     where the engine's steps lead, so that bodies touch, and another so slow and so nearly at rest that dry friction gives.

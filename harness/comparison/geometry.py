@@ -41,7 +41,7 @@ _Pair = tuple[Shape, Shape]
 
 @dataclass
 class _Held:
-    """What is found of the contacts of one engine, state by state."""
+    """Findings on the contacts of one engine, state by state."""
 
     placed: ShapesInWorld
     known: dict[frozenset[str], tuple[_Pair, ContactNumbers]]

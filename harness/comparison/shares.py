@@ -34,7 +34,7 @@ def exchanges(values: Mapping[Chosen, Any], place: int, count: int) -> list[tupl
 
 
 def leads_through(values: Collection[Chosen], count: int) -> bool:
-    """Whether some order of ``count`` causes comes through subsets with values alone."""
+    """True where some order of ``count`` causes comes through subsets with values alone."""
     return _orders(values, count)[0].get((1 << count) - 1, 0) > 0
 
 

@@ -57,7 +57,7 @@ def departures_from(library: Library, engine: str, read: ModelFile) -> dict[Depa
 
 
 def _differ(read: ModelFile, one: ConstraintLaw, other: ConstraintLaw) -> bool:
-    """Whether laws of one constraint differ in more than the words for the same inverse weights."""
+    """True where laws of one constraint differ in more than the words for the same inverse weights."""
     if one.weights is None or other.weights is None or one.has_curvature != other.has_curvature:
         return one != other
     weights = _weights(read, [one, other])

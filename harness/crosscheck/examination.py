@@ -47,7 +47,7 @@ Row = tuple[int, str, str, str, str]
 
 
 class NotNeeded(NamedTuple):
-    """What the engine does not need.
+    """Elements that the engine does not need.
 
     Attributes:
         start: place in the text of the element. plain: of one that only holds others, the text without it; "" for what goes altogether.

@@ -29,7 +29,7 @@ def read_control(path: Path) -> Control:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file is a table by its name."""
+    """True for a file that is a table by its name."""
     return path.suffix.lower() in _READERS
 
 

@@ -207,7 +207,7 @@ def _named(prefix: str, owner: str) -> str:
 
 
 def _is_absent(array: str, value: Array | None) -> bool:
-    """Whether a number that acts by its size, or a switch, is off."""
+    """True for a number that acts by its size, or a switch, that is off."""
     grows = array.partition(":")[0].endswith(("damping", "frictionloss", "armature", "stiffness", "biasprm", "gainprm"))
     return value is not None and not np.any(value) and (grows or array.startswith("flag"))
 

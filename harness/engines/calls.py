@@ -189,7 +189,7 @@ def _copied(value: Any) -> Any:
 
 
 def _is_same(before: Any, answer: Any) -> bool:
-    """Whether both are arrays of the same bits."""
+    """True for two arrays of the same bits."""
     arrays = isinstance(before, np.ndarray) and isinstance(answer, np.ndarray) and not answer.dtype.hasobject
     return arrays and (before.shape, before.dtype) == (answer.shape, answer.dtype) and before.tobytes() == answer.tobytes()
 

@@ -254,7 +254,7 @@ def _model_of_file(engine: Engine, request: Request) -> Model:
 
 
 def handed_over(source: ModelFile | Mechanism | Request) -> ModelFile | Mechanism | Request:
-    """What an engine is given: of a mechanism that is a user's file, the request to load that."""
+    """The mechanism that an engine is given; of one that is a user's file, the request to load that."""
     found: ModelFile | Mechanism | Request = source if isinstance(source, ModelFile | Request) else source.handed_to_engines
     return found
 

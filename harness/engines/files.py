@@ -89,7 +89,7 @@ class EngineFile(Description):
         return f"{self.requires[1]} {version} is older than {min(known)}, the oldest whose {model_format or 'readers'} the harness knows"
 
     def requirements(self, version: str) -> list[str]:
-        """What a version of the program needs beside what it requires itself; "" is the newest, which needs nothing."""
+        """Packages that a version of the program needs beside those that it requires itself; "" is the newest, which needs nothing."""
         # Imported late: an environment's interpreter imports this module and has no such package.
         from packaging.specifiers import SpecifierSet
 
@@ -296,7 +296,7 @@ def _version_beside(module: str, distribution: str) -> str | None:
 
 @functools.cache
 def _is_importable(module: str) -> bool:
-    """Whether the search path holds a module, as when engines were last described; no package is imported for what is in it."""
+    """True where the search path holds a module, as when engines were last described; no package is imported for what is in it."""
     package, *parts = module.split(".")
     found = importlib.util.find_spec(package)
     for part in parts:

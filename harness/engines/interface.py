@@ -1,4 +1,4 @@
-"""What a loaded model may be asked for beside accelerations, the plain data that it gives, and the audit of what it has loaded.
+"""Quantities that a loaded model may be asked for beside accelerations, the plain data that it gives, and the audit of what it has loaded.
 
 Each is a method of the model. q is (n, nq), v and qdd (n, nv), their columns as in ``forward_dynamics``; joints are those that ``load``
 was given, each once.
@@ -215,7 +215,7 @@ class Misread(Unsupported):
 
 
 class NotOffered(Unsupported):
-    """What was asked for is not among what the engine claims to compute, or the mechanism has nothing of the kind."""
+    """The engine does not claim to compute what was asked for, or the mechanism has nothing of the kind."""
 
 
 class InvalidAnswer(Exception):

@@ -229,7 +229,7 @@ class FileModel:
         return [*super().__dir__(), *METHODS]
 
     def __getattr__(self, name: str) -> Any:
-        """What the engine computes beside accelerations, as ``harness.engines.interface`` says.
+        """Quantities that the engine computes beside accelerations, as ``harness.engines.interface`` says.
 
         Raises:
             NotOffered: the engine computes no such thing, states would have to be converted on the way, or it is asked about

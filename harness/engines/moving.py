@@ -194,7 +194,7 @@ class Control:
 
 @dataclass(frozen=True)
 class Timing:
-    """When controls are computed and when they act: each ``period`` [s], 0 for each step, and ``delay`` [s] later."""
+    """Times at which controls are computed and act: each ``period`` [s], 0 for each step, and ``delay`` [s] later."""
 
     period: float = 0.0
     delay: float = 0.0

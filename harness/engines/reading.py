@@ -1,4 +1,4 @@
-"""What adapters share that read a file: the text of a URDF, what is taken out of it before an engine reads it, and what native code writes.
+"""Parts that adapters of files share: the text of a URDF, what is taken out of it before an engine reads it, and what native code writes.
 
 Reasons of programs go to file descriptors 1 and 2 alone; messages of the harness repeat them.
 """

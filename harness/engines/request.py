@@ -106,7 +106,7 @@ class JointForces:
 
 @dataclass(frozen=True)
 class Aid:
-    """What a file holds that engines may leave out; an adapter takes what its engine does.
+    """Parts of a file that engines may leave out; an adapter takes those that its engine does.
 
     Attributes:
         gravity: (3,) [m/s^2]. forces: of the joints' dampers and springs. springs: between points of bodies.
@@ -201,7 +201,7 @@ class Request:
 
     @property
     def content(self) -> bytes:
-        """What is read."""
+        """The text that is read."""
         return self.path.read_bytes() if self.text is None else self.text.encode()
 
     @property

@@ -1,4 +1,4 @@
-"""What adapters share whose engines are asked at one state after the other, with joints of one axis and a base that is fixed or floats.
+"""Parts of adapters whose engines are asked at one state after the other, with joints of one axis and a base that is fixed or floats.
 
 An engine's part is to take a state, and to give the accelerations there, or M and the bias forces that they follow from: then
 M qdd + bias = tau + springs and dampers is solved by a factorisation of M. States, forces and answers are turned between the harness's

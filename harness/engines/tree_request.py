@@ -1,4 +1,4 @@
-"""What a file means, as a request: its joints, and what an aided engine is supplied with."""
+"""The meaning of a file as a request: its joints, and what an aided engine is supplied with."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[AskedJ
 
 
 def _frames_of_free_joints(tree: Tree) -> dict[str, Frame]:
-    """Of the free joints of links that stand in a frame at rest; those of an MJCF are measured in the world."""
+    """Frames of the free joints of links that stand in a frame at rest; those of an MJCF are measured in the world."""
     bodies = {body.name: body for body in tree.bodies}
     found: dict[str, Frame] = {}
     for body in tree.bodies:
@@ -84,7 +84,7 @@ def model_request(file: ModelFile, joints: Sequence[str], gravity: float) -> Req
 
 
 def aid_of(tree: Tree, joints: Sequence[AskedJoint]) -> Aid:
-    """What the harness supplies of a file to an engine that leaves it out, over ``joints``."""
+    """Parts of a file that the harness supplies to an engine that leaves them out, over ``joints``."""
     by_name = {joint.name: joint for joint in tree.joints}
     velocities = sum(len(joint.velocities) for joint in joints)
     damping, armature, springs = np.zeros(velocities), np.zeros(velocities), []

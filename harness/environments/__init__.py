@@ -114,7 +114,7 @@ def require_version(wanted: str) -> None:
 
 
 def environments_directory() -> Path:
-    """Where environments are kept, whoever made them."""
+    """The folder of environments, whoever made them."""
     return cache_directory() / "environments"
 
 

@@ -99,7 +99,7 @@ def _written(robot: Robot, ranges: Mapping[int, Bounds]) -> list[tuple[Place, Ma
 
 
 def _is_its_control(actuator: Actuator) -> bool:
-    """Whether the force of an actuator is its control, so that a range holds the one as the other."""
+    """True where the force of an actuator is its control, so that a range holds the one as the other."""
     numbers = [sign * number for sign, number in (*actuator.gain, *actuator.bias)]
     return numbers[0] == 1 and not any(numbers[1:])
 

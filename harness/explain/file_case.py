@@ -99,7 +99,7 @@ class FileCase:
 
     @cached_property
     def where_apart(self) -> Meant:
-        """What is read, at the states at which no bodies touch."""
+        """The robot as read, at the states at which no bodies touch."""
         return replace(self.at, states=self.at.states[self.apart], certified=self.computed[np.flatnonzero(self.apart)])
 
     @cached_property

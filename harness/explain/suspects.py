@@ -193,7 +193,7 @@ class SuspectSearch:
 
     @cached_property
     def columns(self) -> list[Array]:
-        """What a change of 1 of each suspect does to the truth, (n, nv) [data roundoffs]; 0 where it has none at a state."""
+        """Effect on the truth of a change of 1 of each suspect, (n, nv) [data roundoffs]; 0 where it has none at a state."""
         return [_Moves(self, one).column(float(one.number)) for one in self.suspects]
 
     def explaining(self, answers: Array) -> list[Explained]:
@@ -236,7 +236,7 @@ class SuspectSearch:
         return residual
 
     def moved(self, suspect: Suspect, value: float) -> Array | None:
-        """What a value does to the truth, (n, nv) [data roundoffs], 0 where that is not decided; None where no law has such a number."""
+        """Effect of a value on the truth, (n, nv) [data roundoffs], 0 where that is not decided; None where no law has such a number."""
         if value == float(suspect.number):
             return np.zeros_like(self._documented.high)
         try:

@@ -174,7 +174,7 @@ def judged_among(switches: Sequence[Switch], caller: Engine) -> list[Switch]:
 
 
 def held_with(robot: Robot, switches: Sequence[Switch], solver: SolverSettings | None = None) -> Held:
-    """What an engine is to hold of a robot with some of its elements on."""
+    """The parts of a robot that an engine is to hold with some of its elements on."""
     held = Held(tuple(one.kind for one in robot.equalities), (), solver)
     for group in GROUPS:
         held = group.held(held, [one for one in switches if one.group is group])

@@ -145,7 +145,7 @@ class TendonLinkage:
 
 @dataclass(frozen=True)
 class _Bound:
-    """What bounds a joint, ``of`` its name, or a tendon."""
+    """A bound of a joint, ``of`` its name, or of a tendon."""
 
     of: str | Tendon
 

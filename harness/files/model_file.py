@@ -112,7 +112,7 @@ class ModelFile:
     driven: tuple[str, ...] = ()
 
     def with_text(self, text: str) -> ModelFile:
-        """What the file would be with another text; raises as ``read_model``."""
+        """The file with another text; raises as ``read_model``."""
         return replace(_validated(self.path, text, self.format), acting=self.acting, driven=self.driven)
 
     @property

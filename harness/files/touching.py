@@ -48,7 +48,7 @@ class Touch:
 
     @property
     def is_elliptic(self) -> bool:
-        """Whether its force lies in a round cone; without friction it lies on a ray."""
+        """True where its force lies in a round cone; without friction it lies on a ray."""
         return bool(self.friction) and self.cone is ConeKind.ELLIPTIC
 
     @functools.cached_property

@@ -234,7 +234,7 @@ class Actuator(Placed):
 
 
 class SensorKind(StrEnum):
-    """What a sensor measures, by its tag; a vector (3,), of which a single number is the first component and the others are 0.
+    """The measure of a sensor, by its tag; a vector (3,), of which a single number is the first component and the others are 0.
 
     In the axes of its site: the acceleration of the site less gravity, its velocity, its angular velocity, and force and moment about it
     that the body of the site gets from the body that it hangs on. Along the world's axes: the acceleration of the site less gravity, and
@@ -256,22 +256,22 @@ class SensorKind(StrEnum):
 
     @property
     def is_transmitted(self) -> bool:
-        """Whether it is what a body gets from another."""
+        """True for what a body gets from another."""
         return self in (SensorKind.FORCE, SensorKind.TORQUE)
 
     @property
     def is_in_world(self) -> bool:
-        """Whether it is along the world's axes."""
+        """True for one along the world's axes."""
         return self in (SensorKind.LINEAR_ACCELERATION, SensorKind.ANGULAR_ACCELERATION)
 
     @property
     def is_of_actuators(self) -> bool:
-        """Whether it is what actuators do."""
+        """True for what actuators do."""
         return self in (SensorKind.ACTUATOR_FORCE, SensorKind.JOINT_ACTUATOR_FORCE)
 
     @property
     def is_of_joints(self) -> bool:
-        """Whether it is where a joint is, or how fast."""
+        """True for the position of a joint, or its velocity."""
         return self in (SensorKind.JOINT_POSITION, SensorKind.JOINT_VELOCITY)
 
 

@@ -1,4 +1,4 @@
-"""How far motions with contacts are from rigid ones: mechanisms whose rigid motion has a closed form, or whose accelerations are all known.
+"""Distances of motions with contacts from rigid ones: mechanisms whose rigid motion has a closed form, or all known accelerations.
 
 An engine that gives at contacts moves otherwise than rigid bodies under Coulomb's law, by as much as its parameters have it give. Each
 ``RigidCase`` turns one parameter of a mechanism and measures one number of the motion; the rigid answers are intervals, of which there are
@@ -48,7 +48,7 @@ _WORLD = {"lateral_friction": 1.0, "restitution": 1.0}
 
 @dataclass(frozen=True)
 class ContactSetting:
-    """How an engine is asked to hold contacts.
+    """Settings with which an engine holds contacts.
 
     Attributes:
         length: of a step [s]. edits: of an MJCF; where there are any, engines that read no MJCF are not asked.

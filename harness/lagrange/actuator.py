@@ -60,7 +60,7 @@ class Actuator:
     def contradictions(
         self, coordinates: Collection[sp.Expr], rates: Collection[sp.Expr], parameters: Mapping[sp.Symbol, tuple[float, str]]
     ) -> Iterator[str]:
-        """What the declaration contradicts itself in, over the coordinates, rates and parameters of a system."""
+        """Contradictions of the declaration, over the coordinates, rates and parameters of a system."""
         if not isinstance(self.control, sp.Symbol) or self.control in parameters:
             yield f"has the control {self.control}; expected a symbol that is no parameter"
         if self.gain == 0 or self.control in self.gain.free_symbols:

@@ -91,7 +91,7 @@ class BenchmarkSummary:
         return f"{head}he cheapest {kind} with an error up to {error:.0e} are those of {way} ({span} {KINDS[kind]})"
 
     def _solvers(self) -> list[str]:
-        """How far each file's own solver goes, and which ones reach the last digit within how many iterations."""
+        """Distance to which each file's own solver goes, and the solvers that reach the last digit with their iterations."""
         found = []
         for (system, engine), costs in grouped(((one.system, one.engine), one) for one in self.benchmark.solvers if one.states).items():
             own, tried = costs[0], grouped((one.method, one) for one in costs if one.method)

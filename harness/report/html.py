@@ -127,7 +127,7 @@ def sentence_case(text: str) -> str:
 
 
 def address_of(link: str) -> str | None:
-    """Where ``link`` leads from the index of the site: itself, or the page of a text; None for a book or a paper."""
+    """The address of ``link`` from the index of the site: itself, or the page of a text; None for a book or a paper."""
     return link if re.fullmatch(r"https?://\S+", link) else page_of(link)
 
 

@@ -14,7 +14,7 @@ PREFIX, _NAME = "docs/issues/", re.compile(r"docs/issues/([\w-]+)\.md")
 
 @functools.cache
 def _folder() -> Traversable:
-    """Of the wheel, or of a clone."""
+    """The folder of the wheel, or of a clone."""
     own = files("harness").joinpath("issues")
     return own if own.is_dir() else Path(__file__).parents[2] / PREFIX
 

@@ -131,7 +131,7 @@ def _otherwise(before: FilesComparison, now: FilesComparison) -> Iterator[tuple[
 
 
 def conclude_changes(found: FilesComparison, now: Sequence[str], before: Mapping[str, str], where: str) -> Conclusion:
-    """What robots are against an earlier state of their files: two rows for each that is another, what it is and what engines make of it.
+    """Robots against an earlier state of their files: two rows for each that is another, of its file and of what engines make of it.
 
     ``found`` has the files ``now``, and those of ``before``, by the file now, that may be another; its pairs hold these against each other.
     ``where`` names the earlier state.
@@ -158,7 +158,7 @@ def conclude_changes(found: FilesComparison, now: Sequence[str], before: Mapping
 
 
 def _robot_changed(now: FileRecord | None, was: FileRecord | None, pair: PairRecord | None, was_there: bool) -> str:
-    """How a robot is another than before, a sentence; "" where it is the same."""
+    """The difference of a robot from before, a sentence; "" where it is the same."""
     if now is None:
         return "no longer there."
     if not was_there:

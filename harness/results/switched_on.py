@@ -127,7 +127,7 @@ def counted_parts(number: int, what: str) -> str:
 
 
 def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
-    """What an engine answers with all on that is judged, a clause behind its name, or behind those of ``many`` that answer alike."""
+    """The answer of an engine with all on that is judged, a clause behind its name, or behind those of ``many`` that answer alike."""
     if not record.verdict:
         return "; ".join(filter(None, [record.message, explanation(record.readings)])) or "is not judged"
     if record.shapes is not None and record.shapes.rest:
@@ -149,7 +149,7 @@ def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
 
 
 def switched_on_sentences(records: Sequence[SwitchedOnRecord], most: int) -> tuple[list[str], list[str]]:
-    """What engines answer with all on that is judged, where that is felt, those first that nobody explains; and rows on the rest of it.
+    """Answers of engines with all on that is judged, where that is felt, those first that nobody explains; and rows on the rest of it.
 
     At most so many sentences; engines of which the same is to be said have one.
     """
@@ -168,7 +168,7 @@ def with_those_on(record: SwitchedOnRecord) -> str:
 
 
 def stays_off(left_out: Sequence[LeftOut], judged: Sequence[SwitchedOnPart]) -> list[str]:
-    """What of a file that would move it is off in every answer; of what is judged in part, with lines and reason.
+    """Parts of a file that would move it and are off in every answer; of what is judged in part, with lines and reason.
 
     ``judged``: the elements of all kinds of which some are judged.
     """

@@ -219,7 +219,7 @@ class Upgraded:
 
     @property
     def _on(self) -> str:
-        """What acts besides the equations of motion, a clause; "" where nothing does."""
+        """A clause on elements that act besides the equations of motion; "" where none does."""
         numbers = {one.now.system: one.actuators for one in self._compared if one.actuators}
         of = "" if self._is_of_one else f" of {counted(len(numbers), self.noun)}"
         return f", with {counted(sum(numbers.values()), 'actuator')}{of} on" if numbers else ""

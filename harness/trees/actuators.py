@@ -33,7 +33,7 @@ _WHERE = 3
 
 @dataclass(frozen=True)
 class _Clamped:
-    """What a range holds; ``numbers`` are ``share``, ``constant`` and ``bounds`` of a ``Clamp``."""
+    """A term held within a range; ``numbers`` are ``share``, ``constant`` and ``bounds`` of a ``Clamp``."""
 
     numbers: tuple[Given, ...]
     raw: Term

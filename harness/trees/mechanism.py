@@ -87,7 +87,7 @@ class RobotMechanism(Mechanism):
 
     @property
     def held(self) -> Any:
-        """What acts beside the tree in an engine that reads the file, as of ``Request``; None for nothing."""
+        """Elements that act beside the tree in an engine that reads the file, as of ``Request``; None for none."""
         return self.request and self.request.held
 
 

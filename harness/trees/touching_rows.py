@@ -35,7 +35,7 @@ def touching_rows(world: World, name: str, touch: Touch) -> list[Row]:
 
 
 def _acts(world: World, touch: Touch, point: Vector, axis: Vector, is_turn: bool) -> Iterator[tuple[int, Spatial]]:
-    """What a multiplier of 1 means on the nodes of both bodies: a force along an axis at the point, or a moment about it."""
+    """Actions of a multiplier of 1 on the nodes of both bodies: a force along an axis at the point, or a moment about it."""
     builder = world.kinematics.builder
     for body, sign in zip(touch.bodies, (-1, 1), strict=True):
         number, _ = world.kinematics.frames[body]

@@ -156,7 +156,7 @@ def _manners(contact: RigidContact, at: _Rows) -> tuple[Manner, ...]:
 
 
 def _is_same(one: RigidAnswer, other: RigidAnswer, size: float) -> bool:
-    """Whether two accelerations are one but for rounding, beside those without contacts, of ``size``."""
+    """True for two accelerations that are one but for rounding, beside those without contacts, of ``size``."""
     room = _SAME * max(size, *np.abs(one.accelerations), *np.abs(other.accelerations))
     return bool(np.abs(one.accelerations - other.accelerations).max() <= room)
 
@@ -184,7 +184,7 @@ class _Combination:
                 self._held.append((contact, contact.rows[1], list(at.rows[contact.rows[1]])))
 
     def answer(self) -> RigidAnswer | None:
-        """What is consistent with the manners; None where nothing is."""
+        """The answer that is consistent with the manners; None without one."""
         chosen = self._independent()
         rest = [number for number in range(len(self._held)) if number not in chosen]
         given = self._shared() if rest else {}

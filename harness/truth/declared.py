@@ -77,7 +77,7 @@ class DeclaredMechanism(Mechanism):
 
     @property
     def holds_rigid(self) -> bool:
-        """Whether its constraints hold rigid beside dry friction or limits, so that states have to close them."""
+        """True where its constraints hold rigid beside dry friction or limits, so that states have to close them."""
         return self.constraints is not None and bool(self.laws) and all(law.is_rigid for _, law in self.laws)
 
     @property
@@ -227,7 +227,7 @@ def _is_rounding(program: StraightLineProgram, inputs: Array, residuals: Array) 
 
 
 def lost(mechanism: DeclaredMechanism) -> float:
-    """Of the squared unit roundoff times sensitivity, what each state's own numbers lose as sums of two float64 numbers.
+    """The loss of each state's own numbers as sums of two float64 numbers, in squared unit roundoffs times sensitivity.
 
     A varying impedance is such a sum, and is linear within half an ulp of the distance: its slope is rounded, and its second derivative
     left out, which are powers p and p (p - 1) of the larger impedance at most.

@@ -22,7 +22,7 @@ FAR_LINKS = (
 
 
 class FarLinks:
-    """What the joints of one robot carry, and how far from the centre of all that is, with every joint at zero.
+    """The bodies that joints of one robot carry, and their distances from the centre of all, with every joint at zero.
 
     MuJoCo forms composite inertias about that centre: what a joint carries has m r^2 there, of which the small inertia about the joint's
     own axis is what is left of a difference. One unit roundoff of m r^2 stays in the entries of M, whatever the arithmetic of the rest.

@@ -107,7 +107,7 @@ def linear(impedances: Sequence[Impedance], counts: Sequence[int], residuals: Ar
 
 
 def _is_within(residuals: Array, width: Array, share: Array, or_at: bool = True) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Whether each row, (n, rows), is no longer than a share of the width, or shorter."""
+    """True for each row, (n, rows), that is no longer than a share of the width, or shorter."""
     lengths, bounds = np.linalg.norm(residuals, axis=1), width * share
     found = np.asarray(lengths < bounds)
     for near in np.flatnonzero(np.abs(lengths - bounds) <= _NEAR * bounds).tolist():

@@ -1,4 +1,4 @@
-"""Where two shapes are nearest, by closed forms in balls: distance, normal and the point midway between their surfaces.
+"""The nearest points of two shapes, by closed forms in balls: distance, normal and the point midway between their surfaces.
 
 Planes reach everywhere. A capsule is the segment of its axis with a radius, and touches a plane with both of its ends; a box does with
 those of its corners that are no higher than its centre, of which corners as high as the centre may be left out. A sphere whose centre is in
@@ -56,7 +56,7 @@ class Nearest:
 
 
 def is_closed_form(first: str, second: str) -> bool:
-    """Whether shapes of two kinds have one here."""
+    """True where shapes of two kinds have one here."""
     kinds = {first, second}
     return (kinds <= {PLANE, *_ROUND} and kinds != {PLANE}) or kinds in ({PLANE, BOX}, {SPHERE, BOX})
 
@@ -129,7 +129,7 @@ def _in_box(ball: PlacedShape, box: PlacedShape) -> list[Nearest] | None:
 
 
 def are_parallel(first: PlacedShape, second: PlacedShape) -> bool:
-    """Whether two shapes are capsules whose axes are parallel but for rounding."""
+    """True for two capsules whose axes are parallel but for rounding."""
     return first.shape.kind == second.shape.kind == CAPSULE and _squared_sine(first, second) < _ROUNDED
 
 
@@ -178,7 +178,7 @@ def _apart(first: PlacedShape, second: PlacedShape, places: tuple[Any, Any], squ
 
 
 def _places(first: PlacedShape, second: PlacedShape, between: Vector) -> tuple[Any, Any]:
-    """Where on both axes, from the centres: the least of a convex function in a rectangle, inside or on an edge."""
+    """Places on both axes, from the centres: the least of a convex function in a rectangle, inside or on an edge."""
     slant, one, other = _dot(first.axis, second.axis), _dot(first.axis, between), _dot(second.axis, between)
     bent = 1 - slant * slant
     # Of exactly parallel axes this is no number, which is less than nothing.

@@ -96,7 +96,7 @@ _Pair = tuple[str, str]
 
 
 def contact_changes(system: str, subject: str, before: ContactPortrait | None, now: ContactPortrait | None) -> Iterator[RunChange]:
-    """What changed of contacts, the largest of each kind; nothing where a version has no portrait of them."""
+    """Changes of contacts, the largest of each kind; none where a version has no portrait of them."""
     if before is None or now is None or before.accelerations.shape != now.accelerations.shape:
         return
     change = partial(RunChange, system=system, subject=subject, before="")

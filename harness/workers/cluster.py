@@ -139,7 +139,7 @@ class Cluster:
         return bool(self._client.status == "running")
 
     def _seats(self) -> set[Seat]:
-        """Where tasks may run by now; nowhere while the scheduler does not answer. Raises as ``_is_reached``."""
+        """Places where tasks may run by now; none while the scheduler does not answer. Raises as ``_is_reached``."""
         threads: dict[str, int] = {}
         with contextlib.suppress(OSError):
             threads = self._client.nthreads() if self._is_reached() else {}

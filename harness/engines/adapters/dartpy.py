@@ -165,7 +165,7 @@ class DartEngine(Engine):
 
 
 def _read_without_meshes(request: Request, read: Callable[[str], Any]) -> tuple[Any, tuple[str, ...]]:
-    """What ``read`` returns of the file; without its meshes where it refuses it with them, as where they are elsewhere, which a note says.
+    """The result of ``read`` on the file; without its meshes where it refuses it with them, as where they are elsewhere, which a note says.
 
     Raises:
         Refused: from ``read``, with the meshes, where it refuses the file without them too.

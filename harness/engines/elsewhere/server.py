@@ -140,7 +140,7 @@ def _names_of(kind: Any) -> tuple[list[str], list[str]]:
 
 
 def _passes(value: Any) -> bool:
-    """Whether a value can be passed on."""
+    """True for a value that can be passed on."""
     from harness.engines.elsewhere.transport import dumps
 
     try:

@@ -81,7 +81,7 @@ def _weighed_by_mass(tree: Tree, _: Constraint, law: ConstraintLaw) -> Constrain
 
 
 def only_slides(tree: Tree, body: Body) -> bool:
-    """Whether MuJoCo takes a body for one whose block of M is its mass: its "simple" body of level 2.
+    """True where MuJoCo takes a body for one whose block of M is its mass: its "simple" body of level 2.
 
     It slides along its own axes alone, hangs on the world, carries no body, and has its inertia in its own frame.
     """
@@ -127,7 +127,7 @@ def _without_curvature(tree: Tree, constraint: Constraint, law: ConstraintLaw) -
 
 
 def _is_linear(tree: Tree, says: AnyRows | None) -> bool:
-    """Whether rows are linear in the positions of joints, so that J is the same everywhere."""
+    """True for rows that are linear in the positions of joints, so that J is the same everywhere."""
     if isinstance(says, Linkage | TendonLinkage):
         return not any(says.coefficients[2:]) and (isinstance(says, Linkage) or all(isinstance(one, Sum) for one in says.tendons))
     if isinstance(says, Limit) and isinstance(says.of, str):

@@ -24,7 +24,7 @@ ROOT = "/"
 
 @dataclass
 class _Block:
-    """What stands between braces: the contents of the prim or variant ``path``, a set of variants ``set``, or "" for a dictionary."""
+    """A text between braces: the contents of the prim or variant ``path``, a set of variants ``set``, or "" for a dictionary."""
 
     path: str
     set: str = ""

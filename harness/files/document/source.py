@@ -335,14 +335,14 @@ def _kind(path: Path) -> str:
 
 
 def _folders(source: Source) -> list[Path]:
-    """Where readers look: in the folders of the model and of its included files, and in those that it names below them."""
+    """The folders in which readers look: those of the model and of its included files, and in those that it names below them."""
     own = dict.fromkeys([source.document.path.parent, *(source.place(element).path.parent for element in source.root.iter("*"))])
     named = [str(one.get(name)) for one in source.root.iter("compiler") for name in ("meshdir", "texturedir", "assetdir") if one.get(name)]
     return [folder / name for folder in own for name in ("", *named)]
 
 
 def _places(text: str, folders: list[Path]) -> Iterator[Path]:
-    """Where the file of an attribute may lie; some readers go by the name of a file alone."""
+    """Paths at which the file of an attribute may lie; some readers go by the name of a file alone."""
     name = _SCHEME.sub("", text.strip())
     if name:
         yield from dict.fromkeys(folder / one for folder in folders for one in (name, Path(name).name))

@@ -35,7 +35,7 @@ _LOCATED = re.compile(r"(?:'|@|\s)(?P<path>[^'@\n]*?):(?P<line>\d+):\d+: (?P<wha
 
 @dataclass(frozen=True)
 class Property:
-    """What an attribute or relationship holds: numbers, words (tokens, strings, paths of prims), or a truth value as 0 or 1."""
+    """The value of an attribute or relationship: numbers, words (tokens, strings, paths of prims), or a truth value as 0 or 1."""
 
     place: Place
     numbers: tuple[float, ...] = ()
@@ -261,7 +261,7 @@ class _Reader:
         return Prim(path, str(prim.GetTypeName()), schemas, prim.GetDisplayName() or prim.GetName(), path.rpartition("/")[0], place, values)
 
     def _value(self, property: Any, number: int, path: str) -> Property | None:
-        """What a property holds; None where it holds nothing, or what no reading asks for."""
+        """The value of a property; None where it has none, or one that no reading asks for."""
         usd = self._usd
         stack = property.GetPropertyStack(usd.Usd.TimeCode.Default())
         if not stack:

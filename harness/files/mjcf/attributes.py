@@ -239,7 +239,7 @@ class Attributes:
         return linear
 
     def softness(self, element: etree._Element, of: str = "") -> SolverParameters:
-        """How a constraint gives, or what a joint or tendon has ``of`` one, "limit" or "friction"."""
+        """The softness of a constraint, or that which a joint or tendon has ``of`` one, "limit" or "friction"."""
         time, ratio = self.numbers(element, f"solref{of}", SOLREF)
         least, most, width, midpoint, power = self.numbers(element, f"solimp{of}", SOLIMP)
         return SolverParameters((time, ratio), (least, most, width, midpoint, power))

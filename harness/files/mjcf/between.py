@@ -236,7 +236,7 @@ def _of_flexes(source: Source, attributes: Attributes) -> Iterator[Unread]:
 
 
 def _of_plugins(source: Source) -> Iterator[Unread]:
-    """Of what has a plugin first: an instance in <extension> may act without."""
+    """Elements that have a plugin come first: an instance in <extension> may act without."""
     declared = {
         instance.get("name"): str(plugin.get("plugin"))
         for plugin in source.root.iterfind("extension/plugin")

@@ -67,7 +67,7 @@ def _why_not(source: Source, attributes: Attributes, element: etree._Element, ki
 
 
 def _pulling(source: Source, tree: Tree) -> Iterator[str]:
-    """What acts on bodies and through no joint, but for equalities of points and frames, which stand in the truth."""
+    """Elements that act on bodies and through no joint, but for equalities of points and frames, which stand in the truth."""
     if tree.springs or any(body.gravity_compensation for body in tree.bodies):
         yield "springs between points or gravcomp pull"
     if source.root.find("actuator/*[@site]") is not None:

@@ -63,7 +63,7 @@ def _pair(pair: etree._Element) -> frozenset[str]:
 
 
 def _numbers_of(attributes: Attributes, pair: etree._Element) -> ContactNumbers:
-    """What a pair says of its contacts, which take nothing from its shapes."""
+    """The numbers that a pair gives its contacts, which take nothing from its shapes."""
     friction = [max(LEAST_FRICTION, float(one)) for one in attributes.numbers(pair, "friction", _PAIR_FRICTION)]
     softness = attributes.softness(pair)
     margin, gap = (float(attributes.number(pair, name, 0.0)) for name in ("margin", "gap"))

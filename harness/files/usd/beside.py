@@ -31,7 +31,7 @@ _ONE_SIDED, _WEAKER = "limits on one side", "numbers that a stronger namespace c
 
 @dataclass(frozen=True)
 class BesideTree:
-    """What the parts are told from; ``names`` are those of bodies by path, ``moving`` the prims of joints that move."""
+    """Sources from which the parts are told; ``names`` are those of bodies by path, ``moving`` the prims of joints that move."""
 
     path: Path
     prims: Mapping[str, Prim]

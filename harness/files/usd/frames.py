@@ -1,4 +1,4 @@
-"""Where prims stand: the transform operations of UsdGeom as frames one in the other, and the units of a stage.
+"""Frames of prims: the transform operations of UsdGeom as frames one in the other, and the units of a stage.
 
 The first operation of ``xformOpOrder`` is the outermost. ``rotateXYZ`` turns about x first. A matrix holds the new axes in its rows.
 

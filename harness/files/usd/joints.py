@@ -156,7 +156,7 @@ class JointReader:
     # What ties besides.
 
     def equality(self, prim: Prim, bodies: tuple[str, str], ends: tuple[Pose, Pose]) -> Equality:
-        """What a joint that closes a loop ties: frames of a fixed one, and points of a spherical one."""
+        """The equality of a joint that closes a loop: of frames for a fixed one, and of points for a spherical one."""
         soft = softness(prim, "mjc:solref", "mjc:solimp") or BY_DEFAULT if any(map(_is_soft, prim.schemas)) else None
         about: dict[str, Any] = {"softness": soft, "name": prim.name}
         if prim.kind == "PhysicsSphericalJoint":

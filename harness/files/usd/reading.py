@@ -58,7 +58,7 @@ class _Link:
 
 @dataclass
 class _Found:
-    """What the tree is made of, while it grows; ``moving``: names of joints by path."""
+    """The parts of the tree while it grows; ``moving``: names of joints by path."""
 
     bodies: list[Body] = field(default_factory=list)
     used: set[str] = field(default_factory=set)

@@ -58,7 +58,7 @@ def spring_of(prim: Prim, names: Mapping[str, str], prims: Mapping[str, Prim], p
 
 
 def bounds_of(prim: Prim) -> Iterator[str]:
-    """What bounds a tendon and no tree holds, by ``LeftOut.what``."""
+    """Bounds of a tendon that no tree holds, by ``LeftOut.what``."""
     if prim.number("mjc:frictionloss"):
         yield FRICTION
     if limited(prim, "mjc:limited", "mjc:range") is not None:

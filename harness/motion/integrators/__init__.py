@@ -78,7 +78,7 @@ def integrators(of: str = MECHANISMS) -> list[Integrator]:
 
 
 def kind_of(scene: Scene) -> str:
-    """Which of ``KINDS`` a scene is."""
+    """The kind of a scene, of ``KINDS``."""
     return ROBOTS if not scene.mechanism.energy_programs else MECHANISMS if scene.mechanism.constraints is None else CONSTRAINED
 
 

@@ -68,7 +68,7 @@ class Encoded(EncodedProgram):
 
     @property
     def has_system(self) -> bool:
-        """Whether the matrix of the equations is another than M."""
+        """True where the matrix of the equations is another than M."""
         return not np.array_equal(self.system, self.mass)
 
     @property

@@ -127,7 +127,7 @@ def _evaluate(code: Writer) -> None:
 
 
 def _outputs(code: Writer) -> None:
-    """What a program gives at n states, numbers (n, outputs, 3) in ``found``, where its inputs are within ``bounds`` of ``given``."""
+    """Outputs of a program at n states, numbers (n, outputs, 3) in ``found``, where its inputs are within ``bounds`` of ``given``."""
     program, count, places = Program(code), code.argument("outputs"), code.array("places")
     given, bounds, found = code.array("given", program.inputs), code.array("bounds", program.inputs), code.array("found", count, 3)
     for block in program.blocks():

@@ -49,7 +49,7 @@ class _Writer:
         return self.builder.inputs[self.builder.names.index(name)]
 
     def held(self, what: str, bounds: tuple[str, str], raw: Term) -> tuple[Term, Clamp]:
-        """What a range makes of a term, and the numbers by which it does."""
+        """A term within a range, and the numbers by which it is held."""
         names = [f"{part} of {what}" for part in _PARTS] + list(bounds)
         columns = [self.builder.names.index(name) - self.first for name in names]
         share, constant, below, above, low, high = map(self.input, names)

@@ -140,7 +140,7 @@ class Zones:
         return np.where(np.isnan(found), found, other)
 
     def reach(self, known: Array, found: Array, unit_roundoff: float) -> tuple[Array, Array]:
-        """What each force would be without its range, and y of cones, (n, both), in float64, and how far roundings lead.
+        """Each force as it would be without its range, and y of cones, (n, both), in float64, and how far roundings lead.
 
         Those are roundings of that and of its inputs.
         """
@@ -163,7 +163,7 @@ class Zones:
         return np.ascontiguousarray(np.hstack([known, found[:, : len(self.program.inputs) - known.shape[1]]]).T)
 
     def _put(self, found: Array, low: Array, high: Array, sides: Sides) -> None:
-        """What ``sides`` say of each force and contact."""
+        """The choice of ``sides`` for each force and contact."""
         self._put_clamps(found, low, high, sides.clamps)
         for zones, cone, part in zip(sides.cones.T, self.cones, self.parts, strict=True):
             cone.put(found, zones, sides.towards[:, part], sides.rest[:, part])
@@ -270,7 +270,7 @@ class Zones:
         return found
 
     def _cone_fits(self, number: int, found: Array, balls: Sequence[Any], sides: Sides, state: int) -> bool:
-        """Whether balls of y show that a contact does what ``sides`` say, which says what they do afterwards."""
+        """True where balls of y show that a contact does what ``sides`` say, which says what they do afterwards."""
         part = self.parts[number]
         y, before = balls[part], Zone(int(sides.cones[state, number]))
         zone = self.cones[number].zone_in_balls(found, y)

@@ -1,4 +1,4 @@
-"""What the sensors of a tree measure at given accelerations, each a block.
+"""Measures of the sensors of a tree at given accelerations, each a block.
 
 The acceleration of a site is that of the point less gravity, as an accelerometer has it. A body gets from the one that it hangs on what its
 own bodies and those behind them need for their motion, beyond their weight, and beyond what equalities of points and frames do to them.
@@ -103,7 +103,7 @@ def why_not_judged(tree: Tree, sensor: Sensor) -> str:
 
 
 def sensors(motion: TreeMotion, ties: Mapping[str, Meeting] | None = None) -> Iterator[Block]:
-    """What each sensor measures that is judged, in the order of the file.
+    """The measure of each sensor that is judged, in the order of the file.
 
     ``ties`` are the rows of equalities of points and frames by their names, for each of which there is a multiplier.
     """
@@ -158,7 +158,7 @@ def _of_joint(motion: TreeMotion, sensor: Sensor) -> tuple[Vector, Term]:
 
 
 def _at_site(motion: TreeMotion, points: _MovingPoints, sensor: Sensor, pulls: Sequence[_Pull]) -> tuple[Vector, Term]:
-    """What a sensor at a site measures, and its size."""
+    """The measure of a sensor at a site, and its size."""
     number, frame = motion.kinematics.frames[sensor.body]
     site, turn = placed(motion.kinematics.builder, sensor.pose, frame), points.orientation(number)
     point = points.at(number, turn @ site.shift)

@@ -127,7 +127,7 @@ class Truth(ABC):
 
     @abstractmethod
     def asks(self, model: Model, states: States) -> Calls:
-        """What an engine is asked, whose answers are formed into the shape of the certified ones."""
+        """The calls of an engine, whose answers are formed into the shape of the certified ones."""
 
     def answers(self, model: Model, states: States) -> Array:
         """Those of an engine, in the shape of the certified ones.

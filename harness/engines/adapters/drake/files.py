@@ -195,7 +195,7 @@ def built(building: Building) -> Any:
 
 
 def building(request: Request) -> Building:
-    """What makes the plant of a request: plain as its user does, or with what the parser passes over."""
+    """Builder of the plant of a request: plain as its user does, or with what the parser passes over."""
     text = text_for_parser(request)
     statements = "; ".join([*_reading(request, text), *(() if request.aid is None else _supplying(request, request.aid)), FINALIZE])
     return Building(text or "", statements, is_strict=request.text is not None)

@@ -111,7 +111,7 @@ class OnDevice:
         return self.evaluate(_driven if driving else _forward, qpos, qvel, applied, *driving)
 
     def evaluate(self, of_a_state: Callable[..., Any], *given: Array) -> Array:
-        """What a function of the model, its empty data and one state answers, at n states: positions, velocities and further vectors."""
+        """Answers of a function of the model, its empty data and one state, at n states: positions, velocities and further vectors."""
         answers, states = [], len(given[0])
         for start in range(0, states, BLOCK):
             block = [values[start : start + BLOCK] for values in given]
@@ -134,7 +134,7 @@ class MjxModel:
         return self._compiled.loaded()
 
     def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
-        """What the ``MjModel`` holds that is put on the device."""
+        """The ``MjModel``'s numbers, which are put on the device."""
         return self._compiled.held(positions, steps)
 
     def gaps(self, q: Array) -> dict[str, Array]:

@@ -64,7 +64,7 @@ def settings(root: etree._Element, model_format: str) -> etree._Element:
 
 
 def fuses(root: etree._Element, model_format: str) -> bool:
-    """Whether the compiler makes bodies that no joint moves one with their parents, which it does by itself in a URDF alone."""
+    """True where the compiler makes bodies that no joint moves one with their parents, which it does by itself in a URDF alone."""
     told = [compiler.get("fusestatic") for compiler in settings(root, model_format).iterfind("compiler[@fusestatic]")]
     return told[-1] == "true" if told else model_format == "urdf"
 

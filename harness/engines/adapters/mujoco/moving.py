@@ -124,7 +124,7 @@ class _Driver:
             self._data.ctrl[self._columns] = self.given
 
     def _calculated(self, step: int) -> Array:
-        """What the function returned at the time of which the control acts by now."""
+        """The value of the function at the time of which the control acts by now."""
         now, period = step * self._length, self._timing.period
         if not self._called or not period or now >= self._called[-1][0] + period * (1 - 1e-9):
             positions, velocities = self._places

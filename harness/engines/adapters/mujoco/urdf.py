@@ -189,7 +189,7 @@ def _orientation(document: Document, link: str) -> Array:
 
 
 def _accepted_inertia(body: Any, file_orientation: Array, moves: bool) -> tuple[dict[str, Any], dict[str, float]]:
-    """What a body is compiled with whose matrix MuJoCo refuses, and what the file gives a moving one that has too little.
+    """The inertia that a body is compiled with whose matrix MuJoCo refuses, and that of the file for a moving one that has too little.
 
     The former are attributes in the spec, with principal inertias; the latter, numbers of the compiled body to be written back.
     """

@@ -41,7 +41,7 @@ class WarpModel:
         return self._compiled.loaded()
 
     def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
-        """What the ``MjModel`` holds that is put into the worlds."""
+        """The ``MjModel``'s numbers, which are put into the worlds."""
         return self._compiled.held(positions, steps)
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:

@@ -35,7 +35,7 @@ class PlacedJoints:
 
     @cached_property
     def numbers(self) -> list[int]:
-        """Of the joint of the model that each joint is, or a part of.
+        """Numbers of the joint of the model that each joint is, or a part of.
 
         A ``KeyError`` where the file has another name, which the static audit tells and which no acceleration needs.
         """

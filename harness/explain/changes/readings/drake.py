@@ -1,4 +1,4 @@
-"""What Drake's parsers leave out in a plant in continuous time."""
+"""Elements that Drake's parsers leave out in a plant in continuous time."""
 
 import math
 from dataclasses import replace
@@ -66,7 +66,7 @@ def _written_gravity(robot: Robot) -> Tree:
 
 @law("several joints of a body", "bodies", after=("frames",))
 def _in_a_row(robot: Robot) -> Tree:
-    """Of several joints of a body, all but the last carry bodies of their own, without a pose."""
+    """All but the last of several joints of a body carry bodies of their own, without a pose."""
     taken = {body.name for body in robot.tree.bodies}
     bodies: list[Body] = []
     for body in robot.tree.bodies:

@@ -1,4 +1,4 @@
-"""What MuJoCo's reader of URDF takes from its own element ``<mujoco>``, and what it makes of links; one reading of its MJCF, and MJX's."""
+"""Readings of MuJoCo's reader of URDF: of its own element ``<mujoco>``, and of links; one reading of its MJCF, and MJX's."""
 
 import contextlib
 from collections.abc import Iterator, Mapping

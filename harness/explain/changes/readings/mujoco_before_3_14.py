@@ -58,7 +58,7 @@ def _with_moments(body: Body, inertia: Inertia, before: Array, now: Array) -> In
 
 @law("digits of a full inertia", "links", supplied=True, after=("rotation of an inertial origin", "mass of collision geometry"))
 def _with_dropped_products_of_links(robot: Robot) -> Tree:
-    """What is dropped of a link, and of each sum of links that are fused, is taken from the link that carries the others."""
+    """Products that are dropped of a link, and of each sum of fused links, are taken from the link that carries the others."""
     dropped = _dropped(robot.tree)
 
     def read(body: Body) -> Inertia | None:
@@ -71,7 +71,7 @@ def _with_dropped_products_of_links(robot: Robot) -> Tree:
 
 
 def _dropped(tree: Tree) -> dict[str, Array]:
-    """What is dropped of the inertia of each moving link, with those fused with it, (3, 3) along the axes of the link [kg m^2]."""
+    """The dropped part of the inertia of each moving link, with those fused with it, (3, 3) along the axes of the link [kg m^2]."""
     exact: dict[str, BodyInertia] = {}
     kept: dict[str, BodyInertia] = {}
     carriers: dict[str, tuple[str, Array, Array]] = {}

@@ -1,4 +1,4 @@
-"""What MuJoCo before 3.15 makes of the damping ratio of a servo."""
+"""The reading of the damping ratio of a servo by MuJoCo before 3.15."""
 
 from dataclasses import replace
 

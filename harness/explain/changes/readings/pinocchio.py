@@ -1,4 +1,4 @@
-"""What Pinocchio's dynamics leave out, and its reader of URDF; ``pinocchio_mjcf`` has its reader of MJCF."""
+"""Elements that Pinocchio's dynamics leave out, and its reader of URDF; ``pinocchio_mjcf`` has its reader of MJCF."""
 
 import math
 from dataclasses import replace
@@ -33,7 +33,7 @@ def _in_the_plane_of_the_frame(joint: Joint) -> Joint:
     each=with_bodies,
 )
 def _without_energy(body: Body) -> Body:
-    """Of the only joint of its body: several are composed to one, which has the energy of all."""
+    """The armature of the only joint of a body has no energy; several are composed to one, which has the energy of all."""
     joints = body.joints
     return replace(body, joints=(replace(joints[0], armature=Fraction(0)),)) if len(joints) == 1 and _is_unaligned(joints[0]) else body
 

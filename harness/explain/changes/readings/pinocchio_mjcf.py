@@ -89,7 +89,7 @@ def _pass_over_sections(root: etree._Element) -> bool:
 
 @law("bodies without attributes", "bodies", after=("frames", "further trees"))
 def _without_bare_bodies(robot: Robot) -> Tree:
-    """What such a body carries hangs on the world, in the pose that it has in that body."""
+    """The bodies that such a body carries hang on the world, in the pose that they have in that body."""
     elements = {body.name: element_at(body.place) for body in robot.tree.bodies}
     bare = {name for name, element in elements.items() if element is not None and not element.attrib}
     joints = {joint.name for body in robot.tree.bodies if body.name in bare for joint in body.joints}
@@ -154,7 +154,7 @@ def _with_reference_in_degrees(joint: Joint) -> Joint:
 
 @law("least masses and inertias", "links")
 def _raised(robot: Robot) -> Tree:
-    """Of full moments it raises the entries of the diagonal, whatever the principal moments are."""
+    """The entries of the diagonal are raised of full moments, whatever the principal moments are."""
     tree, bounds = robot.tree, robot.tree.bounds
     if bounds is None:
         return tree

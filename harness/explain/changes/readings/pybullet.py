@@ -1,4 +1,4 @@
-"""What PyBullet's reader of URDF leaves out, the boxes that it takes inertias of, and its way to their principal axes."""
+"""Elements that PyBullet's reader of URDF leaves out, the boxes that it takes inertias of, and its way to their principal axes."""
 
 import math
 from collections.abc import Callable
@@ -55,7 +55,7 @@ def half_extents(body: Body) -> Array:
 
 
 def _of_single_shape(collision: etree._Element, extents: Array) -> Array:
-    """Of a shape by itself: a sphere has the moments of a cube, a cylinder its margin once more, and 1/12 is rounded for some."""
+    """A shape by itself: a sphere has the moments of a cube, a cylinder its margin once more, and 1/12 is rounded for some."""
     shape = collision.find("geometry/*")
     if shape.tag == "sphere":
         # 2/5 m r^2 is m/12 of twice the square of this edge.

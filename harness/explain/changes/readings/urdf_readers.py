@@ -1,4 +1,4 @@
-"""What adam, DART and iDynTree, which read URDF alone, leave out of it or take otherwise."""
+"""Elements that adam, DART and iDynTree, which read URDF alone, leave out of it or take otherwise."""
 
 from dataclasses import replace
 from fractions import Fraction
