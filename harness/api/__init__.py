@@ -114,6 +114,7 @@ class Options(TypedDict, total=False):
         workers: processes; one per CPU for None. time_limit: of one task [s], 60 by default.
         floating_base: whether a free joint is put under the roots of robots' URDFs.
         aided: whether engines are supplied with what they leave out of robots' files.
+        worlds: equal ones that every subject is asked for at once, whether they answer alike; 0 for none, the default.
     """
 
     library: str | Path | None
@@ -126,6 +127,7 @@ class Options(TypedDict, total=False):
     time_limit: float
     floating_base: bool
     aided: bool
+    worlds: int
 
 
 def check(names: Names = (), *, quantities: str | Sequence[str] = (), **options: Unpack[Options]) -> CheckedRecords:
@@ -277,6 +279,7 @@ def _settings(names: Names, options: Options) -> Settings:
         seed=options.get("seed", 0),
         stand_ins={name: Path(path) for name, path in given.items() if name != "library"},
         examples=None,
+        worlds=options.get("worlds", 0),
         replay_options=[
             *(word for name, path in given.items() for word in (f"--{name}", path)),
             *["--floating-base"] * floating_base,

@@ -31,6 +31,9 @@ class CheckOptions:
     subjects: Annotated[tuple[str, ...], subjects_option]
     quantities: Annotated[tuple[str, ...], quantities_option("accelerations, and in a line for each subject the others at a few states")]
     stand_ins: Annotated[Mapping[str, Path], stand_in_options]
+    worlds: Annotated[
+        int, click.option("--worlds", type=click.IntRange(min=2), default=0, metavar="N", help="Say whether N equal worlds answer alike.")
+    ]
     state: Annotated[str | None, click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')]
 
 
@@ -74,6 +77,7 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
         stand_ins=asked.stand_ins,
         state=_parse_state(asked.state),
         componentwise=asked.state is not None,
+        worlds=asked.worlds,
         replay_options=[*bracket.replay_options, *options],
     )
     bracket.begin(asked.states, "check")

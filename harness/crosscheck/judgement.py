@@ -57,6 +57,7 @@ class Pair:
         readings: that explain what a file is read as. rest: sentences on what they leave, or on why a user's file is refused.
         remarks: sentences that change no verdict.
         from_rigid: how far answers that are held against a declared truth are from the rigid one, relative, part by part.
+        unequal_worlds: as of ``Record``.
     """
 
     subject: Subject
@@ -84,6 +85,7 @@ class Pair:
     rest: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     from_rigid: list[Array] = field(default_factory=list)
+    unequal_worlds: float | None = None
 
     @property
     def key(self) -> str:
@@ -199,6 +201,7 @@ def record_of(settings: Settings, expectations: Expectations, system: SystemProg
         else {},
         readings=by_effect(pair.readings),
         rest=pair.rest,
+        unequal_worlds=pair.unequal_worlds,
         stance=str(settings.library.stance) if settings.library.reads_files else "",
         features=_asked_features(system, pair),
         componentwise_error=None if pair.componentwise is None or math.isnan(pair.componentwise) else pair.componentwise,

@@ -339,3 +339,11 @@ class CrossCheck(Study):
             state = shown[0][[LARGEST]]
             outcome = yield from ask(call, measure_componentwise, pair.assignment, state, beyond, affinity=system.name)
             pair.componentwise = outcome.value
+        if self.settings.worlds and not pair.failure:
+            # A run that is about no worlds imports nothing of it.
+            from harness.crosscheck.worlds import equal_worlds
+
+            outcome = yield from ask(call, equal_worlds, pair.assignment, self.settings.worlds, self.settings.seed, affinity=system.name)
+            failure = self.failure(outcome)
+            pair.unequal_worlds, said = outcome.value or (None, f"Whether equal worlds answer alike is not known: {failure}")
+            pair.remarks.append(f"{said}.")

@@ -42,6 +42,7 @@ class Settings:
         examples: folder of hypothesis' example database; None for none.
         componentwise: whether every record gets its componentwise backward error; without, those that may be beyond ``AGREEMENT``.
         replay_options: command-line options that say where library and stand-ins are, for replay commands.
+        worlds: equal ones that every subject is asked for at once, whether they answer alike; 0 for none.
     """
 
     library: Library
@@ -54,6 +55,7 @@ class Settings:
     examples: Path | None = Path(".hypothesis/harness")
     componentwise: bool = False
     replay_options: Sequence[str] = ()
+    worlds: int = 0
 
     def diagnosis(self, name: str, quantity: str = ACCELERATIONS) -> str:
         """The command that says all there is to say of why ``name``, or another system, is not as expected in a quantity."""

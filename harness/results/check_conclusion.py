@@ -141,6 +141,18 @@ def _read(explained: Sequence[Record]) -> str:
     return "".join(f". {sentence}" for sentence in [*reasons_text(largest), *stopping])
 
 
+def worlds_text(records: Iterable[Record]) -> str:
+    """A clause on how many answer alike in equal worlds, and who does not; "" where nobody was asked."""
+    asked = {one.title: one.unequal_worlds for one in records if one.unequal_worlds is not None}
+    unequal = [f"{title} by {size:.2g} of its answer" for title, size in asked.items() if size]
+    if not unequal:
+        of_all = f" in all {len(asked)}" if len(asked) > 1 else ""
+        return f"equal worlds answer with the same bits{of_all}" if asked else ""
+    more = len(unequal) - _MOST_NAMED
+    named = joined([*unequal[:_MOST_NAMED], *([f"{more} more"] if more > 0 else [])])
+    return f"equal worlds differ in {len(unequal)} of {len(asked)}: {named}"
+
+
 def _nothing(records: Sequence[Record]) -> str:
     whys = list(dict.fromkeys(f"{one.title}: {one.message or one.verdict}" for one in records))
     more = f", and {len(whys) - 1} more" if len(whys) > 1 else ""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
-from harness.results.check_conclusion import conclusion, was_compared, with_short_names
+from harness.results.check_conclusion import conclusion, was_compared, with_short_names, worlds_text
 from harness.results.detail import Detail
 from harness.results.hard_states import RankedCase
 from harness.results.records import ACCELERATIONS, Record
@@ -232,6 +232,7 @@ class CrossCheckResult(StudyResult):
         wrong, warnings = sum(not one.as_expected for one in others), sum(not part.fails for part in self.superfluous)
         further = f"{wrong} of {len(others)} answers for further quantities {plural(wrong, 'differs', 'differ')} unexpectedly"
         parts = [conclusion(with_short_names(one for one in self.records if one.quantity in quantities))]
+        parts += filter(None, [worlds_text(self.records)])
         parts += [further if wrong else f"{counted(len(others), 'answer')} for further quantities as expected"] if others else []
         parts += [f"not as expected: {' and '.join(self.faults_of_models)}"] if self.faults_of_models else []
         parts += [f"{counted(warnings, SUPERFLUOUS)} {plural(warnings, 'is a warning', 'are warnings')}"] if warnings else []

@@ -87,6 +87,8 @@ class Record:
         readings: what the engine's reader makes of a user's file, by effect, where the answer is not that of the file.
         stance: how the engine was asked about a user's file, "plain" or "aided"; "" for a mechanism.
         rest: sentences on what that leaves of a user's file, or on why the engine refuses it.
+        unequal_worlds: largest difference of answers of equal worlds, in one run, of two and of one world by itself, relative; None where
+            that was not asked.
 
     Raises:
         ValueError: ``verdict`` or ``expected`` is no verdict.
@@ -128,6 +130,7 @@ class Record:
     readings: list[Effect] = field(default_factory=list)
     rest: list[str] = field(default_factory=list)
     stance: str = ""
+    unequal_worlds: float | None = None
 
     def __post_init__(self) -> None:
         for verdict in (self.verdict, self.expected):
