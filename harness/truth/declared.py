@@ -238,10 +238,11 @@ def lost(mechanism: DeclaredMechanism) -> float:
 
 
 _DECLARED: Kept[DeclaredMechanism] = Kept(64)
+_ALONE: Kept[StraightLineProgram] = Kept(64)
 
 
 def _alone(rows: Constraints, name: str) -> StraightLineProgram:
-    return without_unused(replace(rows.program, outputs={name: rows.program.outputs[name]}))
+    return _ALONE.get((rows.key, name), lambda: without_unused(replace(rows.program, outputs={name: rows.program.outputs[name]})))
 
 
 def _least(law: ConstraintLaw, impedance: Any) -> Any:

@@ -10,7 +10,9 @@ import pytest
 
 from harness.arrays import Array
 from harness.files.rules import Impedance
-from harness.truth.impedance import linear
+from harness.programs.program import StraightLineProgram
+from harness.programs.terms import Builder
+from harness.truth.impedance import linear, nearest
 
 BITS, CASES = 192, 150
 
@@ -62,3 +64,22 @@ def test_one_law_counts_for_many_states() -> None:
     found = linear([law, other], [2, 1], np.array([[0.05], [0.2], [0.05]]))
     assert found.value == pytest.approx([0.925, 0.95, 0.5], rel=1e-15)
     assert found.slopes.tolist()[1:] == [[0.0], [0.0]] and found.slopes[0, 0] == pytest.approx(1.0, rel=1e-15)
+
+
+def _of_two(sign: int) -> StraightLineProgram:
+    """x + y, or x - y."""
+    builder = Builder(("x", "y"))
+    x, y = builder.inputs
+    return builder.program({"found": [x + sign * y]})
+
+
+def test_nearest_numbers_are_kept_for_the_same_program_and_numbers_alone() -> None:
+    plus, minus, given = _of_two(1), _of_two(-1), np.array([[1.0, 2.0, 3.0], [0.5, 0.25, 0.125]])
+    first = nearest(plus, given)
+    assert first.tolist() == [[1.5], [2.25], [3.125]] and nearest(_of_two(1), np.asfortranarray(given)) is first
+    assert nearest(minus, given).tolist() == [[0.5], [1.75], [2.875]]
+    given[0, 0] = 2.0
+    assert nearest(plus, given).tolist() == [[2.5], [2.25], [3.125]]
+    assert nearest(plus, given[:, ::-1]).tolist() == [[3.125], [2.25], [2.5]]
+    with pytest.raises(ValueError, match="read-only"):
+        first[0, 0] = 0.0
