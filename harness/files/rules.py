@@ -13,6 +13,10 @@ sides, a limit above 0 alone. A row that pushes alone is there where r < 0, and 
 A law with d = 1 at all distances has R_i = ``least_regularisation``, which may be 0: J qdd = aref then, as far as the force of the row
 goes in its range. All laws of a mechanism are of this kind, or none is.
 
+A law ``of_step`` is one of a step of length h that is linearly implicit: M h a + h^2 D a = h f, D the dampers of joints, beside rows by
+J (v + h a). Its metric is A = M + h D in the place of M, and with the diagonal A_d of A and the norm w = |J A_d^-1 J'|_F / n over the
+n rows of the constraint, A_i = max(``near_rigid`` w, ``least``) is R_i, d being 1/2.
+
 The rows of a contact with friction have one impedance, that of its distance, and one R_1 of the row along the normal, from which those
 of the others follow with the coefficients mu of friction and the ratio i of impedances: of a pyramid, whose edges push alone, all are
 2 mu_1^2 / i R_1, where A_1 is (1 + mu_1^2) times the sum of its weights. Of an elliptic cone R_2 = R_1 / i and
@@ -100,6 +104,22 @@ class FrictionCone:
 
 
 @dataclass(frozen=True)
+class StepRegularisation:
+    """R of the rows of one step.
+
+    Attributes:
+        length: h [s]. near_rigid: the least share of w in R. least: R of what gives by its own stiffness and dissipation [1/kg, or
+            1/(kg m^2)].
+        window: of the way that v or v* leads in the step, how far from a limit its row is left out; by default at no distance.
+    """
+
+    length: float
+    near_rigid: float
+    least: float
+    window: float = math.inf
+
+
+@dataclass(frozen=True)
 class ConstraintLaw:
     """Softness of one constraint.
 
@@ -112,6 +132,7 @@ class ConstraintLaw:
         is_contact: whether it is of a point in which bodies touch, whose impedance is that of its first row.
         cone: of a contact with friction, whose ``weights`` are those of its row along the normal alone.
         stiffness_ahead: k where r >= 0, of a row that pushes alone and is there before its limit is reached; None for one that is not.
+        of_step: of a step, see above; None for a law at an instant. All laws of a mechanism are of one step, or none is.
     """
 
     impedance: Impedance
@@ -124,6 +145,7 @@ class ConstraintLaw:
     is_contact: bool = False
     cone: FrictionCone | None = None
     stiffness_ahead: float | None = None
+    of_step: StepRegularisation | None = None
 
     @property
     def pushes_alone(self) -> bool:

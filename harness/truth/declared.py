@@ -10,6 +10,7 @@ Source: MuJoCo documentation, Computation, sections Constraint model and Solver 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -59,8 +60,8 @@ class DeclaredMechanism(Mechanism):
         laws: of each constraint by its name.
         zones: of the rows whose forces have a range; None without any.
         pushing: rows that push alone, by the places of their force in ``zones``.
-        problem: as of ``SoftenedProgram``, where contacts or rigid rows are among the constraints: so many sides are found as a least;
-            None elsewhere.
+        problem: as of ``SoftenedProgram``, where contacts, rigid rows or those of a step are among the constraints: so many sides are
+            found as a least; None elsewhere.
         given: the numbers of a robot's file that are its first parameters; () of a system's.
     """
 
@@ -139,6 +140,17 @@ class DeclaredMechanism(Mechanism):
         for place, row in self._within_limits:
             if place not in rigid:
                 high[residuals[:, row] >= 0, place] = 0.0
+        assert self.softened is not None
+        laws, rows = dict(self.laws), self.softened.rows
+        windows = [(place, row, law) for place, row in self.pushing if (law := laws[rows[row]].of_step) and law.window < math.inf]
+        if windows and self.problem is not None:
+            # Most laws are of an instant.
+            from harness.truth.window import are_beyond
+
+            places = [place for place, _, _ in windows]
+            distances = residuals[:, [row for _, row, _ in windows]]
+            beyond = are_beyond(self.problem, self.inputs(states, found), states.v, places, distances, [law for *_, law in windows])
+            high[:, places] = np.where(beyond, 0.0, high[:, places])
         if rigid:
             assert self.softened is not None
             of_rates = _alone(self.softened, RATE)
@@ -293,6 +305,8 @@ def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[Invers
             raise ValueError(f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
         inverse_masses = tuple(own if len(own) == count else [own[0]] * count)
     plain = Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature, law.force_range)
+    if law.of_step is not None:
+        plain = replace(plain, near_rigid=law.of_step.near_rigid, least=law.of_step.least)
     if law.is_rigid:
         return replace(plain, compliance=law.least_regularisation)
     if (cone := law.cone) is None:
@@ -349,7 +363,7 @@ def softened(
             **own,
             laws=tuple(by_name.items()),
             zones=Zones(tuple(clamps), written.unbounded, tuple(cones), tuple(paired), written.by_solution) if clamps or cones else None,
-            problem=written.problem if is_rigid or any(law.is_contact for law in by_name.values()) else None,
+            problem=written.problem if is_rigid or any(law.is_contact or law.of_step for law in by_name.values()) else None,
             pushing=tuple((place, row) for place, (name, row) in enumerate(written.ranged) if by_name[name].pushes_alone),
         )
 

@@ -36,7 +36,13 @@ def optimum(
     if not acting:
         return mechanism
     rows = {one.name: one.rows for one in acting if one.rows is not None}
-    tied = tied_tree(robot.tree, robot.joints, rows, written=mechanism.written)
+    written = mechanism.written
+    if (of_step := next((laws[one.name].of_step for one in acting), None)) is not None:
+        # Most laws are of an instant.
+        from harness.trees.metric import in_metric
+
+        written = in_metric(robot.tree, robot.joints, of_step.length)
+    tied = tied_tree(robot.tree, robot.joints, rows, written=written)
     weights = inverse_weights_of(
         mechanism.robot.tree,
         (part for one in acting for row in laws[one.name].weights or () for part in row),

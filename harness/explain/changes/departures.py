@@ -145,6 +145,13 @@ def _mean_impedance_of_friction(_: Tree, constraint: Constraint, law: Constraint
     return replace(law, impedance=replace(law.impedance, least=(least + most) / 2, most=(least + most) / 2))
 
 
+def _within_window(_: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
+    """The law of a limit that is left out of a step unless twice the way of the step leads there."""
+    if law.of_step is None or not isinstance(constraint.says, Limit):
+        return law
+    return replace(law, of_step=replace(law.of_step, window=2.0))
+
+
 _DUAL_PROBLEM = "MuJoCo documentation, Computation, Dual problem: the unconstrained acceleration of a constraint has the term J' v"
 _PARAMETERS = (
     "MuJoCo documentation, Computation, Parameters, Diagonal approximation: the directional inverse inertia is averaged into a scalar"
@@ -190,5 +197,15 @@ _DEPARTURES = (
         remedy="use MuJoCo where loops move fast",
         source=f"{_DUAL_PROBLEM}; mujoco.mjx, _src/constraint.py: aref has no such term",
         law=_without_curvature,
+    ),
+    Departure(
+        name="limits beyond a window",
+        engine="drake_step",
+        sentence="Drake leaves a limit out of a step unless twice the way that velocities lead without constraints reaches it, whatever "
+        "another limit makes of them",
+        remedy="expect a limit to be passed in a step in which another one throws its joint there, or take shorter steps",
+        source="Drake, documentation of SapLimitConstraint: the impulse is (y)_+ at every distance; multibody/plant/sap_driver.cc, "
+        "AddLimitConstraints: kLimitWindowFactor",
+        law=_within_window,
     ),
 )

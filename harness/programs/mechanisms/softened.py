@@ -14,8 +14,8 @@ import numpy as np
 from harness.programs.mechanisms.cones import sliding_weights
 from harness.programs.mechanisms.constraint_forces import Tied, solved, solved_from_tips, tied_equations
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
-from harness.programs.program import StraightLineProgram, without_unused
-from harness.programs.terms import Builder, Matrix, Term, Vector, matrix, vector
+from harness.programs.program import StraightLineProgram, position_count, without_unused
+from harness.programs.terms import Builder, Matrix, Term, Vector, length, matrix, sqrt, vector
 from harness.storage import Kept
 
 
@@ -33,6 +33,7 @@ class Softness:
         sliding_damping: b of its rows across the normal [1/s]; None for that of the normal.
         bound: the parameter that is the largest force of each row in either direction, of which the row's constant is a multiple; "" where
             the constant is the force.
+        near_rigid, least: of A of the rows of a step, see ``harness.files.rules``; None of a law at an instant.
         compliance: R of each row [1/kg, or 1/(kg m^2)], in place of what impedance and inverse masses give; None for these.
     """
 
@@ -46,6 +47,8 @@ class Softness:
     ratio: float = 1.0
     is_round: bool = False
     sliding_damping: float | None = None
+    near_rigid: float | None = None
+    least: float | None = None
     compliance: float | None = None
     bound: str = ""
 
@@ -57,12 +60,15 @@ class Softness:
     def form(self) -> Hashable:
         """Equal for laws of which there is one program, whatever their numbers are."""
         weighs = tuple(one is None for one in self.inverse_masses)
-        return weighs, self.has_bias, self.has_range, len(self.friction), self.is_round, self.sliding_damping is None, self.bound
+        of_step = self.near_rigid is not None
+        return weighs, self.has_bias, self.has_range, len(self.friction), self.is_round, self.sliding_damping is None, self.bound, of_step
 
 
 # Numbers of a law that a state may have of its own, behind the names of constraint and row.
 IMPEDANCE, REST, DISTANCE, SLOPE, INVERSE_MASS = "impedance", "rest of impedance", "distance", "slope", "inverse mass"
 SHARE, CONSTANT, UNBOUNDED, STIFFNESS = "share", "constant", "unbounded", "stiffness"
+# And of a step.
+NEAR_RIGID, LEAST, BEFORE = "near-rigid share", "least regularisation", "velocities before the step"
 # And of a contact with friction.
 FRICTION, RATIO, SLIDING_DAMPING = "friction", "ratio of impedances", "damping across the normal"
 STICKING, SLIDING, TOWARDS, REST_OF_TOWARDS = "sticking", "sliding", "towards", "rest of towards"
@@ -135,7 +141,10 @@ def _written(
     tied = tied_equations(constraints, [name for name, _ in numbers], independent_only=False)
     builder, mass, jacobian, zero = tied.builder, tied.mass, tied.jacobian, tied.builder.number(0)
     known = {name: builder.inputs[builder.names.index(name)] for name, _ in numbers}
-    exact = [row for name, rows in places.items() for row, own in zip(rows, laws[name].inverse_masses, strict=True) if own is None]
+    started = _started(tied, known, next((name for name in places if laws[name].near_rigid is not None), None))
+    tied = replace(tied, force=tied.force + started)
+    at_an_instant = [(name, rows) for name, rows in places.items() if laws[name].near_rigid is None]
+    exact = [row for name, rows in at_an_instant for row, own in zip(rows, laws[name].inverse_masses, strict=True) if own is None]
     columns = dict(zip(exact, solved(mass, [jacobian[row] for row in exact]) if exact else [], strict=True))
     weights, wanted, constants = (builder.zeros(len(constraints.rows)) for _ in range(3))
     ranged, shares = list[tuple[str, int]](), builder.vector([1] * len(constraints.rows))
@@ -147,8 +156,12 @@ def _written(
             slope, distance = (known[number_of(name, what, row)] for what in (SLOPE, DISTANCE))
             rest = rest + slope * (tied.residual[row] - distance)
         impedance = impedance + rest
+        of_step = None if law.near_rigid is None else _of_step(known, name, mass, jacobian[rows])
         for place, row in enumerate(rows):
-            own = jacobian[row] @ columns[row] if row in columns else known[number_of(name, INVERSE_MASS, row)]
+            if of_step is not None:
+                own = of_step
+            else:
+                own = jacobian[row] @ columns[row] if row in columns else known[number_of(name, INVERSE_MASS, row)]
             weights[row] = impedance / ((1 - impedance) * own)
             back = (stiffness * impedance) * tied.residual[row]
             bias = tied.bias[row] if law.has_bias else zero
@@ -192,13 +205,13 @@ def _written(
     problem = without_unused(builder.program(asked))
     return SoftenedProgram(
         # Minus, as those of the rigid forces -J' lambda.
-        tied.with_forces(weighted.T @ missing + jacobian.T @ constants, vector(-one for one in held)),
+        tied.with_forces(started + (weighted.T @ missing + jacobian.T @ constants), vector(-one for one in held)),
         numbers,
         without_unused(builder.program({UNBOUNDED: outside})),
         ranged,
         list(blocks),
         problem,
-        tied.with_system(stiffened, given),
+        tied.with_system(stiffened, started + given),
         _by_accelerations(problem, len(ranged), len(first)) if blocks else None,
     )
 
@@ -221,6 +234,25 @@ def share_and_constant(tied: Tied, known: Mapping[str, Term], law: Softness, row
     return share, constant * tied.builder.inputs[tied.builder.names.index(law.bound)] if law.bound else constant
 
 
+def _started(tied: Tied, known: Mapping[str, Term], name: str | None) -> Vector:
+    """Forces of 0 that feel half an ulp of the velocities that accelerations over a step are differences from; of one law of a step."""
+    if name is None:
+        return tied.builder.zeros(tied.nv)
+    end = position_count(tied.constraints.tree) + tied.nv
+    rates, per_step = vector(tied.builder.inputs[end - tied.nv : end]), known[number_of(name, "damping")]
+    return per_step * (tied.mass @ (known[number_of(name, BEFORE)] * rates - rates))
+
+
+def _of_step(known: Mapping[str, Term], name: str, metric: Matrix, jacobian: Matrix) -> Term:
+    """R of the rows of a constraint in a step, see ``harness.files.rules``."""
+    near_rigid, least = (known[number_of(name, what)] for what in (NEAR_RIGID, LEAST))
+    weighted = matrix([[entry / metric[place, place] for place, entry in enumerate(row)] for row in jacobian])
+    block = matrix([[row @ other for other in jacobian] for row in weighted])
+    scale = block[0, 0] if len(jacobian) == 1 else length(block.ravel()) / len(jacobian)
+    apart = near_rigid * scale - least
+    return least + (apart + sqrt(apart * apart)) / 2
+
+
 def _of_cone(law: Softness, first: Term, friction: Vector, ratio: Term, count: int) -> Vector:
     """The weights D of the rows of a contact with friction, from that of an impedance and an inverse mass."""
     steepest = friction[0] * friction[0]
@@ -234,6 +266,8 @@ def _of_cone(law: Softness, first: Term, friction: Vector, ratio: Term, count: i
 def _numbers(name: str, rows: Sequence[int], law: Softness) -> Iterator[tuple[str, float]]:
     """Names and values of the numbers of the law of a constraint."""
     of_all = {IMPEDANCE: law.impedance, REST: 0.0, STIFFNESS: law.stiffness, "damping": law.damping}
+    if law.near_rigid is not None and law.least is not None:
+        of_all |= {NEAR_RIGID: law.near_rigid, LEAST: law.least, BEFORE: 1.0}
     if law.friction:
         of_all |= {RATIO: law.ratio}
         of_all |= {} if law.sliding_damping is None else {SLIDING_DAMPING: law.sliding_damping}

@@ -46,7 +46,7 @@ class DrakeModel(StateByState):
     def __init__(self, built_by: Building, names: Mapping[str, str], request: Request) -> None:
         self._building = built_by
         self.plant = plant = built(built_by)
-        self._context = plant.CreateDefaultContext()
+        self.context = plant.CreateDefaultContext()
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         self._moving = {names.get(joint.name(), joint.name()): joint for joint in joints if joint.num_velocities()}
         unknown = {joint.type_name() for joint in self._moving.values()} - set(_SIZES)
@@ -62,7 +62,7 @@ class DrakeModel(StateByState):
         gravity = tuple(plant.gravity_field().gravity_vector().tolist())
         fixed = {body.index() for body in plant.GetBodiesWeldedTo(plant.world_body())}
         bodies = (plant.get_body(index) for instance in _instances(plant) for index in plant.GetBodyIndices(instance))
-        return LoadedModel(sizes, gravity, float(sum(body.get_mass(self._context) for body in bodies if body.index() not in fixed)))
+        return LoadedModel(sizes, gravity, float(sum(body.get_mass(self.context) for body in bodies if body.index() not in fixed)))
 
     @cached_property
     def _differentiated(self) -> DifferentiatedPlant:
@@ -91,22 +91,22 @@ class DrakeModel(StateByState):
             yield self._own_positions(position), velocity @ turn, force @ turn, turn
 
     def _go_to(self, q: Array, v: Array) -> None:
-        self.plant.SetPositions(self._context, self._own_positions(q))
-        self.plant.SetVelocities(self._context, v)
+        self.plant.SetPositions(self.context, self._own_positions(q))
+        self.plant.SetVelocities(self.context, v)
 
     def _accelerations(self, force: Array) -> Array:
-        self.plant.get_applied_generalized_force_input_port().FixValue(self._context, force)
+        self.plant.get_applied_generalized_force_input_port().FixValue(self.context, force)
         try:
-            return np.asarray(self.plant.get_generalized_acceleration_output_port().Eval(self._context))
+            return np.asarray(self.plant.get_generalized_acceleration_output_port().Eval(self.context))
         except RuntimeError as error:
             raise Refused(" ".join(str(error).split())) from error
 
     def _mass_matrix(self) -> Array:
-        return np.asarray(self.plant.CalcMassMatrix(self._context))
+        return np.asarray(self.plant.CalcMassMatrix(self.context))
 
     def _bias(self) -> Array:
         # Gravity, springs and dampers are force elements.
-        return np.asarray(self.plant.CalcBiasTerm(self._context) - _of_elements(self.plant, self._context))
+        return np.asarray(self.plant.CalcBiasTerm(self.context) - _of_elements(self.plant, self.context))
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``; of the accelerations' output port."""
@@ -119,7 +119,7 @@ class DrakeModel(StateByState):
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``: the output port of reaction forces, each about and along the axes of the child's frame."""
-        plant, context, names = self.plant, self._context, list(self.columns.sizes)
+        plant, context, names = self.plant, self.context, list(self.columns.sizes)
         found = np.empty((len(q), len(names), 6))
         port = plant.get_reaction_forces_output_port()
         indices = plant.GetJointIndices()
@@ -158,9 +158,9 @@ class DrakeModel(StateByState):
         Force elements contain gravity, which is not to be what is left of a difference.
         """
         plant, (weightless, context) = self.plant, _weightless(self._building)
-        weightless.SetPositionsAndVelocities(context, plant.GetPositionsAndVelocities(self._context))
-        gravity = -plant.CalcGravityGeneralizedForces(self._context)
-        return plant.CalcBiasTerm(self._context), gravity, -_of_elements(weightless, context)
+        weightless.SetPositionsAndVelocities(context, plant.GetPositionsAndVelocities(self.context))
+        gravity = -plant.CalcGravityGeneralizedForces(self.context)
+        return plant.CalcBiasTerm(self.context), gravity, -_of_elements(weightless, context)
 
     def reproducer(self, source: str, q: Array, v: Array, tau: Array, certified: Array) -> str:
         """See ``harness.hard.worst_cases``."""
@@ -183,7 +183,7 @@ _ACCELERATIONS = "p.Finalize(); p.get_generalized_acceleration_output_port().Eva
 class DrakeEngine(Engine):
     title = "Drake"
     requires = ("pydrake", "drake")
-    formats = ("urdf", "mjcf")
+    formats: tuple[str, ...] = ("urdf", "mjcf")
     optional = True
     supplied: Mapping[str, str] = dict.fromkeys(
         formats,
@@ -225,9 +225,13 @@ class DrakeEngine(Engine):
         balls = [joint.name for joint in request.joints if joint.kind == JointKind.BALL and request.aid is not None]
         refuse_joints(request, "Drake", [*floating, *balls])
         try:
-            return DrakeModel(building(request), {body: joint for joint, body in floating.items()}, request)
+            return self.model(building(request), {body: joint for joint, body in floating.items()}, request)
         except RuntimeError as error:
             raise Refused(" ".join(str(error).split())) from error
+
+    def model(self, built_by: Building, names: Mapping[str, str], request: Request) -> DrakeModel:
+        """The model of a request; raises RuntimeError as Drake does, and as ``built``."""
+        return DrakeModel(built_by, names, request)
 
     def moved(self, request: MotionsRequest) -> Moved:
         """See ``harness.engines.Engine``; of files as they stand."""
