@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from studies import assignment_of
-from support import InThisProcess, completed, make_library
+from support import InThisProcess, completed, harness, make_library
 
 from harness.crosscheck.run import CrossCheck
 from harness.crosscheck.settings import Settings
@@ -66,6 +66,11 @@ def test_worlds_of_our_engines_are_equal_to_the_last_bit() -> None:
     for subject in ("lagrange", "mujoco/mjcf", "pinocchio/urdf"):
         size, said = equal_worlds(assignment_of("double_pendulum", subject), 1000, seed=0)
         assert size == 0.0 and said.startswith("1,000 equal worlds answer with the same bits")
+
+
+def test_the_first_line_says_it() -> None:
+    done = harness("check", "double_pendulum", "--subject", "lagrange", "--states", "4", "--quantity", "accelerations", "--worlds", "8")
+    assert done.stdout.splitlines()[0] == "double_pendulum: lagrange agrees; equal worlds answer with the same bits."
 
 
 def test_nobody_is_asked_who_was_not_to_be() -> None:
