@@ -104,13 +104,16 @@ class MujocoModel(MujocoQuantities):
 
     def gaps(self, q: Array) -> dict[str, Array]:
         """``efc_pos`` of each equality; see ``harness.engines``."""
-        data, rows = mujoco.MjData(self.model), list[Array]()
+        data, rows, places = mujoco.MjData(self.model), list[Array](), np.array(self.addresses[0])
         for position in q:
-            data.qpos[self.addresses[0]] = position
+            data.qpos[places] = position
             mujoco.mj_fwdPosition(self.model, data)
-            owners = np.where(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY, data.efc_id, -1)
             rows.append(data.efc_pos.copy())
-        return {self.model.equality(one).name: np.array(rows)[:, owners == one] for one in range(self.model.neq)} if rows else {}
+        if not rows:
+            return {}
+        # Which are the same at every state.
+        owners, found = np.where(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY, data.efc_id, -1), np.array(rows)
+        return {self.model.equality(one).name: found[:, owners == one] for one in range(self.model.neq)}
 
     def reactions(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``: ``cfrc_int`` of ``mj_rnePostConstraint``, what a body's parent does to it.
