@@ -7,6 +7,7 @@ import gc
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from functools import partial
 from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -111,6 +112,25 @@ def copied(tmp_path: Path) -> Path:
     for folder in ("mjcf", "urdf"):
         (tmp_path / folder).symlink_to(REPOSITORY / folder)
     return tmp_path
+
+
+@pytest.fixture(scope="session")
+def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache with environments of engines, which all tests share and add to: that of ``HARNESS_TEST_CACHE``, or one of this run."""
+    from support import cache_with_mechanisms
+
+    kept = os.environ.get("HARNESS_TEST_CACHE")
+    cache = Path(kept) if kept else cache_with_mechanisms(tmp_path_factory.mktemp("environments") / "cache")
+    cache.mkdir(parents=True, exist_ok=True)
+    return cache
+
+
+@pytest.fixture(scope="session")
+def environment(environments: Path) -> Callable[[str], Path]:
+    """The cache that holds the environment of an engine, which is made at its first use in a run."""
+    from support import environment_in
+
+    return partial(environment_in, environments)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import functools
 import gzip
 import io
 import json
@@ -176,6 +177,17 @@ def cache_with_mechanisms(folder: Path) -> Path:
         shared.mkdir(parents=True, exist_ok=True)
         (folder / name).symlink_to(shared.resolve())
     return folder
+
+
+@functools.cache
+def environment_in(cache: Path, engine: str) -> Path:
+    """A cache that then holds an environment of an engine."""
+    if not any((cache / "environments").glob(f"{engine}@*/environment.json")):
+        words = [sys.executable, "-m", "harness", "engines", "add", engine]
+        variables = {**os.environ, "HARNESS_CACHE": str(cache)}
+        done = subprocess.run(words, capture_output=True, text=True, cwd=cache, env=variables, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    return cache
 
 
 def engine_source(answer: str = "return np.zeros_like(v)", top: str = "", requires: str = 'requires = ("numpy", "numpy")') -> str:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +10,7 @@ import pytest
 from comparison.robots import FILES, edited, meant_by
 from lxml import etree
 from robot_files import EVERYTHING
+from support import environment_in
 
 from harness.comparison import judgement
 from harness.comparison.robot_library import RobotLibrary, ask_engine, engines_of_files
@@ -21,6 +19,7 @@ from harness.engines.adapters.adam import with_origins
 from harness.explain.meant import question_of
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord
+from harness.storage import cache_directory
 from harness.workers import Workers
 
 pytestmark = pytest.mark.nightly
@@ -32,25 +31,18 @@ OTHERWISE = {"adam": "gravity", "dartpy": "implicit dampers", "idyntree": "joint
 
 
 @pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Environments that are made once for all tests."""
+def cache(environments: Path) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HARNESS_CACHE", str(tmp_path_factory.getbasetemp() / "environments"))
+        patch.setenv("HARNESS_CACHE", str(environments))
         yield
     describe_engines(RobotLibrary.without_files(), Workers)
-    _install.cache_clear()
-
-
-@functools.cache
-def _install(engine: str) -> None:
-    subprocess.run([sys.executable, "-m", "harness", "engines", "add", engine], check=True)
 
 
 def record_of(
     engine: str, path: Path, asked: Path | None = None, stance: Stance = Stance.PLAIN, floating_base: bool = False
 ) -> SubjectRecord:
     """The record on a file of what an engine answers on it, or at the same states on the file ``asked`` instead."""
-    _install(engine)
+    environment_in(cache_directory(), engine)
     found = meant_by(path, floating_base)
     question = question_of(found, stance)
     question = replace(question, request=replace(question.request, path=asked or path))
