@@ -102,7 +102,7 @@ def held_against(records: Sequence[Record], portraits: Portraits, before: str, n
 
 def _of_readings(key: Key, before: Record, now: Record) -> Iterator[RunChange]:
     """The readings of a file that only one of two versions has, of answers that are accounted for."""
-    if not {before.verdict, now.verdict} <= {Verdict.AGREES, Verdict.EXPLAINED, Verdict.UNSTABLE}:
+    if not {before.verdict, now.verdict} <= {Verdict.AGREES, Verdict.EXPLAINED, Verdict.MISREADS, Verdict.UNSTABLE}:
         return
     old, new = ({one.name: one for one in record.readings} for record in (before, now))
     change = functools.partial(RunChange, system=key[0], subject=key[1], what=READING)

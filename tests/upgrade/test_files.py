@@ -22,12 +22,16 @@ VERSIONS = {
     # Before 2.0 it left dampers out.
     "1.4": RIGHT.replace("-0.3 * v", "0.0 * v"),
     "1.6": RIGHT.replace("-0.3 * v", "0.0 * v").replace("-5.0", "-3.05"),
+    "1.7": RIGHT.replace("-0.3 * v", "0.0 * v"),
     "1.5": toy_engine.LACKING.replace("def mass", "def masses"),
 }
 READINGS = """
+from dataclasses import replace
 from harness.explain.changes.readings import _left_out, readings_of
 said = ("The toy before 1.5 applies no damping", "add it to tau", "its own text, in a test")
-READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: said}}, ">=1.4,<2,!=1.5")
+READINGS = readings_of("toy", {("urdf",): {_left_out.dampers: said}}, ">=1.4,<1.7,!=1.5")
+said = ("The toy 1.7 takes dampers for nothing", "take 1.4", "its own text, in a test")
+MISREAD = readings_of("toy", {("urdf",): {replace(_left_out.dampers, name="dampers of 1.7"): said}}, "==1.7", is_misread=True)
 """
 BAR = BUILT_IN.model_path("bar_pendulum", "urdf").read_text()
 
@@ -79,6 +83,15 @@ def test_a_reading_that_a_version_lost_or_got_is_told_with_its_effect_and_remedy
     done = upgraded(folder, "1.0", "1.4")
     assert done.returncode == 1 and done.stdout.startswith("Yes, for the worse: toy 1.4 changes bar.urdf against 1.0")
     assert "  new: The toy before 1.5 applies no damping: 1 joint" in done.stdout and "; add it to tau\n" in done.stdout
+
+
+def test_a_misreading_that_a_version_lost_or_got_is_told(folder: Path) -> None:
+    done = upgraded(folder, "1.7", "1.0")
+    assert done.returncode == 0 and "; 1.7 misreads by up to " in done.stdout
+    assert "  no longer: The toy 1.7 takes dampers for nothing: 1 joint" in done.stdout
+    done = upgraded(folder, "1.0", "1.7")
+    assert done.returncode == 1
+    assert "  new: The toy 1.7 takes dampers for nothing: 1 joint" in done.stdout and "; take 1.4\n" in done.stdout
 
 
 def test_what_becomes_better_beside_what_nobody_judges_is_no_improvement(folder: Path) -> None:
