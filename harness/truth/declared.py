@@ -153,7 +153,7 @@ class DeclaredMechanism(Mechanism):
             high[:, places] = np.where(beyond, 0.0, high[:, places])
         if rigid:
             assert self.softened is not None
-            of_rates = _alone(self.softened, RATE)
+            of_rates = alone(self.softened, RATE)
             (rates,) = values(of_rates, self.inputs(states, found)[: len(of_rates.inputs)]).values()
             for place, row, pushes in self._at_an_instant:
                 rate = rates[row]
@@ -221,7 +221,7 @@ class DeclaredMechanism(Mechanism):
     @functools.cached_property
     def _residual_program(self) -> StraightLineProgram:
         assert self.softened is not None
-        return _alone(self.softened, RESIDUAL)
+        return alone(self.softened, RESIDUAL)
 
 
 def at_limits(mechanism: DeclaredMechanism, states: States) -> Flags:
@@ -253,7 +253,8 @@ _DECLARED: Kept[DeclaredMechanism] = Kept(64)
 _ALONE: Kept[StraightLineProgram] = Kept(64)
 
 
-def _alone(rows: Constraints, name: str) -> StraightLineProgram:
+def alone(rows: Constraints, name: str) -> StraightLineProgram:
+    """The part of the program of rows that has one output."""
     return _ALONE.get((rows.key, name), lambda: without_unused(replace(rows.program, outputs={name: rows.program.outputs[name]})))
 
 

@@ -218,7 +218,7 @@ def rank_condition(constraints: Constraints, inputs: Array, norm_factor: Array) 
     rows = without_unused(replace(constraints.program, outputs={JACOBIAN: constraints.program.outputs[JACOBIAN]}))
     n, nv = norm_factor.shape[:2]
     jacobian = values(rows, inputs)[JACOBIAN].reshape(len(constraints.rows), nv, n).transpose(2, 1, 0)
-    columns = _whitened(norm_factor, jacobian[:, :, list(constraints.independent)])
+    columns = whitened(norm_factor, jacobian[:, :, list(constraints.independent)])
     with np.errstate(all="ignore"):
         columns = columns / np.linalg.norm(columns, axis=1, keepdims=True)
         usable = np.asarray(np.isfinite(columns).all(axis=(1, 2)))
@@ -236,10 +236,10 @@ def free_size(constraints: Constraints, inputs: Array, applied: Array, norm_fact
     by_loops = bounded_outputs(program, inputs[: len(program.inputs)])
     found = values(program, inputs) if by_loops is None else dict(zip(program.outputs, np.split(by_loops.high.T, len(names)), strict=True))
     force = np.array(right_hand_side({name: list(found[name]) for name in names}, list(applied.T))).T
-    return np.asarray(np.linalg.norm(_whitened(norm_factor, force[:, :, None])[:, :, 0], axis=1))
+    return np.asarray(np.linalg.norm(whitened(norm_factor, force[:, :, None])[:, :, 0], axis=1))
 
 
-def _whitened(norm_factor: Array, columns: Array) -> Array:
+def whitened(norm_factor: Array, columns: Array) -> Array:
     """R^-T times columns, (n, nv, k); NaN where M has no factor."""
     pivots = np.diagonal(norm_factor, axis1=1, axis2=2)
     regular = np.flatnonzero(np.isfinite(norm_factor).all(axis=(1, 2)) & (pivots != 0).all(axis=1))
