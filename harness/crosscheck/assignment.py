@@ -77,10 +77,20 @@ class Assignment:
     def about(self, quantity: str) -> Assignment:
         """The same about another quantity: few are asked for where actuators, dry friction, limits or equalities act."""
         about = replace(self, quantity=quantity)
-        if about.asked.is_default or about.acts:
+        if about.asked.is_default or about.acts or about._steps_with_limits:
             return about
         mechanism = self.mechanism
         return replace(about, mechanism=mechanism.smooth if isinstance(mechanism, RobotMechanism) else smooth(mechanism))
+
+    @property
+    def _steps_with_limits(self) -> bool:
+        """True for steps of an engine that has limits of joints on in each."""
+        bounded = self.mechanism.bounded
+        if not self.asked.has_step_rules or self.model is None or bounded is None:
+            return False
+        if all(_kind_of(self.mechanism, name) == FRICTION for name in bounded.names):
+            return False
+        return any(rule.limited is not None for rule in load_engine(self.library, self.subject.engine).step_rules(self.model))
 
     @property
     def acts(self) -> bool:

@@ -203,7 +203,7 @@ def ask(assignment: Assignment, states: States, truths: Truths, before: tuple[Ar
             remark = remark or (precision_of(truth, model, states, answers[0]) if quantity.is_asked_again else "")
         remark = ". ".join(filter(None, [remark, of_solver]))
         if truth.rigid is None:
-            return Answers(comparison, seconds, remark=remark)
+            return Answers(comparison, seconds, remark=remark, states=None if states is closed else states)
         of_rigid = truths.of(truth.rigid)
         assert isinstance(of_rigid, Reference)
         # What sticks has no acceleration, of which a distance would be a share.

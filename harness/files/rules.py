@@ -200,6 +200,7 @@ class StepRule:
         with_old_velocities: whether positions follow with v in the place of v', as in the explicit Euler method.
         stages, weights: of an explicit Runge-Kutta method, of each stage but the first the weights of those before it; () for rules of
             one stage.
+        limited: the law of each limit of a joint, one of a step, of an engine whose steps have them on always; None of others.
     """
 
     name: str
@@ -209,6 +210,7 @@ class StepRule:
     with_old_velocities: bool = False
     stages: tuple[tuple[Fraction, ...], ...] = ()
     weights: tuple[Fraction, ...] = ()
+    limited: ConstraintLaw | None = None
 
     def __post_init__(self) -> None:
         one_stage = self.implicit or self.along_branches or self.with_old_velocities

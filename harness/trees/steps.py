@@ -70,17 +70,29 @@ def steps_program(forces: StepForces, attitudes: Sequence[int], rules: Sequence[
     return FileProgram(without_unused(builder.program(outputs)), forces.parameters)
 
 
+def step_by(program: StraightLineProgram, attitudes: Sequence[int], rule: StepRule) -> StraightLineProgram:
+    """``steps_program`` of a program whose accelerations are those of a step by ``rule``; inputs are the program's."""
+    builder, nv = Builder(program.inputs), len(program.outputs["velocity"])
+    first, step = program.inputs.index("t") - nv, builder.number(rule.length)
+    q, v = builder.inputs_at(range(first - nv)), builder.inputs_at(range(first - nv, first))
+    stepper = _Stepper(program, None, attitudes, builder, builder.append(program), q, v)
+    after = _moved(v, step, stepper.acceleration(stepper.outputs))
+    outputs = {positions(rule): stepper.turned(step, after), velocities(rule): after, NOTHING: [builder.number(0)]}
+    return without_unused(builder.program(outputs))
+
+
 @dataclass(frozen=True)
 class _Stepper:
     """One tree about to make a step.
 
     Attributes:
         program: its forces, their derivatives and the step lengths as last inputs; ``outputs`` are its outputs at ``q`` and ``v``.
+        forces: parts of them; None where no rule takes some implicitly.
         attitudes: the places in v of what is of a rotation.
     """
 
     program: StraightLineProgram
-    forces: StepForces
+    forces: StepForces | None
     attitudes: Sequence[int]
     builder: Builder
     outputs: Mapping[str, Sequence[Term]]
@@ -106,17 +118,17 @@ class _Stepper:
         ahead = vector([step * (row @ self.v) for row in stiff])
         accelerations = solved(matrix, force - ahead)
         after = _moved(self.v, step, accelerations)
-        return self._turned(step, self.v if rule.with_old_velocities else after), after
+        return self.turned(step, self.v if rule.with_old_velocities else after), after
 
     def _by_stages(self, rule: StepRule, step: Term) -> tuple[Vector, Vector]:
         # Of the coordinates in which the rotations of a stage are where that of the start is zero.
-        slopes, accelerations = [self.v], [self._acceleration(self.outputs)]
+        slopes, accelerations = [self.v], [self.acceleration(self.outputs)]
         for weights in rule.stages:
             slope = _mixed(weights, slopes)
             rates = _moved(self.v, step, _mixed(weights, accelerations))
-            accelerations.append(self._acceleration(self._evaluated(self._turned(step, slope), rates)))
+            accelerations.append(self.acceleration(self._evaluated(self.turned(step, slope), rates)))
             slopes.append(self._in_coordinates(step, slope, rates))
-        after = self._turned(step, _mixed(rule.weights, slopes))
+        after = self.turned(step, _mixed(rule.weights, slopes))
         return after, _moved(self.v, step, _mixed(rule.weights, accelerations))
 
     # The equations of motion.
@@ -130,7 +142,7 @@ class _Stepper:
         passive, velocity, gravity = (vector(outputs[name]) for name in ("passive", "velocity", "gravity"))
         return self.builder.inputs_at(range(first, first + self.nv)) + passive - (velocity + gravity)
 
-    def _acceleration(self, outputs: Mapping[str, Sequence[Term]]) -> Vector:
+    def acceleration(self, outputs: Mapping[str, Sequence[Term]]) -> Vector:
         return solved(symmetric(outputs["mass"], self.nv), self._force(outputs))
 
     # What a rule takes implicitly.
@@ -138,7 +150,7 @@ class _Stepper:
     def _damping(self, rule: StepRule) -> Matrix:
         """D: the minus derivative by the velocities of the forces that the rule takes implicitly."""
         found = self._of_springs(rule, (ImplicitPart.LINE_DAMPERS, LINE_DAMPING), (ImplicitPart.JOINT_DAMPERS, JOINT_DAMPING))
-        if rule.along_branches:
+        if rule.along_branches and self.forces is not None:
             for i, j in set(upper_triangle(self.nv)) - self.forces.related:
                 found[i, j] = found[j, i] = self.builder.number(0)
         slopes = self.outputs.get(derivative_name("velocity"), [])
@@ -151,7 +163,8 @@ class _Stepper:
         everything = range(self.nv)
         if ImplicitPart.VELOCITY_TERMS in rule.implicit:
             return [(row, column) for row in everything for column in everything]
-        blocks = self.forces.floating if ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES in rule.implicit else ()
+        is_floating = ImplicitPart.VELOCITY_TERMS_OF_FREE_BODIES in rule.implicit
+        blocks = self.forces.floating if is_floating and self.forces is not None else ()
         return [(row, column) for first in blocks for row in everything[first : first + 6] for column in everything[first : first + 6]]
 
     def _stiffness(self, rule: StepRule) -> Matrix:
@@ -171,7 +184,7 @@ class _Stepper:
 
     # Steps of vectors and rotations.
 
-    def _turned(self, step: Term, rates: Vector) -> Vector:
+    def turned(self, step: Term, rates: Vector) -> Vector:
         """q + h v, rotations as of ``harness.files.rules``."""
         after: list[Term] = []
         place = 0

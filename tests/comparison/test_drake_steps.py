@@ -164,7 +164,7 @@ def test_the_certified_step_is_that_of_the_documented_problem(
 
 # Faults.
 
-_limit = step_law._limit
+_limit = step_law.limit
 
 
 def _with(**factors: float) -> Callable[[], ConstraintLaw]:
@@ -180,10 +180,10 @@ def _with(**factors: float) -> Callable[[], ConstraintLaw]:
 
 _ODD = 1 + 1e-9
 LAW_FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
-    "dissipation": lambda patch: patch.setattr(step_law, "_limit", _with(stiffness=_ODD)),
-    "step": lambda patch: patch.setattr(step_law, "_limit", _with(damping=_ODD)),
-    "near-rigid threshold": lambda patch: patch.setattr(step_law, "_limit", _with(near_rigid=1 + 1e-6)),
-    "stiffness": lambda patch: patch.setattr(step_law, "_limit", _with(least=_ODD)),
+    "dissipation": lambda patch: patch.setattr(step_law, "limit", _with(stiffness=_ODD)),
+    "step": lambda patch: patch.setattr(step_law, "limit", _with(damping=_ODD)),
+    "near-rigid threshold": lambda patch: patch.setattr(step_law, "limit", _with(near_rigid=1 + 1e-6)),
+    "stiffness": lambda patch: patch.setattr(step_law, "limit", _with(least=_ODD)),
     "dampers in the metric": lambda patch: patch.setattr(metric, "JOINT_DAMPING", "joint stiffness"),
 }
 
@@ -242,8 +242,9 @@ def drake(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     cache = os.environ.get("HARNESS_TEST_CACHE") or str(tmp_path_factory.getbasetemp() / "environments")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARNESS_CACHE", cache)
-        if not any((Path(cache) / "environments").glob(f"{ENGINE}@*/environment.json")):
-            subprocess.run([sys.executable, "-m", "harness", "engines", "add", ENGINE], check=True)
+        for engine in (ENGINE, "drake"):
+            if not any((Path(cache) / "environments").glob(f"{engine}@*/environment.json")):
+                subprocess.run([sys.executable, "-m", "harness", "engines", "add", engine], check=True)
         yield
 
 
@@ -281,3 +282,12 @@ def test_another_file_is_seen(change: tuple[str, str], tmp_path: Path) -> None:
     answers = replace(posed.asked, path=edited(ARM, tmp_path, change)).with_those(posed.case.judged, posed.case.at)
     record = with_verdict(record, posed.case, posed.asked, answers, names=False)
     assert record.verdict == "disagrees" and not record.explained
+
+
+@pytest.mark.nightly
+@pytest.mark.usefixtures("drake")
+@pytest.mark.parametrize(("bound", "status"), [("0", 0), ("1e-9", 1)])
+def test_steps_of_a_mechanism_have_its_limits(bound: str, status: int, tmp_path: Path) -> None:
+    model = edited(BUILT_IN.model_path("limited_pendulum", "urdf"), tmp_path, ('lower="0"', f'lower="{bound}"'))
+    words = ["limited_pendulum", "--quantity", "steps", "--states", "64", "--subject", "drake/urdf", "--urdf", str(model)]
+    assert subprocess.run([sys.executable, "-m", "harness", "check", *words], check=False).returncode == status

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,18 +26,23 @@ from harness.engines import Call, Calls, Model, NotOffered
 from harness.engines.coordinates import multiplied
 from harness.files.rules import ImplicitPart, StepRule
 from harness.programs.evaluation import values
+from harness.programs.mechanisms.mechanism import Mechanism, smooth
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.trees.bodies.spatial import FileProgram
 from harness.trees.mechanism import mechanism_of
 from harness.trees.recursion import step_forces
+from harness.trees.robot import Robot
 from harness.trees.steps import LARGEST_TURN, positions, steps_program, velocities
 from harness.truth.blocks import QuantityKernel, inputs_of
 from harness.truth.compare import Certified, Flags, farthest_block
-from harness.truth.quantities import Quantity, Truth, TruthBasis
+from harness.truth.quantities import ASKED_ELSEWHERE, Quantity, Truth, TruthBasis
 from harness.truth.quantities.of_files import hold_against_energies
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import AGREEMENT
+
+if TYPE_CHECKING:
+    from harness.truth.limited_steps import LimitedSteps
 
 
 class StepTruth(Truth):
@@ -56,7 +62,10 @@ class StepTruth(Truth):
         robot = basis.robot_of(declared)
         self._forces = step_forces(robot.tree, robot.joints)
         self._steps = steps_program(self._forces, mechanism.attitudes, self.rules)
-        self._energies, self._reference = ReferenceKernel(mechanism), ReferenceKernel(mechanism_of(robot))
+        self._limited, program = _limited(mechanism, robot, self.rules), self._steps.program
+        if self._limited is not None:
+            program = self._limited.program
+        self._energies, self._reference = ReferenceKernel(smooth(mechanism)), ReferenceKernel(mechanism_of(robot))
         self.blocks = [name(rule) for rule in self.rules for name in (velocities, positions)]
         nv, nq = mechanism.nv, mechanism.nq
         # A block holds velocities and then positions, of which it has either, and zeros in place of the other.
@@ -64,12 +73,16 @@ class StepTruth(Truth):
         for number in range(len(self.rules)):
             first = number * (nq + nv)
             blocks += [[*range(first + nq, first + nq + nv), *[nothing] * nq], [*[nothing] * nv, *range(first, first + nq)]]
-        self._kernel = QuantityKernel(self._steps.program, blocks)
+        self._program, self._kernel = program, QuantityKernel(program, blocks)
 
     @property
     def key(self) -> Hashable:
         """See ``Truth``."""
-        return self._declared.text, self._steps.program.key, self.rules
+        return self._declared.text, self._program.key, self.rules
+
+    def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
+        """See ``Truth``; a share is where limits are felt, if steps have them on."""
+        return states if self._limited is None or not share else self._limited.pressed(states, share)
 
     def evaluate(self, states: States) -> Certified:
         """The states after each step, (n, 2 rules, nv + nq): velocities and then zeros, zeros and then positions.
@@ -79,8 +92,8 @@ class StepTruth(Truth):
         """
         reference = self._reference.evaluate(states)
         hold_against_energies(self._declared, self._energies, states, reference)
-        inputs = _inputs(self._steps, self.rules, states)
-        after = values(self._steps.program, np.ascontiguousarray(inputs.T))
+        inputs = _inputs(self._steps, self.rules, states) if self._limited is None else self._limited.inputs(states)
+        after = values(self._program, np.ascontiguousarray(inputs.T))
         # All rules lead to nearly the same positions.
         tangents = self._tangents(after[positions(self.rules[0])].T)
         norm_factor = np.concatenate([reference.norm_factor, reference.norm_factor @ tangents], axis=2)
@@ -177,6 +190,17 @@ class StepTruth(Truth):
         share = reference.twice_the_energy(states.v) * of_torques
         lengths = np.array([power for rule in self.rules for power in (rule.length, rule.length**2)])
         return np.asarray(share[:, None] * lengths)
+
+
+def _limited(mechanism: Mechanism, robot: Robot, rules: Sequence[StepRule]) -> LimitedSteps | None:
+    """Steps with the limits of a mechanism, where an engine has them on; None elsewhere."""
+    names = [] if mechanism.bounded is None else [name for name in mechanism.bounded.names if name not in dict(mechanism.dry_friction)]
+    if not names or rules[0].limited is None:
+        return None
+    # Most mechanisms have no limits.
+    from harness.truth.limited_steps import LimitedSteps
+
+    return LimitedSteps(robot, names, mechanism.attitudes, rules[0])
 
 
 def _inputs(steps: FileProgram, rules: Sequence[StepRule], states: States) -> Array:

@@ -209,7 +209,7 @@ class DrakeEngine(Engine):
     }
 
     def step_rules(self, file: ModelFile) -> tuple[StepRule, ...]:
-        """One rule, of the free motion of a plant in discrete time: (M + h D) a = f, v' = v + h a, q' = q + h N(q) v'.
+        """One rule, of a plant in discrete time: (M + h D) a = f, v' = v + h a, q' = q + h N(q) v', with limits as of ``step_law``.
 
         D is the diagonal matrix of the dampers of joints; reflected inertias are in M, and all other forces are those at the start.
 
@@ -217,7 +217,9 @@ class DrakeEngine(Engine):
         discrete_update_manager.cc, ``DoCalcDiscreteValues``, of v1.51.1; the class documentation of ``MultibodyPlant`` says that the update
         is periodic and gives no formula.
         """
-        return (StepRule("discrete", _TIME_STEP, frozenset({ImplicitPart.JOINT_DAMPERS})),)
+        from harness.engines.adapters.drake.step_law import limit
+
+        return (StepRule("discrete", _TIME_STEP, frozenset({ImplicitPart.JOINT_DAMPERS}), limited=limit(_TIME_STEP)),)
 
     def read(self, request: Request) -> DrakeModel:
         floating = floating_bodies(request)

@@ -28,20 +28,21 @@ _HALF = Impedance(0.5, 0.5, 0.0, 0.5, 1.0)
 
 def laws(constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
     """By name, of limits of joints."""
-    return {one.name: _limit() for one in constraints if isinstance(one.says, Limit) and isinstance(one.says.of, str)}
+    return {one.name: limit() for one in constraints if isinstance(one.says, Limit) and isinstance(one.says.of, str)}
 
 
-def _limit() -> ConstraintLaw:
+def limit(length: float = STEP) -> ConstraintLaw:
+    """The law of a limit in a step of this length [s]."""
     # The impedance is a factor of the stiffness.
-    stiffness = 1 / (STEP * 2 * STEP) / _HALF.at_zero
+    stiffness = 1 / (length * 2 * length) / _HALF.at_zero
     return ConstraintLaw(
         impedance=_HALF,
         stiffness=stiffness,
-        damping=1 / STEP,
+        damping=1 / length,
         weights=None,
         has_curvature=False,
         least_regularisation=0.0,
         force_range=(0.0, math.inf),
         stiffness_ahead=stiffness,
-        of_step=StepRegularisation(STEP, _NEAR_RIGID * _NEAR_RIGID / (4 * math.pi * math.pi), 1 / (STEP * _STIFFNESS * 2 * STEP)),
+        of_step=StepRegularisation(length, _NEAR_RIGID * _NEAR_RIGID / (4 * math.pi * math.pi), 1 / (length * _STIFFNESS * 2 * length)),
     )
