@@ -80,13 +80,11 @@ SETTINGS = (
 
 def rigid_contacts(system: System, mechanism: Mechanism) -> RigidContacts:
     """The contacts of a system, with the values of parameters of the mechanism, which is derived from it."""
-    found, slips = list[RigidContact](), len(system.contacts)
+    found, next_slip = list[RigidContact](), len(system.contacts)
     for place, (name, contact) in enumerate(system.contacts.items()):
-        rubs = contact.friction is not None
-        found.append(
-            RigidContact(name, (place, slips) if rubs else (place,), contact.friction.name if contact.friction is not None else "")
-        )
-        slips += rubs
+        slips = range(next_slip, next_slip + len(contact.slips))
+        found.append(RigidContact(name, (place, *slips), contact.friction.name if contact.friction is not None else ""))
+        next_slip = slips.stop
     return RigidContacts(mechanism, found, contact_rows(system, mechanism.program))
 
 

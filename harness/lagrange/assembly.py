@@ -277,8 +277,8 @@ def bounds_of(system: System, tree: StraightLineProgram) -> Constraints:
 
 
 def contact_rows(system: System, tree: StraightLineProgram) -> StraightLineProgram:
-    """The program of a system's contacts, as of ``Constraints``: first the gap of each, then the slip of each that rubs."""
-    slips = [contact.slip for contact in system.contacts.values() if contact.slip is not None]
+    """The program of a system's contacts, as of ``Constraints``: first the gap of each, then the slips of each that rubs."""
+    slips = [slip for contact in system.contacts.values() for slip in contact.slips]
     return _rows(system, tree.inputs, [contact.gap for contact in system.contacts.values()], slips)
 
 

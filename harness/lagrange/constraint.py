@@ -71,8 +71,9 @@ class Contact:
 
     Attributes:
         gap: the distance of the surfaces, an expression of the coordinates [m].
-        slip: the velocity of one surface along the other, linear in the rates [m/s], or their turn about the normal [rad/s]; None of
-            smooth ones, which those of systems with ball or free joints are.
+        slip: the velocity of one surface along the other, linear in the rates [m/s], or their turn about the normal [rad/s]; a pair of
+            velocities along perpendicular directions of the common plane where surfaces may slide in both; None of smooth ones, which
+            those of systems with ball or free joints are.
         friction: the parameter that is the ratio of the largest force of friction to the normal one: the coefficient of friction, of
             turns a length [m]; None of smooth surfaces.
 
@@ -83,26 +84,35 @@ class Contact:
     """
 
     gap: sp.Expr
-    slip: sp.Expr | None = None
+    slip: sp.Expr | tuple[sp.Expr, sp.Expr] | None = None
     friction: sp.Symbol | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gap", sp.sympify(self.gap))
         if (self.slip is None) != (self.friction is None):
             raise ValueError("has a slip or a coefficient of friction alone; expected both, or neither of smooth surfaces")
+        if len(self.slips) > 2:
+            raise ValueError(f"has {len(self.slips)} slips; expected one, or a pair along perpendicular directions")
+
+    @property
+    def slips(self) -> tuple[sp.Expr, ...]:
+        """Components of the slip; () of smooth surfaces."""
+        given = self.slip if isinstance(self.slip, tuple | list) else () if self.slip is None else (self.slip,)
+        return tuple(map(sp.sympify, given))
 
     @property
     def rows(self) -> tuple[sp.Expr, ...]:
         """Its expressions."""
-        return (self.gap,) if self.slip is None else (self.gap, self.slip)
+        return (self.gap, *self.slips)
 
     def contradictions(self, rates: Iterable[sp.Expr]) -> Iterator[str]:
         """Sentences on what is not of the form that is expected."""
         rates = tuple(rates)
         if self.gap.has(*rates):
             yield f"has the gap {self.gap}; expected an expression of the coordinates"
-        if self.slip is not None and not (self.slip.has(*rates) and _is_linear(self.slip, rates)):
-            yield f"has the slip {self.slip}; expected an expression linear in the rates"
+        for slip in self.slips:
+            if not (slip.has(*rates) and _is_linear(slip, rates)):
+                yield f"has the slip {slip}; expected an expression linear in the rates"
 
 
 def _is_linear(row: sp.Expr, rates: Sequence[sp.Expr]) -> bool:

@@ -210,7 +210,7 @@ class System:
         for name, constraint in self.constraints.items():
             expressions |= {f"row {number} of constraint {name!r}": row for number, row in enumerate(constraint.rows)}
         for name, contact in self.contacts.items():
-            expressions |= {f"{what} of contact {name!r}": row for what, row in zip(("gap", "slip"), contact.rows, strict=False)}
+            expressions |= {f"{what} of contact {name!r}": row for what, row in zip(("gap", "slip", "slip"), contact.rows, strict=False)}
         known = {*self.parameters, TIME}
         for name, expression in expressions.items():
             if not isinstance(expression, sp.Expr) or expression.is_Matrix:
@@ -300,7 +300,7 @@ class System:
         if self.contacts and (self.constraints or self.measured_from):
             yield "contacts beside constraints or measured_from; expected joints of a tree"
         if self.attitudes and any(contact.slip is not None for contact in self.contacts.values()):
-            yield "a slip beside ball and free joints; expected smooth contacts there, for a slip would have two directions"
+            yield "a slip beside ball and free joints; expected smooth contacts there, or hinges and slides, one behind the other"
         for name, contact in self.contacts.items():
             yield from (f"contact {name!r} {one}" for one in contact.contradictions(self.rates))
             if contact.friction is not None and not (contact.friction in self.parameters and self.parameters[contact.friction][0] >= 0):

@@ -3,11 +3,13 @@
 The surfaces of a closed contact part, or stay together, and then stick or slide. With the manner of each contact given, accelerations and
 forces solve linear equations,
 
-    M a - N' n - T' t = f,    N a = -N' v of closed contacts,    T a = -T' v of those that stick,    t = -mu n sign of those that slide,
+    M a - N' n - T' t = f,    N a = -N' v of closed contacts,    T a = -T' v of those that stick,    t = -mu n d of slides along d,
 
 and are consistent where n >= 0, |t| <= mu n of what sticks, surfaces that part do not approach, and what begins to slide does so against
-its friction. Several manners may be consistent, or none: Painleve's rod has states of either kind. Where rows follow from one another, as
-those of a box on four corners, the forces are not unique, and any that are consistent will do; what they do to the coordinates is unique.
+its friction. A slip has one component or two, of which the latter makes |t| the length of a vector, and d of what begins to slide an
+unknown (``harness.truth.sliding``). Several manners may be consistent, or none: Painleve's rod has states of either kind. Where rows follow
+from one another, as those of a box on four corners, the forces are not unique, and any that are consistent will do; what they do to the
+coordinates is unique.
 
 Sources: Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, sections 5.2 and 5.3; Brogliato, Nonsmooth Mechanics, 3rd ed.,
 section 5.6 (Painleve's paradox).
@@ -28,6 +30,7 @@ from harness.arrays import Array
 from harness.programs.evaluation import BALLS, mass_matrix, solved
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Mechanism
 from harness.programs.program import StraightLineProgram, right_hand_side
+from harness.truth.sliding import BeginningSlide, Direction
 
 BITS = 256
 # Combinations of manners that are tried at one state.
@@ -39,7 +42,7 @@ _SAME, _DEPENDENT = 1e-12, 1e-9
 
 
 class Manner(StrEnum):
-    """The manner in which a closed contact goes on; a slide to the one or the other side where its surfaces are at rest on one another."""
+    """The manner in which a closed contact goes on; a slip of one component slides to the one side or back, one of two in any direction."""
 
     PARTS = "parts"
     STAYS = "stays"
@@ -53,7 +56,8 @@ class RigidContact:
     """A contact of a mechanism.
 
     Attributes:
-        rows: its places among the rows of the program: the gap, and the slip where it rubs. friction: the parameter by which it rubs.
+        rows: its places among the rows of the program: the gap, and the one or two of the slip where it rubs.
+        friction: the parameter by which it rubs.
     """
 
     name: str
@@ -87,9 +91,19 @@ class _Rows:
     bias: Sequence[Any]
     velocities: Sequence[float]
 
-    def is_at_rest(self, row: int) -> bool:
-        size = sum(abs(float(entry)) * abs(v) for entry, v in zip(self.rows[row], self.velocities, strict=True))
-        return abs(float(self.rates[row])) <= _AT_REST * size
+    def is_at_rest(self, rows: Sequence[int]) -> bool:
+        return all(abs(float(self.rates[row])) <= _AT_REST * self._size(row) for row in rows)
+
+    def _size(self, row: int) -> float:
+        return sum(abs(float(entry)) * abs(v) for entry, v in zip(self.rows[row], self.velocities, strict=True))
+
+
+@dataclass(frozen=True)
+class _Branch:
+    """A manner of a contact, and where it slides the direction; () where that is to be found."""
+
+    manner: Manner
+    along: Direction = ()
 
 
 class RigidContacts:
@@ -110,7 +124,7 @@ class RigidContacts:
         """All consistent accelerations at (nq,) and (nv,), where the surfaces of ``closed`` touch and do not approach.
 
         Raises:
-            ValueError: so many contacts are closed that not all manners can be tried.
+            ValueError: so many contacts are closed that not all manners can be tried, or several at rest may slide in two directions.
         """
         import flint
 
@@ -118,14 +132,15 @@ class RigidContacts:
             at = self._rows_at(self._inputs(q, v), v)
             contacts = [self._contacts[name] for name in closed]
             values = {name: flint.arb(value) for name, value, _ in self._mechanism.parameters}
-            choices = [_manners(one, at) for one in contacts]
+            choices = [_branches(one, at) for one in contacts]
             if math.prod(map(len, choices)) > MOST_COMBINATIONS:
                 raise ValueError(f"{len(contacts)} closed contacts have too many manners to try")
             found, size = list[RigidAnswer](), max((abs(float(one)) for one in solved(at.mass, at.force)), default=0.0)
-            for manners in itertools.product(*choices):
-                answer = _Combination(at, contacts, manners, values).answer()
-                if answer is not None and not any(_is_same(answer, other, size) for other in found):
-                    found.append(answer)
+            for branches in itertools.product(*choices):
+                for directed in _directed(at, contacts, branches, values):
+                    answer = _Combination(at, contacts, directed, values).answer()
+                    if answer is not None and not any(_is_same(answer, other, size) for other in found):
+                        found.append(answer)
         return found
 
     def _inputs(self, q: Sequence[float], v: Sequence[float]) -> list[Any]:
@@ -147,12 +162,33 @@ def _values(program: StraightLineProgram, inputs: Sequence[Any]) -> dict[str, li
     return {name: [values[place] for place in places] for name, places in program.outputs.items()}
 
 
-def _manners(contact: RigidContact, at: _Rows) -> tuple[Manner, ...]:
-    if len(contact.rows) == 1:
-        return Manner.PARTS, Manner.STAYS
-    if at.is_at_rest(contact.rows[1]):
-        return Manner.PARTS, Manner.STICKS, Manner.SLIDES, Manner.SLIDES_BACK
-    return Manner.PARTS, Manner.SLIDES if float(at.rates[contact.rows[1]]) > 0 else Manner.SLIDES_BACK
+def _branches(contact: RigidContact, at: _Rows) -> tuple[_Branch, ...]:
+    parts, slips = _Branch(Manner.PARTS), contact.rows[1:]
+    if not slips:
+        return parts, _Branch(Manner.STAYS)
+    both = _Branch(Manner.SLIDES, (1,)), _Branch(Manner.SLIDES_BACK, (-1,))
+    if at.is_at_rest(slips):
+        return parts, _Branch(Manner.STICKS), *(both if len(slips) == 1 else (_Branch(Manner.SLIDES),))
+    if len(slips) == 1:
+        return parts, both[0] if float(at.rates[slips[0]]) > 0 else both[1]
+    speed = sum(at.rates[row] ** 2 for row in slips).sqrt()
+    return parts, _Branch(Manner.SLIDES, tuple(at.rates[row] / speed for row in slips))
+
+
+def _directed(
+    at: _Rows, contacts: Sequence[RigidContact], branches: Sequence[_Branch], friction: Mapping[str, Any]
+) -> Iterator[Sequence[_Branch]]:
+    """The same with each direction that a contact may begin to slide along."""
+    unknown = [place for place, branch in enumerate(branches) if branch.manner is Manner.SLIDES and not branch.along]
+    if not unknown:
+        yield branches
+        return
+    if len(unknown) > 1:
+        raise ValueError(f"{len(unknown)} contacts at rest may slide in two directions each; the directions of one alone are found")
+    (place,) = unknown
+    slide = _Combination(at, contacts, branches, friction).beginning(contacts[place])
+    for direction in slide.directions() if slide is not None else ():
+        yield [*branches[:place], _Branch(Manner.SLIDES, direction), *branches[place + 1 :]]
 
 
 def _is_same(one: RigidAnswer, other: RigidAnswer, size: float) -> bool:
@@ -161,32 +197,58 @@ def _is_same(one: RigidAnswer, other: RigidAnswer, size: float) -> bool:
     return bool(np.abs(one.accelerations - other.accelerations).max() <= room)
 
 
-_SIGNS = {Manner.SLIDES: 1, Manner.SLIDES_BACK: -1}
-
-
 class _Combination:
     """Closed contacts of which each goes on in a manner of its own."""
 
-    def __init__(self, at: _Rows, contacts: Sequence[RigidContact], manners: Sequence[Manner], friction: Mapping[str, Any]) -> None:
+    def __init__(self, at: _Rows, contacts: Sequence[RigidContact], branches: Sequence[_Branch], friction: Mapping[str, Any]) -> None:
         self._at, self._friction = at, friction
-        self._contacts = list(zip(contacts, manners, strict=True))
+        self._contacts = list(zip(contacts, branches, strict=True))
         # Rows that are held, and what a multiplier of each does to the coordinates.
         self._held: list[tuple[RigidContact, int, list[Any]]] = []
-        for contact, manner in self._contacts:
-            if manner is Manner.PARTS:
+        for contact, branch in self._contacts:
+            if branch.manner is Manner.PARTS:
                 continue
             normal = list(at.rows[contact.rows[0]])
-            if manner in _SIGNS:
-                rubbing = -_SIGNS[manner] * friction[contact.friction]
-                normal = [one + rubbing * other for one, other in zip(normal, at.rows[contact.rows[1]], strict=True)]
+            for row, part in zip(contact.rows[1:], branch.along, strict=False):
+                rubbing = -part * friction[contact.friction]
+                normal = [one + rubbing * other for one, other in zip(normal, at.rows[row], strict=True)]
             self._held.append((contact, contact.rows[0], normal))
-            if manner is Manner.STICKS:
-                self._held.append((contact, contact.rows[1], list(at.rows[contact.rows[1]])))
+            if branch.manner is Manner.STICKS:
+                self._held.extend((contact, row, list(at.rows[row])) for row in contact.rows[1:])
+
+    def beginning(self, contact: RigidContact) -> BeginningSlide | None:
+        """The slide of a contact, whose direction is unknown; None where forces are not unique without its friction.
+
+        Raises:
+            ValueError: rows follow from others.
+        """
+        chosen, nv = self._independent(), len(self._at.force)
+        if len(chosen) < len(self._held):
+            raise ValueError(f"contact {contact.name!r} may begin to slide in two directions while rows of others follow from one another")
+        rows = [self._at.rows[row] for row in contact.rows[1:]]
+        found = self._solution(chosen, [self._at.force, *rows])
+        if found is None:
+            return None
+        place = nv + next(number for number, (one, row, _) in enumerate(self._held) if one is contact and row == contact.rows[0])
+        free, *pushed = ([found[line, column] for line in range(nv)] for column in range(3))
+        return BeginningSlide(
+            self._friction[contact.friction],
+            found[place, 0],
+            [found[place, 1], found[place, 2]],
+            [self._along(row, free) for row in contact.rows[1:]],
+            [[sum((one * a for one, a in zip(row, push, strict=True)), 0 * push[0]) for push in pushed] for row in rows],
+        )
 
     def answer(self) -> RigidAnswer | None:
-        """The answer that is consistent with the manners; None without one."""
+        """The answer that is consistent with the manners; None without one.
+
+        Raises:
+            ValueError: forces that are not unique are bounded by a cone.
+        """
         chosen = self._independent()
         rest = [number for number in range(len(self._held)) if number not in chosen]
+        if rest and any(branch.manner is Manner.STICKS and len(one.rows) > 2 for one, branch in self._contacts):
+            raise ValueError("rows of closed contacts follow from one another, and one of the contacts sticks in two directions")
         given = self._shared() if rest else {}
         if given is None:
             return None
@@ -201,7 +263,7 @@ class _Combination:
             for place in range(len(accelerations))
         ]
         normal = {one.name: float(multipliers[number]) for number, (one, row, _) in enumerate(self._held) if row == one.rows[0]}
-        manners = {one.name: manner for one, manner in self._contacts}
+        manners = {one.name: branch.manner for one, branch in self._contacts}
         return RigidAnswer(manners, np.array([*map(float, accelerations)]), np.array([*map(float, forces)]), normal)
 
     def _independent(self) -> list[int]:
@@ -218,21 +280,34 @@ class _Combination:
         """Accelerations, with the multipliers of the chosen rows beside those that are given; None where they are not unique."""
         import flint
 
-        at, nv = self._at, len(self._at.force)
+        nv = len(self._at.force)
         force = [
             own + sum((given * self._held[number][2][place] for number, given in multipliers.items()), flint.arb(0))
-            for place, own in enumerate(at.force)
+            for place, own in enumerate(self._at.force)
         ]
-        matrix = [[at.mass[i, j] for j in range(nv)] + [-self._held[number][2][i] for number in chosen] for i in range(nv)]
-        matrix += [[*at.rows[self._held[number][1]], *[flint.arb(0)] * len(chosen)] for number in chosen]
-        right = [*force, *(-at.bias[self._held[number][1]] for number in chosen)]
-        try:
-            solution = flint.arb_mat(matrix).solve(flint.arb_mat([[one] for one in right]))
-        except ZeroDivisionError:
+        solution = self._solution(chosen, [force])
+        if solution is None:
             return None
         for place, number in enumerate(chosen):
             multipliers[number] = solution[nv + place, 0]
         return [solution[place, 0] for place in range(nv)]
+
+    def _solution(self, chosen: Sequence[int], forces: Sequence[Sequence[Any]]) -> Any:
+        """Accelerations and then multipliers of the chosen rows, a column for each of ``forces``; the rows' own bias bears on the first.
+
+        None where they are not unique.
+        """
+        import flint
+
+        at, nv = self._at, len(self._at.force)
+        matrix = [[at.mass[i, j] for j in range(nv)] + [-self._held[number][2][i] for number in chosen] for i in range(nv)]
+        matrix += [[*at.rows[self._held[number][1]], *[flint.arb(0)] * len(chosen)] for number in chosen]
+        right = [[force[i] for force in forces] for i in range(nv)]
+        right += [[-at.bias[self._held[number][1]], *[flint.arb(0)] * (len(forces) - 1)] for number in chosen]
+        try:
+            return flint.arb_mat(matrix).solve(flint.arb_mat(right))
+        except ZeroDivisionError:
+            return None
 
     def _along(self, row: int, accelerations: Sequence[Any]) -> Any:
         """The second derivative of what a row leaves."""
@@ -248,16 +323,17 @@ class _Combination:
 
     def _margins(self, accelerations: Sequence[Any], multipliers: Mapping[int, Any]) -> Iterator[Any]:
         by_row = {row: multipliers[number] for number, (_, row, _) in enumerate(self._held)}
-        for contact, manner in self._contacts:
-            if manner is Manner.PARTS:
+        for contact, branch in self._contacts:
+            slips = contact.rows[1:]
+            if branch.manner is Manner.PARTS:
                 yield self._along(contact.rows[0], accelerations)
                 continue
             normal = by_row[contact.rows[0]]
             yield normal
-            if manner is Manner.STICKS:
-                yield self._friction[contact.friction] * normal - abs(by_row[contact.rows[1]])
-            elif manner in _SIGNS and self._at.is_at_rest(contact.rows[1]):
-                yield _SIGNS[manner] * self._along(contact.rows[1], accelerations)
+            if branch.manner is Manner.STICKS:
+                yield self._friction[contact.friction] * normal - sum(by_row[row] ** 2 for row in slips).sqrt()
+            elif branch.along and self._at.is_at_rest(slips):
+                yield sum(part * self._along(row, accelerations) for row, part in zip(slips, branch.along, strict=True))
 
     def _shared(self) -> dict[int, Any] | None:
         """Multipliers of all rows, of which some follow from others, that are as far within their bounds as any; None where none is within.

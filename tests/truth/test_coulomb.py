@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import flint
+import mujoco
 import numpy as np
 import pytest
 import sympy as sp
@@ -18,7 +19,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from harness import TIME, Contact, System
 from harness.crosscheck.scene import with_parameters
 from harness.files.shapes import numbers_of_contact
-from harness.hard.cases.rigid import TOP, WHEEL
+from harness.hard.cases.rigid import CIRCLE, EULER, TOP, WHEEL
 from harness.hard.rigid_case import RecordedMotion
 from harness.hard.touching import rigid_contacts
 from harness.lagrange.derivation import load_mechanism, load_system, mechanism_of_charts
@@ -26,6 +27,7 @@ from harness.trees.robot import Robot, read_robot
 from harness.trees.shapes import ShapesInWorld
 from harness.truth.coulomb import Manner, RigidAnswer, RigidContacts
 from harness.truth.nearest import nearest
+from harness.truth.sliding import BeginningSlide
 
 G, SINE, COSINE = 9.81, 0.6, 0.8
 EDGES = ("lower edge", "upper edge")
@@ -181,8 +183,7 @@ def stopped(name: str, contact: str, q: Sequence[float], v: Sequence[float], mas
     """Velocities after an impact that stops both rows of a contact, of a mechanism with a constant mass matrix."""
     system, _ = load_system(BUILT_IN.system_path(name))
     declared, rates = system.contacts[contact], [one.diff(TIME) for one in system.coordinates]
-    assert declared.slip is not None
-    rows = sp.Matrix([declared.gap.diff(TIME), declared.slip]).jacobian(rates)
+    rows = sp.Matrix([declared.gap.diff(TIME), *declared.slips]).jacobian(rates)
     values = {symbol: parameters_of(name)[symbol.name] for symbol in system.parameters}
     jacobian = np.array(rows.subs(values).subs(dict(zip(system.coordinates, q, strict=True))).evalf(), dtype=np.float64)
     weighed = jacobian / np.array(masses)
@@ -264,19 +265,116 @@ def test_jellett_s_integral_is_kept_by_any_force_at_the_point() -> None:
         assert abs(ends[0] - ends[1]) / (2 * step) <= 1e-6
 
 
-def test_too_many_contacts_are_refused() -> None:
-    x, (m, mu) = dynamicsymbols("x"), sp.symbols("m mu", positive=True)
+@pytest.mark.parametrize("lean", EULER.values)
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_euler_s_disc_whose_centre_rests_goes_on_as_it_does(lean: float, mu: float) -> None:
+    q, v = EULER.start(parameters_of("euler_disc") | {"lean": lean})
+    found = only(of("euler_disc", mu=mu).answers(q, v, ["rim"]))
+    assert np.abs(found.accelerations).max() <= 1e-12 * v[3] ** 2
+    assert found.normal["rim"] == pytest.approx(80 * G)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.999, 1.001, 2.0])
+def test_euler_s_disc_stays_on_its_circle_while_it_does_not_slide(share: float) -> None:
+    q, v = CIRCLE.start(parameters_of("euler_disc"))
+    needed = abs(v[0]) * v[3] / G
+    (found,) = of("euler_disc", mu=share * needed).answers(q, v, ["rim"])
+    force, normal = np.hypot(*found.forces[:2]), found.normal["rim"]
+    if share > 1:
+        assert found.manners == {"rim": Manner.STICKS}
+        assert found.accelerations == pytest.approx([0.0, v[3] * v[0], 0.0, 0.0, 0.0, 0.0], abs=1e-12)
+        return
+    assert found.manners == {"rim": Manner.SLIDES}
+    assert force == pytest.approx(share * needed * normal)
+    # The gap stays closed, and the rim's point leaves its circle outwards, against its friction.
+    lean, slip = found.accelerations[4], found.accelerations[1] - v[3] * v[0]
+    assert found.accelerations[2] == pytest.approx(-0.5 * math.sin(q[4]) * lean)
+    assert slip + 0.5 * math.cos(q[4]) * lean > 0 >= found.forces[1]
+
+
+def test_euler_s_disc_that_slides_rubs_against_its_slip_in_both_directions() -> None:
+    """By Euler's equations of its heading, axle and upward axes; the friction of a rim whose slip has both components."""
+    mu, lean, random = 0.3, 0.7, np.random.default_rng(5)
+    for _ in range(3):
+        v = random.normal(size=6)
+        v[2] = -0.5 * math.sin(lean) * v[4]
+        q = [0.1, -0.2, 0.5 * math.cos(lean), 0.4, lean, 0.3]
+        (found,) = of("euler_disc", mu=mu).answers(q, v.tolist(), ["rim"])
+        heading, level = np.array([math.cos(0.4), math.sin(0.4), 0]), np.array([-math.sin(0.4), math.cos(0.4), 0])
+        upward = math.cos(lean) * np.array([0, 0, 1]) - math.sin(lean) * level
+        axle = np.cross(upward, heading)
+        turn = v[4] * heading + v[3] * np.array([0, 0, 1]) + v[5] * axle
+        slip = v[:3] + np.cross(turn, -0.5 * upward)
+        assert abs(slip[2]) < 1e-12 and found.manners == {"rim": Manner.SLIDES}
+        assert found.forces[:2] == pytest.approx(-mu * found.normal["rim"] * slip[:2] / np.linalg.norm(slip))
+        # The moment about each joint's axis of the force at the rim.
+        moment = np.cross(-0.5 * upward, [*found.forces[:2], found.normal["rim"]])
+        assert found.forces[3:] == pytest.approx([moment[2], moment @ heading, moment @ axle], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_all_directions_of_a_beginning_slide_are_found(seed: int) -> None:
+    """Those by a change of sign on a fine grid in float64."""
+    random, several = np.random.default_rng(seed), set[int]()
+    for _ in range(10):
+        shares, slip, root = random.normal(size=2), random.normal(size=2), random.normal(size=(2, 2))
+        mu, free, yields = random.uniform(0.1, 2), random.uniform(-0.2, 1), root @ root.T
+        balls = [[flint.arb(float(one)) for one in row] for row in (shares, slip, *yields)]
+        slide = BeginningSlide(flint.arb(mu), flint.arb(free), balls[0], balls[1], balls[2:])
+        found = [(float(c), float(s)) for c, s in slide.directions()]
+        angles = np.linspace(-np.pi, np.pi, 20001) + 1e-5
+        d = np.array([np.cos(angles), np.sin(angles)])
+        lessened = 1 + mu * shares @ d
+        ways = slip[:, None] - mu * free / lessened * (yields @ d)
+        across, along = d[0] * ways[1] - d[1] * ways[0], (d * ways).sum(axis=0)
+        # A pole changes the sign too.
+        turns = (across[1:] * across[:-1] < 0) & (lessened[1:] * lessened[:-1] > 0) & (free / lessened[1:] > 0) & (along[1:] > 0)
+        expected = d[:, 1:][:, turns].T
+        assert all(min(math.dist(one, other) for other in found) < 1e-3 for one in expected)
+        assert all(min(math.dist(one, other) for other in expected) < 1e-3 for one in found)
+        several.add(len(expected))
+    assert len(several) > 1
+
+
+def test_directions_that_no_state_tells_apart_are_refused() -> None:
+    """A force without a slip of its own pushes in all directions alike where what it pushes yields to no push."""
+    zero, one = flint.arb(0), flint.arb(1)
+    slide = BeginningSlide(one, one, [zero, zero], [zero, zero], [[-one, zero], [zero, -one]])
+    with pytest.raises(ValueError, match="are not isolated"):
+        slide.directions()
+
+
+def on_a_point(count: int, slips: int, **further: float) -> RigidContacts:
+    """A mass that moves in space and touches the floor by ``count`` contacts, each with so many slips."""
+    x, y, z = dynamicsymbols("x y z")
+    m, mu, g = sp.symbols("m mu g", positive=True)
+    given = (x.diff(TIME), y.diff(TIME))
     system = System(
-        coordinates={x: "x"},
-        kinetic=m * x.diff(TIME) ** 2 / 2,
-        potential=0,
-        parameters={m: (1.0, "kg"), mu: (0.5, "1")},
+        coordinates={x: "x", y: "y", z: "z"},
+        kinetic=m * sum(q.diff(TIME) ** 2 for q in (x, y, z)) / 2,
+        potential=m * g * (z * sp.Rational("0.8") - x * sp.Rational("0.36") - y * sp.Rational("0.48")),
+        parameters={m: (1.0, "kg"), mu: (0.5, "1"), g: (G, "m/s^2")},
         total_mass=m,
-        contacts={f"c{number}": Contact(gap=x, slip=x.diff(TIME), friction=mu) for number in range(9)},
+        contacts={f"c{number}": Contact(gap=z, slip=given[:slips] if slips > 1 else given[0], friction=mu) for number in range(count)},
     )
-    contacts = rigid_contacts(system, mechanism_of_charts([system], "mass"))
-    with pytest.raises(ValueError, match="9 closed contacts have too many manners"):
-        contacts.answers([0.0], [0.0], list(system.contacts))
+    return rigid_contacts(system, with_parameters(mechanism_of_charts([system], "mass"), further))
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5, 0.7499, 0.7501])
+def test_a_mass_on_an_incline_begins_to_slide_down_the_steepest_way(mu: float) -> None:
+    found = only(on_a_point(1, 2, mu=mu).answers([0.0] * 3, [0.0] * 3, ["c0"]))
+    down = max(0.0, G * (SINE - mu * COSINE))
+    assert found.accelerations == pytest.approx([0.6 * down, 0.8 * down, 0.0], abs=1e-12)
+    assert found.manners["c0"] is (Manner.STICKS if mu > 0.75 else Manner.SLIDES)
+
+
+@pytest.mark.parametrize(
+    ("count", "slips", "why"),
+    [(9, 1, "9 closed contacts have too many manners"), (2, 2, "sticks in two directions|may slide in two directions each")],
+)
+def test_contacts_whose_answers_are_not_all_found_are_refused(count: int, slips: int, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        on_a_point(count, slips).answers([0.0] * 3, [0.0] * 3, [f"c{number}" for number in range(count)])
 
 
 # What the model files say of it.
@@ -326,7 +424,22 @@ def test_gaps_are_the_distances_of_the_shapes_of_the_model(name: str) -> None:
         assert not differs(gaps, found)
 
 
-@pytest.mark.parametrize("name", [one for one in NAMES if one not in ("bouncing_ball", "newtons_cradle", "box_stack", "tippe_top")])
+@pytest.mark.parametrize(("old", "new", "is_right"), [("", "", True), ('pos="0 0.01 0"', 'pos="0 0 0"', False)])
+def test_the_gap_of_euler_s_disc_is_what_mujoco_finds(old: str, new: str, is_right: bool) -> None:
+    """Of a cylinder, whose distance to a plane is not among the harness's own."""
+    text = BUILT_IN.model_path("euler_disc", "mjcf").read_text().replace(old, new)
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.disableflags, model.geom_margin[:] = 0, 9.0
+    data, contacts, random = mujoco.MjData(model), of("euler_disc"), np.random.default_rng(0)
+    for _ in range(5):
+        data.qpos[:] = [*random.uniform(0.6, 2.0, 3), random.uniform(-3, 3), random.uniform(0.2, 1.3), random.uniform(-3, 3)]
+        mujoco.mj_forward(model, data)
+        assert (abs(contacts.gaps(data.qpos.tolist())["rim"] - data.contact.dist.min()) < 1e-12) == is_right
+
+
+@pytest.mark.parametrize(
+    "name", [*(one for one in NAMES if one not in ("bouncing_ball", "newtons_cradle", "box_stack", "tippe_top")), "euler_disc"]
+)
 def test_shapes_rub_as_the_text_says(name: str) -> None:
     robot = robot_of(name)
     assert robot.shapes is not None
@@ -357,6 +470,8 @@ def test_a_model_whose_shapes_are_others_is_seen(old: str, new: str, tmp_path: P
         ({"slip": lambda x, v, mu: x}, "has the slip"),
         ({"value": -0.5}, "expected a parameter whose value is not negative"),
         ({"slip": lambda x, v, mu: None}, "expected both, or neither"),
+        ({"slip": lambda x, v, mu: (v, v**2)}, "has the slip"),
+        ({"slip": lambda x, v, mu: (v, v, v)}, "has 3 slips; expected one, or a pair"),
     ],
 )
 def test_a_contact_that_contradicts_itself_is_refused(changed: Mapping[str, Any], why: str) -> None:

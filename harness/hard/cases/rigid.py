@@ -300,6 +300,52 @@ TOP = RigidCase(
 )
 
 
+def _steady(own: Numbers, lean: float, yaw: float | None = None) -> tuple[Sequence[float], Sequence[float]]:
+    """Euler's disc as it rolls steadily at a lean and a rate of yaw; by default that at which its centre is at rest."""
+    radius, at_rest = own["R"], math.sqrt(4 * own["g"] / (own["R"] * math.cos(lean)))
+    yaw = at_rest if yaw is None else yaw
+    turn = (yaw**2 - at_rest**2) * math.sin(lean) / (6 * yaw)
+    return [0.0, 0.0, radius * math.cos(lean), 0.0, lean, 0.0], [radius * turn, 0.0, 0.0, yaw, 0.0, turn - yaw * math.sin(lean)]
+
+
+# Leans of Euler's disc [rad] at which its centre is at rest, nearly upright and nearly flat, and another with a rate of yaw [rad/s]. There
+# it rolls in a circle, for which it takes a coefficient of friction of R W |w| / g = 0.445.
+_STEEP, _FLAT, _CIRCLING = 0.4, 1.2, (0.6, 1.5)
+EULER = RigidCase(
+    name="Euler's disc",
+    system="euler_disc",
+    knob=("lean", "rad"),
+    values=(_STEEP, _FLAT),
+    changes=lambda lean: {"lean": lean},
+    of_urdf=lambda lean: UrdfChanges({"lateral_friction": 0.5}),
+    start=lambda own: _steady(own, own["lean"]),
+    closed=("rim",),
+    # Two turns of the point of contact.
+    time=lambda own: 4 * math.pi / _steady(own, own["lean"])[1][3],
+    measured=("angular speed of the precession, of the steady one", "1"),
+    measure=lambda motion, own: float((motion.q[-1, 3] - motion.start[0][3]) / motion.times[-1] / motion.start[1][3]),
+    rigid=_known(lambda own: (1.0, 1.0)),
+    source="Moffatt, Euler's disk and its finite-time singularity, Nature 404 (2000): precesses at sqrt(4 g / (R sin(alpha)))",
+)
+
+CIRCLE = RigidCase(
+    name="Euler's disc on a circle",
+    system="euler_disc",
+    knob=("coefficient of friction", "1"),
+    values=(0.5, 1.0),
+    changes=lambda mu: {"mu": mu},
+    edits=_friction(),
+    of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    start=lambda own: _steady(own, *_CIRCLING),
+    closed=("rim",),
+    time=lambda own: math.pi / _CIRCLING[1],
+    measured=("way of the centre in half a turn, of the diameter", "1"),
+    measure=lambda motion, own: float(math.hypot(*(motion.q[-1, :2] - motion.start[0][:2])) * _CIRCLING[1] / (2 * abs(motion.start[1][0]))),
+    rigid=_known(lambda own: (1.0, 1.0)),
+    source="Routh, Advanced Rigid Dynamics, 6th ed., articles 241 to 244: the steady motions of a disc that rolls",
+)
+
+
 def rigid_cases() -> dict[str, RigidCase]:
     """Every ``RigidCase`` of this module by name."""
     return {value.name: value for value in globals().values() if isinstance(value, RigidCase)}
