@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines.interface import NotOffered
+from harness.engines.request import Refused
 from harness.errors import InvalidRequest
 from harness.files.joint_kinds import JointKind
 from harness.results.cause import DriftCause
@@ -247,3 +249,23 @@ class Moved:
     q: Array
     v: Array
     mass: Array
+
+
+def moved_as_they_stand(
+    engine: str, request: MotionsRequest, move: Callable[[SimulatedFile, MotionsRequest], tuple[Array, Array]], turns_freely: bool = False
+) -> Moved:
+    """Motions by an engine that lays nothing over files; ``move`` gives q and v, (k, nq) and (k, nv), after the recorded steps of one.
+
+    ``turns_freely``: whether joints may have several velocities.
+
+    Raises:
+        NotOffered: of controls, of numbers that are laid over a file, and without a length of steps.
+        Refused: a joint has several velocities; and from ``move``.
+    """
+    laid = any(one.over or one.timing.period or one.timing.delay or one.file.length is None for one in request.motions)
+    if not request.as_it_stands or laid or request.control.names:
+        raise NotOffered(f"{engine} moves files as they stand, without controls, by steps of a given length")
+    if len(request.q) != len(request.joints) and not turns_freely:
+        raise Refused(f"{engine} is asked to move hinges and slides alone here")
+    found = [move(motion, request) for motion in request.motions]
+    return Moved(np.array([q for q, _ in found]), np.array([v for _, v in found]), np.empty(0))

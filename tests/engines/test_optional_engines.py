@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies import silent
 from support import harness, harness_in_a_process, make_library
 
 from harness.bench.methods import find_methods
@@ -22,9 +23,11 @@ from harness.engines import EQUATIONS, describe_engines, known_subjects, load_en
 from harness.engines.coordinates import BALL, FREE, Columns, rotation
 from harness.environments import find_environments
 from harness.files.model_file import read_model
+from harness.hard import touching
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.results.atlas import RigidDistance
 from harness.results.records import ACCELERATIONS
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import random_sample
@@ -265,3 +268,40 @@ def test_pybullet_is_near_rigid_contact_but_for_what_it_adds_to_a_bounce(
     bounces = [one["found"] - value for (case, value), one in fine.items() if case == "bouncing ball"]
     # Of the speed before the impact, by which the penetration of the last step is made good: its contactERP.
     assert len(bounces) == 4 and all(added == pytest.approx(0.08, abs=0.005) for added in bounces)
+
+
+def fine_distances(
+    engine: str, cases: Sequence[str], cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> dict[tuple[str, float], RigidDistance]:
+    """Of an engine in its environment, with steps of 0.2 ms."""
+    monkeypatch.setenv("HARNESS_CACHE", str(cache))
+    monkeypatch.setattr(touching, "_engines", lambda library: [engine])
+    monkeypatch.setattr(touching, "SETTINGS", [one for one in touching.SETTINGS if one.name == "steps of 0.2 ms"])
+    found = [one for case in cases for one in touching.rigid_distances(case, BUILT_IN, silent)]
+    return {(one.case, one.value): one for one in found}
+
+
+@pytest.mark.nightly
+def test_dart_is_near_rigid_contact_but_for_its_pyramid_and_turns(
+    environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    near = ["block on an incline", "sphere on an incline", "sliding to rolling", "bouncing ball", "Newton's cradle", "stack of boxes"]
+    near += ["rimless wheel", "Euler's disc"]
+    others = ["spinning disc", "Euler's disc on a circle", "tippe top"]
+    found = fine_distances("dartpy", [*near, *others], environment("dartpy"), monkeypatch)
+    assert max(one.distance for (case, _), one in found.items() if case in near and one.distance is not None) < 0.005
+    # Nothing rubs about the normal.
+    assert {one.found for (case, _), one in found.items() if case == "spinning disc"} == {1.0}
+    narrow, wide = (found["Euler's disc on a circle", mu].distance for mu in (0.5, 1.0))
+    assert narrow is not None and wide is not None and narrow > 0.2 and wide < 0.005
+    assert {one.reason for (case, _), one in found.items() if case == "tippe top"} == {"DART is asked to move hinges and slides alone here"}
+
+
+@pytest.mark.nightly
+def test_mjx_is_as_near_rigid_contact_as_mujoco(environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = ["sphere on an incline", "tippe top"]
+    found = fine_distances("mjx", cases, environment("mjx"), monkeypatch)
+    own = fine_distances("mujoco", cases, environment("mjx"), monkeypatch)
+    assert found.keys() == own.keys()
+    for key, one in found.items():
+        assert one.found == pytest.approx(own[key].found, abs=2e-3), key

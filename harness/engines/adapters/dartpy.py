@@ -5,8 +5,13 @@ step. The step of an aided DART is zero, which leaves the acceleration of the st
 place; its velocity is the angular, then the linear one, both along the axes of its parent. Springs, which DART's loader does not
 read, are supplied by the harness.
 
-Source: DART documentation, dart::utils::DartLoader, dart::dynamics::Skeleton and FreeJoint;
-https://github.com/dartsim/dart/issues/1450.
+Motions are those of the steps of its world, with contacts, between links of the file too. Its loader drops shapes of a link that is called
+world, so that this link has another name, and reads no coefficients of surfaces: those that stand in ``<contact>`` are set. A pair rubs by
+the lesser of two coefficients, and the root link, which is the ground, has the largest one. The rest is its default: collisions by FCL,
+pyramids for cones, and bodies that come to rest fall asleep.
+
+Source: DART documentation, dart::utils::DartLoader, dart::dynamics::Skeleton and FreeJoint, dart::simulation::World,
+dart::constraint::DefaultContactSurfaceHandler; https://github.com/dartsim/dart/issues/1450.
 """
 
 from __future__ import annotations
@@ -16,20 +21,25 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from harness.arrays import Array
 from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.coordinates import FREE, rotation
 from harness.engines.loaded_file import refuse_joints
+from harness.engines.moving import MotionsRequest, Moved, SimulatedFile, moved_as_they_stand
 from harness.engines.reading import captured_standard_error, elements_of, links_without_inertia, text_of, without_shapes
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
 from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile
+from harness.files.tree import WORLD
 
 # Of its messages in a terminal.
 _COLOURS = re.compile("\x1b\\[[0-9;]*m")
+# The name of a link that is called world, and what Bullet calls a coefficient of friction in a file.
+_GROUND, _FRICTION = "world of the file", "lateral_friction"
 
 
 class DartModel(StateByState):
@@ -132,24 +142,17 @@ class DartEngine(Engine):
         if refused:
             raise Unsupported("DART: " + "; ".join(f"line {line}: {what}" for line, what in sorted(refused)))
 
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; of files as they stand."""
+        return moved_as_they_stand(self.title, request, _moved)
+
     def read(self, request: Request) -> DartModel:
         import dartpy
 
         free = [joint.name for joint in request.joints if joint.kind == JointKind.FREE]
         refuse_joints(request, "DART", [request.floating_base] if request.text is None else free)
-        loader, kinds = dartpy.utils.DartLoader(), dartpy.utils.DartLoaderRootJointType
-        loader.setOptions(dartpy.utils.DartLoaderOptions(defaultRootJointType=kinds.FLOATING if request.floating_base else kinds.FIXED))
         place = request.path.resolve().as_uri() if request.text is None else ""
-
-        def read(content: str) -> Any:
-            # The reasons go to standard error alone.
-            with captured_standard_error() as captured:
-                skeleton = loader.parseSkeletonString(content, dartpy.common.Uri(place))
-                if skeleton is None:
-                    raise Refused(_COLOURS.sub("", " ".join((captured() or "its loader refuses the file without a reason").split())))
-            return skeleton
-
-        skeleton, notes = _read_without_meshes(request, read)
+        skeleton, notes = _read_without_meshes(request, lambda content: _parsed(content, place, floats=bool(request.floating_base)))
         if request.aid is not None:
             if request.aid.armature.any():
                 raise Refused("its algorithm knows no rotor inertias of joints, which no force supplies")
@@ -162,6 +165,73 @@ class DartEngine(Engine):
                     if body.getName() in empty:
                         body.setInertia(dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
         return DartModel(skeleton, request, notes)
+
+
+def _parsed(content: str, place: str, floats: bool) -> Any:
+    """The skeleton of a text whose file is at ``place``. Raises Refused."""
+    import dartpy
+
+    loader, kinds = dartpy.utils.DartLoader(), dartpy.utils.DartLoaderRootJointType
+    loader.setOptions(dartpy.utils.DartLoaderOptions(defaultRootJointType=kinds.FLOATING if floats else kinds.FIXED))
+    # The reasons go to standard error alone.
+    with captured_standard_error() as captured:
+        skeleton = loader.parseSkeletonString(content, dartpy.common.Uri(place))
+        if skeleton is None:
+            raise Refused(_COLOURS.sub("", " ".join((captured() or "its loader refuses the file without a reason").split())))
+    return skeleton
+
+
+def _moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]:
+    """q and v, (k, joints) each, after the recorded steps of one motion."""
+    import dartpy
+
+    root = etree.parse(motion.file.path, etree.XMLParser(resolve_entities=False)).getroot()
+    _rename_world(root)
+    skeleton = _parsed(text_of(root), motion.file.path.resolve().as_uri(), floats=False)
+    _set_surfaces(skeleton, root)
+    skeleton.enableSelfCollisionCheck()
+    skeleton.enableAdjacentBodyCheck()
+    joints = {joint.getName(): joint for joint in skeleton.getJoints()}
+    if lacking := [name for name in request.joints if name not in joints]:
+        raise Refused(f"it has no joint {lacking[0]!r}")
+    places = [int(joints[name].getIndexInSkeleton(0)) for name in request.joints]
+    state = np.zeros((2, skeleton.getNumDofs()))
+    state[:, places] = request.q, request.v
+    skeleton.setPositions(state[0])
+    skeleton.setVelocities(state[1])
+    world = dartpy.simulation.World()
+    world.setTimeStep(motion.file.length)
+    world.addSkeleton(skeleton)
+    found, done = [], 0
+    for until in motion.counts:
+        for _ in range(done, until):
+            world.step()
+        done = until
+        found.append((skeleton.getPositions()[places], skeleton.getVelocities()[places]))
+    q, v = (np.array([state[part] for state in found]) for part in range(2))
+    return q, v
+
+
+def _rename_world(root: etree._Element) -> None:
+    for path, attribute in (("link", "name"), ("joint/parent", "link")):
+        for element in root.iterfind(path):
+            if element.get(attribute) == WORLD:
+                element.set(attribute, _GROUND)
+
+
+def _set_surfaces(skeleton: Any, root: etree._Element) -> None:
+    """Friction and restitution of links from ``<contact>``, where they stand there."""
+    numbers = {(link.get("name"), one.tag): float(one.get("value")) for link in root.iterfind("link") for one in link.iterfind("contact/*")}
+    own = skeleton.getRootBodyNode().getName()
+    most = max((value for (link, what), value in numbers.items() if what == _FRICTION and link != own), default=None)
+    if most is not None:
+        numbers[own, _FRICTION] = most
+    for body in skeleton.getBodyNodes():
+        for shape in body.getShapeNodes():
+            surface, link = shape.getDynamicsAspect(), body.getName()
+            if surface is not None:
+                surface.setFrictionCoeff(numbers.get((link, _FRICTION), surface.getFrictionCoeff()))
+                surface.setRestitutionCoeff(numbers.get((link, "restitution"), surface.getRestitutionCoeff()))
 
 
 def _read_without_meshes(request: Request, read: Callable[[str], Any]) -> tuple[Any, tuple[str, ...]]:

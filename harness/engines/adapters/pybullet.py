@@ -23,10 +23,10 @@ import numpy as np
 from lxml import etree
 
 from harness.arrays import Array
-from harness.engines import Engine, LoadedModel, NotOffered, Unsupported
+from harness.engines import Engine, LoadedModel, Unsupported
 from harness.engines.coordinates import rotation
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.moving import MotionsRequest, Moved, SimulatedFile
+from harness.engines.moving import MotionsRequest, Moved, SimulatedFile, moved_as_they_stand
 from harness.engines.reading import (
     captured_output,
     elements_of,
@@ -173,20 +173,13 @@ class PybulletEngine(Engine):
 
     def moved(self, request: MotionsRequest) -> Moved:
         """See ``harness.engines.Engine``; of files as they stand."""
-        if not request.as_it_stands:
-            return super().moved(request)
-        found = [_moved(motion, request) for motion in request.motions]
-        return Moved(np.array([q for q, _ in found]), np.array([v for _, v in found]), np.empty(0))
+        return moved_as_they_stand(self.title, request, _moved)
 
 
 def _moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]:
     """q and v, (k, joints) each, after the recorded steps of one motion."""
     import pybullet
 
-    if motion.over or motion.timing.period or motion.timing.delay or request.control.names:
-        raise NotOffered("PyBullet moves files as they stand, without controls")
-    if len(request.q) != len(request.joints):
-        raise Refused("PyBullet is asked to move hinges and slides alone here")
     server, body = _read(_INERTIAS_OF_FILE | _LINKS_TOUCH, motion.file.path.read_text(encoding="utf-8"))
     try:
         known = {}
@@ -201,8 +194,7 @@ def _moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array
             body, [*known.values()], pybullet.VELOCITY_CONTROL, forces=[0.0] * len(known), physicsClientId=server
         )
         pybullet.setGravity(*_GRAVITY, physicsClientId=server)
-        if motion.file.length is not None:
-            pybullet.setTimeStep(motion.file.length, physicsClientId=server)
+        pybullet.setTimeStep(motion.file.length, physicsClientId=server)
         for index, q, v in zip(joints, request.q.tolist(), request.v.tolist(), strict=True):
             pybullet.resetJointState(body, index, q, v, physicsClientId=server)
         states, done = [], 0

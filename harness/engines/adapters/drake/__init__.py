@@ -21,7 +21,7 @@ from harness.engines import Engine, ImplicitPart, LoadedModel, NotOffered, StepR
 from harness.engines.adapters.drake.files import CONTINUOUS, FINALIZE, Building, building, built, floating_bodies
 from harness.engines.coordinates import BALL, FREE
 from harness.engines.loaded_file import refuse_joints
-from harness.engines.moving import MotionsRequest, Moved
+from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
 from harness.files.findings import EFFORT, EQUALITIES, FRICTION, LIMITS, TENDON_LIMITS, TRANSMISSIONS
@@ -237,12 +237,9 @@ class DrakeEngine(Engine):
 
     def moved(self, request: MotionsRequest) -> Moved:
         """See ``harness.engines.Engine``; of files as they stand."""
-        if not request.as_it_stands:
-            return super().moved(request)
         from harness.engines.adapters.drake.simulated import simulated
 
-        found = [simulated(motion, request) for motion in request.motions]
-        return Moved(np.array([q for q, _ in found]), np.array([v for _, v in found]), np.empty(0))
+        return moved_as_they_stand(self.title, request, simulated)
 
 
 def _set(plant: Any, context: Any, q: Array, v: Array, tau: Array) -> None:

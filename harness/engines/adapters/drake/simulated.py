@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from harness.arrays import Array
-from harness.engines.interface import NotOffered
 from harness.engines.moving import MotionsRequest, SimulatedFile
 from harness.engines.request import Refused
 
@@ -21,15 +20,11 @@ def simulated(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Ar
     """q and v, (k, joints) each, after the recorded steps of one motion; joints have one velocity each.
 
     Raises:
-        NotOffered: of controls, of numbers that are laid over the file, and without a length of steps.
-        Refused: Drake does not read it, or a joint has more than one velocity.
+        Refused: Drake does not read it.
     """
     from pydrake.systems.analysis import Simulator
 
-    if motion.over or motion.timing.period or motion.timing.delay or request.control.names or motion.file.length is None:
-        raise NotOffered("Drake moves files as they stand, without controls, by steps of a given length")
-    if len(request.q) != len(request.joints):
-        raise Refused("Drake is asked to move hinges and slides alone here")
+    assert motion.file.length is not None
     diagram, plant = _built(motion)
     if lacking := [name for name in request.joints if not plant.HasJointNamed(name)]:
         raise Refused(f"it has no joint {lacking[0]!r}")

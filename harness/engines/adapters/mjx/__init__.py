@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Engine
 from harness.engines.adapters.mujoco import law
+from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile
@@ -61,6 +62,14 @@ class MjxEngine(Engine):
         from harness.engines.adapters.mjx.device import load
 
         return load(file, joints, self._in_float64)
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; of files as they stand, in float64."""
+        if not self._in_float64:
+            return super().moved(request)
+        from harness.engines.adapters.mjx.moving import moved
+
+        return moved_as_they_stand(self.title, request, moved, turns_freely=True)
 
     def laws(self, root: Any, model_format: str, constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
         """See ``harness.engines.adapters.mujoco.law``."""

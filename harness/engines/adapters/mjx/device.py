@@ -78,12 +78,16 @@ def _moved(model: Any, q: Any, moves: Any) -> Any:
     return q
 
 
+def keep_compiled() -> None:
+    """Keep what is compiled in the harness's cache, as well what takes less than a second: a check asks many models."""
+    jax.config.update("jax_compilation_cache_dir", str(cache_directory() / "jax"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
 @functools.cache
 def _compiled(of_a_state: Callable[..., Any], vectors: int) -> Any:
     """A function of a model, its empty data and so many vectors, of blocks of these; compiled at its first call."""
-    # What takes less than a second to compile is kept as well: a check asks many models.
-    jax.config.update("jax_compilation_cache_dir", str(cache_directory() / "jax"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    keep_compiled()
     of_a_block = jax.vmap(of_a_state, in_axes=(None, None, *(0,) * vectors))
     return jax.jit(of_a_block, compiler_options=COMPILER_OPTIONS)
 

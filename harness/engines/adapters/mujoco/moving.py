@@ -28,7 +28,7 @@ _HALF_ULP = 2.0**-53
 
 def held_numbers(file: MovedFile) -> HeldNumbers:
     """See ``harness.engines.Engine``."""
-    model = _compiled(file)
+    model = compiled_file(file)
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -53,7 +53,7 @@ def held_numbers(file: MovedFile) -> HeldNumbers:
 
 def moved(request: MotionsRequest) -> Moved:
     """See ``harness.engines.Engine``."""
-    compiled = {file: _compiled(file) for file in dict.fromkeys(motion.file for motion in request.motions)}
+    compiled = {file: compiled_file(file) for file in dict.fromkeys(motion.file for motion in request.motions)}
     found: list[tuple[Array, Array]] = []
     mass: Array = np.empty(0)
     for motion in request.motions:
@@ -69,7 +69,7 @@ def moved(request: MotionsRequest) -> Moved:
 
 def _move(model: Any, request: MotionsRequest, motion: SimulatedFile, wants_mass: bool) -> tuple[tuple[Array, Array], Array]:
     """q (k, nq), v (k, nv) at the recorded steps, and M there, (k, nv, nv)."""
-    data, (positions, velocities) = mujoco.MjData(model), _places(model, request.joints)
+    data, (positions, velocities) = mujoco.MjData(model), places_of(model, request.joints)
     if model.nkey:
         # Activations, mocap bodies and joints of no motion are where the file starts.
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -142,8 +142,8 @@ def _round(model: Any, data: Any, generator: np.random.Generator) -> None:
     mujoco.mj_normalizeQuat(model, data.qpos)
 
 
-def _compiled(file: MovedFile) -> Any:
-    """Raises Refused where MuJoCo does not read the file, or has no such integrator."""
+def compiled_file(file: MovedFile) -> Any:
+    """The ``MjModel`` of a file. Raises Refused where MuJoCo does not read the file, or has no such integrator."""
     with refusals():
         model, notes = plain_model(Request(path=file.path, format=file.format, joints=(), moving=()))
     if notes:
@@ -166,7 +166,7 @@ def _actuators(model: Any) -> list[str]:
     return [model.actuator(number).name or f"actuator {number}" for number in range(len(model.actuator_group))]
 
 
-def _places(model: Any, joints: Sequence[str]) -> tuple[list[int], list[int]]:
+def places_of(model: Any, joints: Sequence[str]) -> tuple[list[int], list[int]]:
     """Positions and velocities of joints in MuJoCo's own q and v."""
     by_name = {_name(model, number): model.joint(number) for number in range(model.njnt)}
     positions, velocities = list[int](), list[int]()
