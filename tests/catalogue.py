@@ -86,7 +86,7 @@ def features_of_system(name: str) -> Iterator[str]:
     return (one for one in _all_features(name) if not _OF_CONTACTS & set(one.removesuffix("=").split()))
 
 
-_OF_CONTACTS = {"Contact", "contacts", "filterparent", "geom", "collision", "geometry", "box", "sphere"}
+_OF_CONTACTS = {"Contact", "contacts", "filterparent", "geom", "collision", "geometry", "box", "sphere", "cylinder"}
 
 
 def _all_features(name: str) -> Iterator[str]:
