@@ -140,28 +140,25 @@ def test_of_another():
 """
 
 
+def _beside_the_conftest(folder: Path) -> list[str]:
+    """Options of pytest for tests of a folder, which gets a copy of this suite's ``conftest.py``."""
+    tests = Path(__file__).parent
+    (folder / "conftest.py").write_text((tests / "conftest.py").read_text())
+    options = ["-c", str(tests.parent / "pyproject.toml"), "--rootdir", str(folder)]
+    return [*options, "-o", f"pythonpath={tests}", "-p", "no:cacheprovider", "-n", "0", "-q"]
+
+
 @pytest.fixture
 def collected(tmp_path: Path) -> Callable[..., set[str]]:
     """The tests that pytest would run of a file beside this suite's ``conftest.py``."""
-    tests = Path(__file__).parent
-    (tmp_path / "conftest.py").write_text((tests / "conftest.py").read_text())
+    settings = _beside_the_conftest(tmp_path)
     (tmp_path / "test_it.py").write_text(TESTS)
     (tmp_path / "systems").mkdir()
     (tmp_path / "systems" / "test_published.py").write_text(PUBLISHED)
-    settings = [
-        "-c",
-        str(tests.parent / "pyproject.toml"),
-        "--rootdir",
-        str(tmp_path),
-        "-o",
-        f"pythonpath={tests}",
-        "-p",
-        "no:cacheprovider",
-    ]
 
     def collect(*arguments: str) -> set[str]:
         where = [] if "::" in str(arguments) else ["."]
-        command = [sys.executable, "-m", "pytest", *settings, "--collect-only", "-q", "-n", "0", *arguments, *where]
+        command = [sys.executable, "-m", "pytest", *settings, "--collect-only", *arguments, *where]
         # CI asks for its own set there.
         bare = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
         done = subprocess.run(command, cwd=tmp_path, env=bare, capture_output=True, text=True, timeout=120)
@@ -195,3 +192,28 @@ def test_the_desk_takes_what_is_representative_ci_everything_and_nights_take_tur
     assert set().union(*nights) == {"test_long", *(f"test_in_turn[{number}]" for number in range(7))}
     assert collected("-k", "collar") == {"test_over[collar]"}
     assert collected("test_it.py::test_in_turn[1]") == {"test_in_turn[1]"}
+
+
+OUTLIVING = """
+import subprocess, sys, time
+from costs import LOOK_SECONDS
+
+def test_it():
+    # A server that ends as soon as its pipe is closed, after the process that started it.
+    server = "import sys, time\\nwhile time.process_time() < 1: pass\\nprint('served', flush=True); sys.stdin.read()"
+    worker = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {server!r}], stdin=subprocess.PIPE); sys.stdin.read()"
+    with subprocess.Popen([sys.executable, "-c", worker], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as working:
+        working.stdout.readline()
+        time.sleep(2 * LOOK_SECONDS)
+        working.communicate()
+"""
+
+
+@pytest.mark.ci
+def test_costs_hold_what_outlives_the_process_that_started_it(tmp_path: Path) -> None:
+    settings = _beside_the_conftest(tmp_path)
+    (tmp_path / "test_it.py").write_text(OUTLIVING)
+    command = [sys.executable, "-m", "pytest", *settings, "--costs", "test", "."]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    [costs] = re.findall(r"^ +([\d.]+)  test_it.py::test_it$", done.stdout, re.MULTILINE)
+    assert 0.9 < float(costs) < 2, done.stdout + done.stderr
