@@ -38,7 +38,9 @@ MOST_ITERATIONS = 20
 LEAST_OF_SIX = 1e-14
 # A principal inertia is zero where it is no more than the rounding of the largest.
 ROUNDING = 8 * 2.0**-53
-_WITHOUT_DECORATION = "[s.delete(part) for part in [*s.geoms, *s.meshes, *s.materials, *s.textures]]"
+# Parts deleted themselves before the spec did, as of ``versions.delete``.
+_DELETES = "s.delete(part)" if hasattr(mujoco.MjSpec, "delete") else "part.delete()"
+_WITHOUT_DECORATION = f"[{_DELETES} for part in [*s.geoms, *s.meshes, *s.materials, *s.textures]]"
 
 
 def _text(value: Any) -> str:
