@@ -20,6 +20,7 @@ from harness.comparison.switched_on import judge_switched_on
 from harness.engines.adapters.mujoco import robot as adapter
 from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
 from harness.explain import touching
+from harness.explain.changes.placements import as_placed, placement_of
 from harness.files.contacts import FoundContact
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import switched_on_text
@@ -439,8 +440,12 @@ def test_a_shape_that_is_nearly_in_a_frame_of_its_body_is_put_there(place: str, 
 @pytest.mark.usefixtures("at_few_states")
 @pytest.mark.parametrize(("position", "orientation"), [("0.100002 0.02 0", "0.80001 0 0.6 0"), ("2e-6 0 0", "0.8 0 0.60001 0")])
 def test_one_that_is_further_from_them_stays_where_the_file_has_it(position: str, orientation: str, tmp_path: Path) -> None:
-    record = judge_switched_on(meant_by(written(tmp_path, NEARLY.format(pos=position, quat=orientation))), "mujoco")
+    path = written(tmp_path, NEARLY.format(pos=position, quat=orientation))
+    record = judge_switched_on(meant_by(path), "mujoco")
     assert record.shapes is not None and (record.shapes.verdict, record.shapes.placement, record.shapes.rest) == (Verdict.AGREES, "", [])
+    robot, placement = read_robot(path), placement_of("mujoco", "")
+    assert robot.shapes is not None and placement is not None
+    assert [as_placed(placement, robot.tree, shape) for shape in robot.shapes.shapes] == [*robot.shapes.shapes]
 
 
 @pytest.mark.usefixtures("at_few_states")
