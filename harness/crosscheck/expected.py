@@ -6,9 +6,10 @@
 ``median_backward_error``, and the ``share`` of them that do not agree. A second fault shows beside it.
 An entry with the verdict ``unsupported`` has no backward error, and excuses the subject's model where that is missing. One with
 ``misreads`` has none where the reader leaves joints out, so that nothing can be compared.
-An entry with a ``quantity`` is about that; without one it is about accelerations, and what cannot be asked for those cannot be asked
-for anything. One with ``versions``, a specifier as "<3.7", is about those versions of the subject's engine alone, asked by name as
-``engine@version``. A list in place of a system or subject stands for a table for each of them.
+An entry with a ``quantity`` is about that alone. One without is about accelerations, and where it says ``unsupported`` or ``misreads``
+about all quantities: what cannot be asked for accelerations can seldom be asked for anything. One with ``versions``, a specifier as
+"<3.7", is about those versions of the subject's engine alone, asked by name as ``engine@version``. A list in place of a system or subject
+stands for a table for each of them.
 
 ``[[differs]]`` tables beside them are of what engines do not hold alike after loading (``held``), with ``system``, ``quantity``,
 ``joint``, ``ulps``, the largest difference that the reason explains, ``reason`` and ``link``.
@@ -73,9 +74,20 @@ class Entry(TableOfReasons, frozen=True, kw_only=True):
     verdict: Text
     reason: Text
     link: Text
+    quantity: str = ""
     backward_error: float | None = None
     median_backward_error: float | None = None
     share: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
+
+    @property
+    def about(self) -> str:
+        """The quantity that it bounds."""
+        return self.quantity or ACCELERATIONS
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """See ``TableOfReasons``; an entry without a quantity and one about accelerations are about the same answers."""
+        return tuple(self.about if name == "quantity" else getattr(self, name) for name in self.KEY)
 
     @property
     def limit(self) -> float:
@@ -100,7 +112,6 @@ class Expectation(Entry, frozen=True, kw_only=True):
 
     KEY = ("system", "subject", "quantity", "versions")
     system: Text
-    quantity: Text = ACCELERATIONS
     versions: str = ""
 
 
@@ -194,10 +205,10 @@ def read_entries(
 
 
 def of_quantity(entries: Iterable[Any], quantity: str) -> list[Any]:
-    """The entries about a quantity; what cannot be asked for accelerations cannot be asked for anything, and a file is misread for all."""
+    """The entries about a quantity; those that name none and say ``unsupported`` or ``misreads`` are about all."""
     of_any = (Verdict.UNSUPPORTED, Verdict.MISREADS)
-    everywhere = [one for one in entries if one.verdict in of_any and not quantity_words(one.quantity) and quantity_words(quantity)]
-    return [*(structs.replace(one, **dict.fromkeys(_NUMBERS)) for one in everywhere), *(one for one in entries if one.quantity == quantity)]
+    everywhere = [one for one in entries if one.verdict in of_any and not one.quantity and quantity_words(quantity)]
+    return [*(structs.replace(one, **dict.fromkeys(_NUMBERS)) for one in everywhere), *(one for one in entries if one.about == quantity)]
 
 
 @dataclass(frozen=True)
@@ -259,7 +270,7 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expect
         "system": _labels(library),
         "subject": list(map(str, known_subjects(library))),
         "verdict": SEVERITY,
-        "quantity": find_quantities(),
+        "quantity": ["", *find_quantities()],
     }
     compared = [verdict for verdict in SEVERITY if verdict != Verdict.UNSUPPORTED]
     entries = read_entries(library.expected_verdicts, Expectation, known, compared, TABLES)

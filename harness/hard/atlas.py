@@ -144,7 +144,6 @@ class HardExpectation(Entry, frozen=True, kw_only=True):
     KEY = ("case", "subject", "quantity", "verdict")
     case: Text
     remedy: Text
-    quantity: Text = ACCELERATIONS
 
 
 def load_hard_expectations(subjects: Collection[str], quantity: str = ACCELERATIONS, path: Path = PATH) -> Mapping[Key, HardExpectation]:
@@ -154,7 +153,7 @@ def load_hard_expectations(subjects: Collection[str], quantity: str = ACCELERATI
         InvalidInput: the file is malformed, or an entry names a case or subject that does not exist any more.
     """
     verdicts = [verdict for verdict in SEVERITY if verdict != Verdict.AGREES]
-    known = {"case": hard_cases(), "subject": subjects, "verdict": verdicts, "quantity": find_quantities()}
+    known = {"case": hard_cases(), "subject": subjects, "verdict": verdicts, "quantity": ["", *find_quantities()]}
     chosen = of_quantity(read_entries(path, HardExpectation, known, _COMPARED), quantity)
     return {(entry.case, entry.subject, entry.verdict): entry for entry in chosen}
 

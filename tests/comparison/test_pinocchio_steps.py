@@ -11,12 +11,15 @@ from typing import Any
 import flint
 import numpy as np
 import pytest
+from catalogue import BUILT_IN
 from comparison.robots import FILES, edited
 from flint import arb, arb_mat
-from support import call_engines_here
+from support import InThisProcess, call_engines_here, completed
 
 from harness.comparison.robot_library import RobotLibrary, engine_of, robot_at, robot_subjects
 from harness.comparison.switched_on import judge_switched_on
+from harness.crosscheck.run import CrossCheck
+from harness.crosscheck.settings import Settings
 from harness.engines import subjects
 from harness.engines.adapters.pinocchio import step_law, stepping
 from harness.explain.documented import documented
@@ -136,6 +139,17 @@ def assert_red(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FileCase, "left", lambda *_: ["nothing explains it"])
     record = held_by(path, "pinocchio_pgs")
     assert not record.explained and record.to_the_end is None and record.rest
+
+
+@pytest.mark.parametrize("engine", SOLVERS)
+@pytest.mark.parametrize("name", ["dry_pendulum", "limited_pendulum"])
+def test_of_a_mechanism_it_is_asked_all_but_accelerations(name: str, engine: str) -> None:
+    """The problem of a step is one of the numbers of a file, and no textbook has it."""
+    settings = Settings(library=BUILT_IN, states=20, examples=None, names=[name], subjects=[f"{engine}/urdf"])
+    found = {one.quantity: one for one in completed(CrossCheck(settings, ["accelerations", "mass_matrix"]), InThisProcess()).records}
+    assert all(one.as_expected for one in found.values())
+    assert {quantity: one.verdict for quantity, one in found.items()} == {"accelerations": "unsupported", "mass_matrix": "agrees"}
+    assert "no textbook has" in found["accelerations"].expected_reason
 
 
 # The truth, by a way of its own.

@@ -28,6 +28,7 @@ from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import generic_sample
 
 BUILT_IN = Library.built_in()
+QUANTITIES = ("accelerations", "mass_matrix")
 ENTRY = '[[expected]]\nsystem = "bar_pendulum"\nsubject = "{subject}"\nverdict = "{verdict}"\nreason = "{reason}"\nlink = "a page"\n'
 REASONS = {
     "mujoco/mjcf": "no such joint",
@@ -147,7 +148,7 @@ def test_a_model_that_cannot_be_read_is_not_missing(root: Path) -> None:
         ("misreads", "backward_error = 1.0\nshare = 1.0\n", "number 1 must have backward_error and median_backward_error and share"),
         ("undecided", "backward_error = 1.0\nshare = 1.0\n", "number 1 must have backward_error"),
         ("unstable", "backward_error = true\n", "number 1: Expected `float | null`, got `bool` - at `$.backward_error`"),
-        ("unsupported", "note = 1\n", "unknown field `note`; expected the texts subject, verdict, reason, link, system"),
+        ("unsupported", "note = 1\n", "unknown field `note`; expected the texts subject, verdict, reason, link, quantity, system"),
         ("unsuported", "", "did you mean 'unsupported'"),
         ("", "", "of length >= 1 - at `$.verdict`; expected the texts"),
         ("unsupported", 'versions = "about 3"\n', "versions = 'about 3' of mujoco/mjcf on bar_pendulum is no specifier; expected one as"),
@@ -157,12 +158,24 @@ def test_a_model_that_cannot_be_read_is_not_missing(root: Path) -> None:
             ENTRY.format(subject="mujoco/mjcf", verdict="unsupported", reason="again"),
             "[[expected]] number 2 repeats bar_pendulum",
         ),
+        (
+            "unsupported",
+            ENTRY.format(subject="mujoco/mjcf", verdict="agrees", reason="again") + 'quantity = "accelerations"\n',
+            "[[expected]] number 2 repeats bar_pendulum, mujoco/mjcf, accelerations",
+        ),
     ],
 )
 def test_malformed_entries_are_refused(root: Path, verdict: str, more: str, fragment: str) -> None:
     excuse(root, ENTRY.format(subject="mujoco/mjcf", verdict=verdict, reason="none") + more)
     with pytest.raises(InvalidInput, match=re.escape(fragment)):
         load_expectations(Library.at(root))
+
+
+@pytest.mark.parametrize(("more", "of_masses"), [("", "unsupported"), ('quantity = "accelerations"\n', "agrees")])
+def test_an_entry_that_names_accelerations_is_about_them_alone(root: Path, more: str, of_masses: str) -> None:
+    excuse(root, ENTRY.format(subject="mujoco/mjcf", verdict="unsupported", reason="none") + more)
+    verdicts = {name: load_expectations(Library.at(root), name).of("bar_pendulum", "mujoco/mjcf").verdict for name in QUANTITIES}
+    assert verdicts == {"accelerations": "unsupported", "mass_matrix": of_masses}
 
 
 def test_a_family_that_writes_a_model_has_it(tmp_path: Path) -> None:

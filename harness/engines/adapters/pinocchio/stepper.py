@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from harness.engines import ConstraintLaw
+from harness.engines import ConstraintLaw, Unsupported
 from harness.engines.adapters.pinocchio import PinocchioEngine
 from harness.engines.adapters.pinocchio.step_law import EXACT, ITERATIONS, laws
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.findings import EQUALITIES, TENDON_LIMITS
+from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
+    from harness.engines.adapters.pinocchio.model import PinocchioModel
     from harness.engines.adapters.pinocchio.robot import PinocchioFile
 
 
@@ -48,6 +50,16 @@ class PinocchioStepper(PinocchioEngine):
                 "pin.aba(m, d, q, v, tau + J.T @ x.retrieveConstraintImpulses() / h)"
             )
         }
+
+    def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> PinocchioModel:
+        """See ``harness.engines.Engine``; the problem of a step is one of the numbers of a file, and no textbook has it.
+
+        Raises:
+            Unsupported: dry friction or limits of a textbook are to act.
+        """
+        if file.acting:
+            raise Unsupported(f"the harness asks Pinocchio's constraint solvers about users' files alone, and not with {file.acting[0]}")
+        return super().load_model(file, joints, gravity)
 
     def read(self, request: Request) -> PinocchioFile:
         from harness.engines.adapters.pinocchio.stepping import read
