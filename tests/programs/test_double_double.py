@@ -22,13 +22,14 @@ SHARES = (-1.0, 0.0, 1.0)
 
 
 def write_everything(code: Writer) -> None:
-    """The six results of each pair of operands, (6, n, 3)."""
+    """The seven results of each pair of operands, (7, n, 3)."""
     n = code.argument("n")
     a, b, found = (code.array(name, 3) for name in ("a", "b", "found"))
     for i in code.range(n):
         x, y = double_double.number_at(a, i), double_double.number_at(b, i)
         results = [double_double.add(x, y), double_double.multiply(x, y), double_double.divide(x, y), double_double.root(x)]
-        for number, result in enumerate([*results, *double_double.sine_and_cosine(code, x)]):
+        angles = *double_double.sine_and_cosine(code, x), double_double.arctangent(code, x, y)
+        for number, result in enumerate([*results, *angles]):
             double_double.store(found, n * number + i, result)
 
 
@@ -44,6 +45,7 @@ EXACT: dict[str, Callable[[Any, Any], Any]] = {
     "root": lambda x, y: x.sqrt(),
     "sine": lambda x, y: x.sin(),
     "cosine": lambda x, y: x.cos(),
+    "arctangent": lambda x, y: flint.arb.atan2(x, y),
 }
 
 
@@ -86,7 +88,7 @@ def violations(a: Array, b: Array, found: Array, share: float = 1.0) -> dict[str
                 if not math.isfinite(results[2]):
                     continue
                 bound, middle = flint.arb(share) * flint.arb(results[2]), flint.arb(results[0]) + flint.arb(results[1])
-                others = rights if name in ("add", "multiply", "divide") else rights[:1]
+                others = rights if name in ("add", "multiply", "divide", "arctangent") else rights[:1]
                 counts[name] += any(not abs(EXACT[name](x, y) - middle) <= bound for x in lefts for y in others)
     return counts
 
@@ -139,6 +141,17 @@ def test_a_zero_with_a_bound_has_a_quotient_with_one() -> None:
     quotients = results_of(cancelled, other)[2]
     assert (quotients[:, :2] == 0).all()
     assert (quotients[:, 2] > 1e-30 / 0.7).all() and (quotients[:, 2] < 1.001e-30 / 0.7).all()
+
+
+def test_an_angle_has_a_bound_where_its_cut_is_told_apart() -> None:
+    """At the cut it is pi where the ordinate is exactly zero, and any of two angles a turn apart where it may be on either side."""
+    y = np.array([[0.0, 0.0, 0.0], [-0.0, 0.0, 0.0], [1e-20, 0.0, 1e-21], [-1e-20, 0.0, 1e-21], [1e-20, 0.0, 1e-19], [1e-20, 0.0, 1e-19]])
+    x = np.array([[-2.0, 0.0, 0.0]] * 5 + [[2.0, 0.0, 0.0]])
+    high, low, bound = np.moveaxis(results_of(y, x)[-1], -1, 0)
+    assert high[:4].tolist() == [math.pi, math.pi, math.pi, -math.pi] and (np.abs(low[:2] - 1.2246467991473532e-16) < 1e-31).all()
+    assert np.isfinite(bound).tolist() == [True, True, True, True, False, True]
+    assert not results_of(np.zeros((1, 3)), x[-1:])[-1].any(), "the exact zero"
+    assert not np.isfinite(results_of(np.zeros((1, 3)), np.zeros((1, 3)))[-1, 0, 2]), "no angle at all"
 
 
 def write_sines_in_float64(code: Writer) -> None:

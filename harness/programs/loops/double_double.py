@@ -14,7 +14,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.programs.loops.language import Writer
 from harness.programs.loops.values import Array as Place
-from harness.programs.loops.values import Operand, Value, as_integer, equals, floor, fma, root_of, select
+from harness.programs.loops.values import Operand, Value, as_integer, equals, floor, fma, larger, root_of, select, smaller
 from harness.programs.numbers import exactly, of_ball
 
 # high, low and bound, as they are written.
@@ -37,6 +37,10 @@ LARGEST_ARGUMENT = 2.0**20
 _TERMS, _LONG_TERMS = 6, 4
 # Of each series, for float64.
 _SHORT = 4
+# Of the arctangent of a quotient up to 1, over it and 1 less it: within 0.004.
+_BOW = 0.273
+# The most that an angle in float64 may be off, so that the arctangent of the rest is a quotient.
+_REST_OF_ANGLE = 2.0**-20
 # The first terms that are left out, over the argument and over 1.
 _REST_OF_SINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS + 1) * 1.001
 _REST_OF_COSINE = _REACH ** (2 * _TERMS) / math.factorial(2 * _TERMS) * 1.001
@@ -209,3 +213,33 @@ def sine_and_cosine(code: Writer, a: Known) -> tuple[Known, Known]:
     )
     first, second = ((high, low, select(is_proven, bound, math.inf)) for high, low, bound in results)
     return first, second
+
+
+def arctangent_in_float64(code: Writer, y: Value, x: Value) -> Value:
+    """The angle of (x, y), in [-pi, pi], to some units in the last place; nothing is proved of it."""
+    across, along = abs(y), abs(x)
+    ratio = smaller(across, along) / larger(across, along)
+    angle = ratio * (math.pi / 4 + _BOW * (1.0 - ratio))
+    angle = select(across > along, math.pi / 2 - angle, angle)
+    angle = select(x < 0.0, math.pi - angle, angle)
+    angle = select(y < 0.0, -angle, angle)
+    sine, cosine = sine_and_cosine_in_float64(code, angle)
+    rest = (y * cosine - x * sine) / (x * cosine + y * sine)
+    square = rest * rest
+    return angle + rest * (1.0 - square * (1.0 / 3 - square * (1.0 / 5)))
+
+
+def arctangent(code: Writer, y: Known, x: Known) -> Known:
+    """The angle of (x, y), in (-pi, pi], as ``atan2`` has it; its bound is infinite where the sides of its cut are not told apart."""
+    first = arctangent_in_float64(code, y[0], x[0])
+    nothing = _like(y, (0.0, 0.0, 0.0))
+    sine, cosine = sine_and_cosine(code, (first, *nothing[1:]))
+    across = add(multiply(y, cosine), negative(multiply(x, sine)))
+    along = add(multiply(x, cosine), multiply(y, sine))
+    rest = divide(across, along)
+    reach = abs(rest[0]) + abs(rest[1]) + rest[2]
+    # atan t is within |t|^3 / 3 of t.
+    high, low, bound = add((first, *nothing[1:]), (rest[0], rest[1], (rest[2] + reach * reach * reach / 3) * _UPWARDS))
+    is_beside_the_cut = (x[0] > x[2]) | (abs(y[0]) > y[2]) | _is_zero(y)
+    is_proven = is_beside_the_cut & (along[0] > along[2]) & (reach < _REST_OF_ANGLE)
+    return high, low, select(is_proven, bound, math.inf)

@@ -1,7 +1,7 @@
 """A straight-line program as arrays, which one compiled loop interprets for every mechanism.
 
-A sine and the cosine of the same angle are one operation of two results. Tangents become quotients, whole powers products, and a
-change of sign the difference from the exact zero.
+A sine and the cosine of the same angle are one operation of two results. Tangents become quotients, whole powers products, arctangents
+angles of points, and a change of sign the difference from the exact zero.
 What is left of the functions that a program may hold has no code: such a program is evaluated in balls.
 """
 
@@ -20,9 +20,9 @@ from harness.programs.numbers import UNIT_ROUNDOFF, Number, exactly, pi
 from harness.programs.program import OUTPUTS, SYSTEM, Instruction, StraightLineProgram, position_count
 from harness.programs.terms import Builder, Term, symmetric
 
-SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE = range(7)
-_CODES = dict(zip(("add", "sub", "mul", "div", "sqrt", "sine_and_cosine", "cosine"), range(7), strict=True))
-_BINARY = (SUM, DIFFERENCE, PRODUCT, QUOTIENT)
+SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE, ARCTANGENT = range(8)
+_CODES = dict(zip(("add", "sub", "mul", "div", "sqrt", "sine_and_cosine", "cosine", "atan2"), range(8), strict=True))
+_BINARY = (SUM, DIFFERENCE, PRODUCT, QUOTIENT, ARCTANGENT)
 # Roundings of a partial derivative and of its product with an adjoint, which are fewer.
 _ROUNDINGS_OF_AN_EDGE = 8
 
@@ -144,6 +144,8 @@ def _result_of(builder: Builder, instruction: Instruction, found: Sequence[Term]
             sine = add("sine_and_cosine", found[angle])
             cosine = add("cosine", sine)
             return {"sin": sine, "cos": cosine}.get(name) or add("div", sine, cosine)
+        case ("atan", int(operand)):
+            return add("atan2", found[operand], builder.number(1))
         case (str(name), *operands) if name in _CODES:
             return add(name, *(found[operand] for operand in operands if isinstance(operand, int)))
         case _:

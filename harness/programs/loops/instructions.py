@@ -13,6 +13,8 @@ from typing import Any
 from harness.programs.loops import encoding as operations
 from harness.programs.loops.double_double import (
     add,
+    arctangent,
+    arctangent_in_float64,
     divide,
     multiply,
     number_at,
@@ -22,7 +24,7 @@ from harness.programs.loops.double_double import (
     store,
 )
 from harness.programs.loops.language import Writer
-from harness.programs.loops.values import Array, Value, as_number, differs, equals, root_of, select
+from harness.programs.loops.values import Array, Value, as_number, differs, equals, larger, root_of, select
 from harness.programs.numbers import LANES, UNIT_ROUNDOFF
 
 RUN = {"m": "integer", "start": "integer", "instructions": "halves", "values": "vectors"}
@@ -69,10 +71,11 @@ class LoopArithmetic:
     divide: Callable[[Any, Any], Any]
     root: Callable[[Any], Any]
     sine_and_cosine: Callable[[Writer, Any], tuple[Any, Any]]
+    arctangent: Callable[[Writer, Any, Any], Any]
 
 
 _DOUBLE_DOUBLE = LoopArithmetic(
-    number_at, store, lambda a, sign, b: add(a, (sign * b[0], sign * b[1], b[2])), multiply, divide, root, sine_and_cosine
+    number_at, store, lambda a, sign, b: add(a, (sign * b[0], sign * b[1], b[2])), multiply, divide, root, sine_and_cosine, arctangent
 )
 _FLOAT64 = LoopArithmetic(
     Array.__getitem__,
@@ -82,6 +85,7 @@ _FLOAT64 = LoopArithmetic(
     operator.truediv,
     root_of,
     sine_and_cosine_in_float64,
+    arctangent_in_float64,
 )
 
 
@@ -122,6 +126,7 @@ def _write_instruction(
         operations.ROOT: lambda: put(numbers.root(a)),
         operations.SINE_AND_COSINE: sine_with_cosine,
         operations.COSINE: lambda: None,
+        operations.ARCTANGENT: lambda: put(numbers.arctangent(code, a, b)),
     }
     code.choose(operation, cases, lambda: put(numbers.add(a, 1.0 - 2.0 * as_number(operation), b)))
 
@@ -162,6 +167,15 @@ class _Sweep:
             by_a = 0.5 / value(place, 0)
             self._pass_on(row, [(rows[0], by_a, 2.0 * by_a * most(place) * by_a)])
 
+        def of_arctangent() -> None:
+            # Of lengths over the larger one, whose squares are no numbers too large or too small.
+            over = 1.0 / larger(abs(value(a, 0)), abs(value(b, 0)))
+            y, x, most_y, most_x = value(a, 0) * over, value(b, 0) * over, most(a) * over, most(b) * over
+            square = x * x + y * y
+            # Twice, for more roundings than other partial derivatives have.
+            size = 2.0 * over * (most_x * most_x + most_y * most_y) / (square * square)
+            self._pass_on(row, [(rows[0], x / square * over, most_x * size), (rows[1], -(y / square * over), most_y * size)])
+
         def of_sine_and_cosine() -> None:
             sine, cosine, of_cosine = value(place, 0), value(place + 1, 0), rows[1]
             for block in code.range(self.blocks):
@@ -174,6 +188,7 @@ class _Sweep:
         cases: dict[int, Callable[[], None]] = {
             operations.QUOTIENT: of_quotient,
             operations.ROOT: of_root,
+            operations.ARCTANGENT: of_arctangent,
             operations.SINE_AND_COSINE: of_sine_and_cosine,
             # Its adjoint is passed on with that of the sine before it.
             operations.COSINE: lambda: None,

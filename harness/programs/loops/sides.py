@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 
-from harness.programs.loops.double_double import LARGEST_ARGUMENT, sine_and_cosine_in_float64
+from harness.programs.loops.double_double import LARGEST_ARGUMENT, arctangent_in_float64, sine_and_cosine_in_float64
 from harness.programs.loops.instructions import RUN, LoopArithmetic, Program, write_approximate_run, write_instructions, write_run
 from harness.programs.loops.language import Function, Writer
 from harness.programs.loops.solution import LinearEquations, Workspace, factorise, solve
-from harness.programs.loops.values import Array, Value, root_of, select
+from harness.programs.loops.values import Array, Value, larger, root_of, select
 
 Moved = tuple[Value, Value]
 _VALUES = {
@@ -48,6 +48,12 @@ def _sine_and_cosine(code: Writer, a: Moved) -> tuple[Moved, Moved]:
     return (sine, abs(cosine) * a[1]), (cosine, abs(sine) * a[1])
 
 
+def _arctangent(code: Writer, a: Moved, b: Moved) -> Moved:
+    over = 1.0 / larger(abs(a[0]), abs(b[0]))
+    y, x = a[0] * over, b[0] * over
+    return arctangent_in_float64(code, a[0], b[0]), (abs(x) * a[1] + abs(y) * b[1]) * (over / (x * x + y * y))
+
+
 # Values, and sums of the absolute values of all ways from an input.
 _MOVED = LoopArithmetic(
     _at,
@@ -57,6 +63,7 @@ _MOVED = LoopArithmetic(
     _divide,
     _root,
     _sine_and_cosine,
+    _arctangent,
 )
 
 
