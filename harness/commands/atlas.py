@@ -54,6 +54,7 @@ def command(
     print_titled("hard cases", tables.rows_of(shown).without("time"))
     print_titled("motions that part", tables.partings(summary).without("largest distance"))
     print_titled("worst distances from rigid contact along each mechanism", tables.distances(summary, bracket.detail))
+    print_titled("growth of distances from rigid contact, values from gentle to hard", tables.laws(summary))
     print_titled("largest stable step times the frequency of an undamped spring", tables.stable_steps(summary))
     if any(family.reasons for family in shown.families):
         say("")

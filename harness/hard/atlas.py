@@ -84,8 +84,7 @@ class AtlasStudy(Study):
             self._inquiries += [self._moved("stable_steps", name, stable_steps, values) for name in STABILITY_LIMITS]
         if CONTACT in beside:
             # Derived with SymPy, which an atlas without contacts does without.
-            from harness.hard.cases.rigid import rigid_cases
-            from harness.hard.touching import rigid_distances
+            from harness.hard.touching import rigid_cases, rigid_distances
 
             self._inquiries += [self._moved("distances", name, rigid_distances, library) for name in rigid_cases()]
         self.steps = len(self._inquiries)

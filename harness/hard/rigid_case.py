@@ -55,7 +55,9 @@ class RigidCase:
         measured: name and unit of the number that is measured; measure: (motion, parameters) to it.
         rigid: (contacts, q, v, parameters) to the intervals in which rigid motions have it.
         scale: parameters to what distances are relative to.
-        only: settings that bear on it, by name; all for none.
+        length: (value, parameters) to the length of steps [s]; None where that is the setting's.
+        only: settings that bear on it, by name; the usual ones for none.
+        gentle_first: whether values go from gentle to hard, so that a law of growth and the value that breaks an engine are told.
     """
 
     name: str
@@ -72,5 +74,7 @@ class RigidCase:
     measure: Callable[[RecordedMotion, Numbers], float]
     rigid: Callable[[RigidContacts, Sequence[float], Sequence[float], Numbers], Sequence[Interval]]
     scale: Callable[[Numbers], float] = lambda own: 1.0
+    length: Callable[[float, Numbers], float] | None = None
     only: tuple[str, ...] = ()
+    gentle_first: bool = False
     source: str

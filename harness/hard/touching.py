@@ -10,9 +10,10 @@ A distance is no verdict: a law that gives is not wrong. It is relative to the s
 
 from __future__ import annotations
 
+import functools
 import math
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,14 +26,14 @@ from harness.engines.moving import Control, MotionsRequest, MovedFile, Simulated
 from harness.engines.request import Refused
 from harness.environments import split_name
 from harness.files.tree import WORLD
-from harness.hard.cases.rigid import rigid_cases
 from harness.hard.rigid_case import Edits, Interval, Numbers, RecordedMotion, RigidCase, UrdfChanges
 from harness.lagrange.assembly import contact_rows
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.system import System
 from harness.library import Library
 from harness.programs.mechanisms.mechanism import Mechanism
-from harness.results.atlas import RigidDistance
+from harness.registry import declared
+from harness.results.rigid import RigidDistance
 from harness.study import Note
 from harness.truth.coulomb import RigidContact, RigidContacts
 
@@ -52,11 +53,13 @@ class ContactSetting:
 
     Attributes:
         length: of a step [s]. edits: of an MJCF; where there are any, engines that read no MJCF are not asked.
+        usual: whether cases that name no settings are asked with it.
     """
 
     name: str
     length: float = _LENGTH
     edits: Edits = field(default_factory=dict)
+    usual: bool = True
 
 
 def _stiffest(length: float) -> Edits:
@@ -75,7 +78,16 @@ SETTINGS = (
         length=_FINE,
         edits={"option": {"cone": "elliptic", "impratio": "100", "noslip_iterations": "50"}, **_stiffest(_FINE)},
     ),
+    ContactSetting("solver CG", edits={"option": {"solver": "CG"}}, usual=False),
+    ContactSetting("solver PGS", edits={"option": {"solver": "PGS"}}, usual=False),
+    ContactSetting("without refsafe", edits={"option/flag": {"refsafe": "disable"}}, usual=False),
 )
+
+
+@functools.cache
+def rigid_cases() -> Mapping[str, RigidCase]:
+    """Every ``RigidCase`` of the hard cases' modules by name."""
+    return declared("harness.hard.cases", RigidCase, "motion with contacts")
 
 
 def rigid_contacts(system: System, mechanism: Mechanism) -> RigidContacts:
@@ -110,6 +122,7 @@ class _Place:
             knob=case.knob[0],
             unit=case.knob[1],
             value=self.value,
+            gentle_first=case.gentle_first,
             measured=case.measured[0],
             measured_unit=case.measured[1],
             rigid=list(self.rigid),
@@ -132,7 +145,8 @@ def rigid_distances(name: str, library: Library, note: Note) -> list[RigidDistan
         place = _Place(case, value, own, case.rigid(rigid_contacts(system, turned), q, v, own))
         for engine in _engines(library):
             for setting in SETTINGS:
-                if (case.only and setting.name not in case.only) or (setting.edits and _format_of(library, engine) != MJCF):
+                is_meant = setting.name in case.only if case.only else setting.usual
+                if not is_meant or (setting.edits and _format_of(library, engine) != MJCF):
                     continue
                 note(f"{engine}, {case.knob[0]} = {value!r}, {setting.name}")
                 try:
@@ -164,7 +178,8 @@ def _measured(library: Library, engine: str, place: _Place, setting: ContactSett
     """The number of a case by an engine; NaN where its motion breaks down. Raises as ``Engine.moved``."""
     case, value, own = place.case, place.value, place.own
     start = tuple(np.array(part, dtype=np.float64) for part in case.start(own))
-    steps = 1 if case.time is None else max(1, math.ceil(case.time(own) / setting.length))
+    length = setting.length if case.length is None else case.length(value, own)
+    steps = 1 if case.time is None else max(1, math.ceil(case.time(own) / length))
     counts = tuple(dict.fromkeys(np.linspace(1, steps, min(steps, _RECORDED)).astype(int).tolist()))
     model_format = _format_of(library, engine)
     source = Library.built_in().model_path(case.system, model_format)
@@ -172,11 +187,11 @@ def _measured(library: Library, engine: str, place: _Place, setting: ContactSett
         path = Path(folder) / source.name
         is_mjcf = model_format == MJCF
         path.write_bytes(_touching(source, case.edits(value), setting.edits) if is_mjcf else _rubbing(source, case.of_urdf(value)))
-        motion = SimulatedFile(MovedFile(path, model_format, length=setting.length), {}, Timing(), counts)
+        motion = SimulatedFile(MovedFile(path, model_format, length=length), {}, Timing(), counts)
         joints = tuple(dict.fromkeys(load_mechanism(Library.built_in(), case.system).joints))
         control = Control.constant({})
         moved = load_engine(library, engine).moved(MotionsRequest([motion], joints, start[0], start[1], control, True))
-    times = setting.length * np.array(counts, dtype=np.float64)
+    times = length * np.array(counts, dtype=np.float64)
     return case.measure(RecordedMotion(times, moved.q[0], moved.v[0], (start[0], start[1])), own)
 
 

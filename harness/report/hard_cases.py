@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from statistics import median
 
-from harness.results.atlas import Atlas, HardReason, HardRow, Parting, RigidDistance, StableStep
+from harness.results.atlas import Atlas, HardReason, HardRow, Parting, StableStep
 from harness.results.check_conclusion import MOST_ROWS
 from harness.results.detail import Detail
+from harness.results.rigid import RigidDistance, RigidLaw, first_broken, rigid_laws
 from harness.results.run import Run
 from harness.results.table import Cell, Column, Table, TableOf, counted, error_text, grouped, seconds_text
 from harness.verdict import SEVERITY, Verdict, gravest
@@ -107,10 +108,12 @@ class HardSummary:
         wrong = sum(not row.as_expected for row in rows)
         families = f"{len(self.families)} {'family' if len(self.families) == 1 else 'families'}"
         counts = f"{families}, {counted(len(self.subjects), 'subject')}, {counted(points, 'point')}"
+        broken = first_broken(rigid_laws(self.atlas.distances))
         if wrong:
-            return f"{counts}: {len(rows) - wrong} of {len(rows)} pairs of family and subject are as expected, {wrong} not."
+            sentence = f"{counts}: {len(rows) - wrong} of {len(rows)} pairs of family and subject are as expected, {wrong} not."
+            return f"{sentence} {broken}".rstrip()
         if rows:
-            return f"{counts}: every verdict is as expected."
+            return f"{counts}: every verdict is as expected. {broken}".rstrip()
         return "Nothing was measured: no subject that was asked offers this in these cases; name other subjects, quantities or cases."
 
     def shown(self, detail: Detail) -> HardSummary:
@@ -201,6 +204,14 @@ def distances(hard: HardSummary, detail: Detail = Detail.ALL) -> Table:
         by_place = grouped(((one.case, one.engine, one.setting), one) for one in found)
         found = [max(own, key=lambda one: -1.0 if one.distance is None else one.distance) for own in by_place.values()]
     return _distances(found)
+
+
+_laws = TableOf(RigidLaw, "case engine setting knob growth largest breaking", "How distances from rigid contact grow")
+
+
+def laws(hard: HardSummary) -> Table:
+    """One row per case whose values go from gentle to hard, engine and setting."""
+    return _laws(sorted(rigid_laws(hard.atlas.distances), key=attrgetter("case")))
 
 
 def _times(partings: Sequence[Parting]) -> list[float]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from harness.results.records import ACCELERATIONS, quantity_words
+from harness.results.rigid import RigidDistance
 from harness.results.run import StudyResult
 from harness.results.table import Cell, Column
 
@@ -206,53 +207,6 @@ class StableStep:
     measured: float
     expected: float
     verdict: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class RigidDistance:
-    """One number of a motion with contacts, beside those of rigid motions.
-
-    Attributes:
-        case, system, engine, setting: names; the setting is how contacts of the engine were asked for.
-        knob, unit: what is turned; value: of it. measured, measured_unit: the number.
-        rigid: intervals in which rigid motions have it; none where no rigid motion is consistent.
-        found: by the engine; None where it gives none. distance: to the nearest interval, relative to the scale of the case.
-        reason: why there is no number.
-    """
-
-    case: Annotated[str, Column("mechanism")]
-    system: str
-    engine: Annotated[str, Column("engine")]
-    setting: Annotated[str, Column("contacts")]
-    knob: str
-    unit: str
-    value: float
-    measured: str
-    measured_unit: str
-    rigid: list[tuple[float, float]]
-    found: Annotated[float | None, Column("found", "given")]
-    distance: Annotated[float | None, Column("distance from rigid", "error")]
-    reason: str = ""
-
-    @property
-    def at(self) -> Annotated[str, Column("at")]:
-        """The knob with its value."""
-        return f"{self.knob} {self.value:g}{_unit(self.unit)}"
-
-    @property
-    def number(self) -> Annotated[str, Column("measured")]:
-        """The measured number with its unit."""
-        return f"{self.measured}{f' [{self.measured_unit}]' if self.measured_unit != '1' else ''}"
-
-    @property
-    def answers(self) -> Annotated[str, Column("rigid")]:
-        """All rigid answers."""
-        told = [f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}" for low, high in self.rigid]
-        return " or ".join(told) or "none is consistent"
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
 
 
 @dataclass(kw_only=True)

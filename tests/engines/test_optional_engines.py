@@ -27,8 +27,8 @@ from harness.hard import touching
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.numbers import UNIT_ROUNDOFF
-from harness.results.atlas import RigidDistance
 from harness.results.records import ACCELERATIONS
+from harness.results.rigid import RigidDistance
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import random_sample
 from harness.verdict import AGREEMENT

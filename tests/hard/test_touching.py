@@ -6,28 +6,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
-from catalogue import CALLED_HERE
-from studies import silent
+from rigid_motions import distances, of_setting
 
 from harness.engines.moving import MotionsRequest, Moved
-from harness.hard import touching
-from harness.hard.cases.rigid import BALL, BLOCK, CRADLE, ROD, ROD_AT_REST, SPHERE, STACK, rigid_cases
-from harness.hard.rigid_case import RigidCase
-from harness.hard.touching import rigid_distances
-from harness.results.atlas import RigidDistance
+from harness.hard.cases.rigid import BALL, BLOCK, CRADLE, ROD, ROD_AT_REST, SPHERE, STACK
+from harness.hard.touching import rigid_cases
+
+FAR = ("Painleve", "bouncing", "Newton", "block that barely", "grazing", "bounce")
 
 
-def distances(case: RigidCase, monkeypatch: pytest.MonkeyPatch, **changed: object) -> list[RigidDistance]:
-    own = replace(case, **changed) if changed else case
-    monkeypatch.setattr(touching, "rigid_cases", lambda: {case.name: own})
-    return rigid_distances(case.name, CALLED_HERE, silent)
-
-
-def of_setting(found: list[RigidDistance], setting: str) -> dict[float, float | None]:
-    return {one.value: one.distance for one in found if one.setting == setting and one.engine == "mujoco"}
-
-
-@pytest.mark.parametrize("name", [one for one in rigid_cases() if not one.startswith(("Painleve", "bouncing", "Newton"))])
+@pytest.mark.parametrize("name", [one for one in rigid_cases() if not one.startswith(FAR)])
 def test_mujoco_comes_near_rigid_motions(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     found = distances(rigid_cases()[name], monkeypatch)
     assert {one.value for one in found} == set(rigid_cases()[name].values)

@@ -1,0 +1,24 @@
+"""Distances from rigid contact of one case, changed or not, asked in this process."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from catalogue import CALLED_HERE
+from studies import silent
+
+from harness.hard import touching
+from harness.hard.rigid_case import RigidCase
+from harness.hard.touching import rigid_distances
+from harness.results.rigid import RigidDistance
+
+
+def distances(case: RigidCase, monkeypatch: pytest.MonkeyPatch, **changed: object) -> list[RigidDistance]:
+    own = replace(case, **changed) if changed else case  # type: ignore[arg-type]
+    monkeypatch.setattr(touching, "rigid_cases", lambda: {case.name: own})
+    return rigid_distances(case.name, CALLED_HERE, silent)
+
+
+def of_setting(found: list[RigidDistance], setting: str) -> dict[float, float | None]:
+    return {one.value: one.distance for one in found if one.setting == setting and one.engine == "mujoco"}
