@@ -18,6 +18,7 @@ from __future__ import annotations
 import ast
 import difflib
 import fnmatch
+import functools
 import importlib.util
 import os
 import re
@@ -295,11 +296,17 @@ def sizes(path: Path) -> tuple[int, ...]:
     """The sizes a family's system file lists in ``SIZES``, read without running it; () for a single system."""
     try:
         source = path.read_bytes()
-        if b"SIZES" not in source:
-            return ()
+    except OSError:
+        return ()
+    return _listed_sizes(source) if b"SIZES" in source else ()
+
+
+@functools.lru_cache(maxsize=64)
+def _listed_sizes(source: bytes) -> tuple[int, ...]:
+    try:
         for node in ast.parse(source).body:
             if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["SIZES"]:
                 return tuple(int(size) for size in ast.literal_eval(node.value) if int(size) > 0)
-    except (OSError, ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
+    except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
         return ()
     return ()

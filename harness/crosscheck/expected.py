@@ -259,13 +259,18 @@ def _labels(library: Library) -> list[str]:
 
 
 def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expectations:
-    """Expectations of a quantity; none where the library has no such file.
+    """Expectations of a quantity; raises as ``expectations_by_quantity``."""
+    return expectations_by_quantity(library, [quantity])[quantity]
+
+
+def expectations_by_quantity(library: Library, quantities: Iterable[str]) -> dict[str, Expectations]:
+    """Expectations of each quantity; none where the library has no such file.
 
     Raises:
         InvalidInput: the file is malformed, or an entry names a system or subject that does not exist any more.
     """
     if not library.expected_verdicts.is_file():
-        return Expectations()
+        return {quantity: Expectations() for quantity in quantities}
     known = {
         "system": _labels(library),
         "subject": list(map(str, known_subjects(library))),
@@ -280,10 +285,12 @@ def load_expectations(library: Library, quantity: str = ACCELERATIONS) -> Expect
         except InvalidSpecifier as error:
             problem = f'versions = {entry.versions!r} of {entry.subject} on {entry.system} is no specifier; expected one as "<3.7"'
             raise InvalidInput(library.expected_verdicts, None, problem) from error
-    chosen = of_quantity(entries, quantity)
-    return Expectations(
-        {(entry.system, entry.subject): entry for entry in chosen if not entry.versions}, [entry for entry in chosen if entry.versions]
-    )
+    return {quantity: _expectations(of_quantity(entries, quantity)) for quantity in quantities}
+
+
+def _expectations(entries: Sequence[Expectation]) -> Expectations:
+    own = {(entry.system, entry.subject): entry for entry in entries if not entry.versions}
+    return Expectations(own, [entry for entry in entries if entry.versions])
 
 
 def load_expected_differences(library: Library, quantities: Collection[str]) -> dict[str, list[ExpectedDifference]]:

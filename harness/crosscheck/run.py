@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.crosscheck import held_quantities, hypothesis_search
-from harness.crosscheck.expected import load_expectations, load_expected_differences
+from harness.crosscheck.expected import expectations_by_quantity, load_expected_differences
 from harness.crosscheck.held import find_differences, judge_differences
 from harness.crosscheck.judgement import LARGEST, Pair, Pairs, SystemProgress, answering, card_of, record_of
 from harness.crosscheck.loading import (
@@ -87,7 +87,7 @@ class CrossCheck(Study):
         self.crashes: set[tuple[str, str | None]] = set()
         self.names = chosen_names(settings)
         self.subjects = select_subjects(library, settings.subjects)
-        self._expectations = {name: load_expectations(library, name) for name in (ACCELERATIONS, *quantities)}
+        self._expectations = expectations_by_quantity(library, {ACCELERATIONS, *quantities})
         self._expected_differences = load_expected_differences(library, held_quantities.ALL)
         self._audits = settings.state is None and (audits or self._moves)
         if not settings.names:
