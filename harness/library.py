@@ -62,6 +62,7 @@ class Library:
         reads_files: whether engines are handed files as their users do, and not models of mechanisms.
         stance: of the engines; those of mechanisms get all that a model says.
         acts: whether of a user's file all acts with which answers are judged: actuators, dry friction, limits, equalities.
+        touches: whether its contacts act, too.
         calls_engines_here: whether the harness's own engines are called in the process that asks them, as where programs are written
             against them and timed, and not in processes of their own.
     """
@@ -76,6 +77,7 @@ class Library:
     reads_files: bool = False
     stance: Stance = Stance.AIDED
     acts: bool = False
+    touches: bool = False
     calls_engines_here: bool = False
 
     @classmethod

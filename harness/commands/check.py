@@ -15,7 +15,7 @@ import click
 from harness.commands import MECHANISM
 from harness.commands.frame.bracket import Bracket, computing
 from harness.commands.frame.cross_check import cross_check, finish
-from harness.commands.frame.options import quantities_option, stand_in_options, states_option, subjects_option, takes
+from harness.commands.frame.options import contacts_option, quantities_option, stand_in_options, states_option, subjects_option, takes
 from harness.errors import InvalidModel, InvalidRequest
 from harness.library import matching
 
@@ -34,6 +34,7 @@ class CheckOptions:
     worlds: Annotated[
         int, click.option("--worlds", type=click.IntRange(min=0), default=0, metavar="N", help="Say whether N equal worlds answer alike.")
     ]
+    contacts: Annotated[bool, contacts_option]
     state: Annotated[str | None, click.option("--state", help='Replay one state: {"q": [...], "v": [...], "tau": [...]}.')]
 
 
@@ -47,7 +48,7 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
     a pattern takes all that it fits. Without NAMEs it is all of both.
     The path of a URDF or MJCF file is a robot: what its numbers mean is the truth, and the
     engines that read it are as their user calls them, with actuators, dry friction, limits and equalities
-    on, and contacts off. An answer is explained where it is right for what
+    on, and contacts off without --contacts. An answer is explained where it is right for what
     the engine's reader makes of the file, which is named with its effect.
 
     \b
@@ -67,7 +68,7 @@ def command(bracket: Bracket, asked: CheckOptions) -> None:
     options = [word for name, path in asked.stand_ins.items() for word in (f"--{name}", str(path))]
     if options and not asked.names:
         _refuse_alone(bracket, options)
-    bracket.choose_library(asked.names, acts=True)
+    bracket.choose_library(asked.names, acts=True, touches=asked.contacts)
     settings = Settings(
         library=bracket.library,
         names=matching(bracket.library, asked.names),

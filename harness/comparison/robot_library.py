@@ -223,7 +223,8 @@ def on_and_off(library: Library, quantities: Sequence[Quantity], engines: Iterab
             continue
         robot = with_actuators(robot, [one.number for one in robot.actuators if acts and not one.why_not])
         # One that is supplied with what it leaves out is asked about the tree and its actuators.
-        kinds = (ACTUATORS,) if library.stance == Stance.AIDED else [one.what for one in GROUPS if one.what != CONTACTS]
+        plain = [one.what for one in GROUPS if library.touches or one.what != CONTACTS]
+        kinds = [ACTUATORS] if library.stance == Stance.AIDED else plain
         parts = {
             group.what: [
                 SwitchedOnPart(what=group.what, kind=one.kind, line=one.line, why_not=group.why_not(one, robot)) for one in group.of(robot)
@@ -253,9 +254,11 @@ def _title(paths: Iterable[str]) -> str:
 
 
 def resolved(
-    library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False, acts: bool = False
+    library: Library, names: Sequence[str], floating_base: bool = False, aided: bool = False, anywhere: bool = False, **about: bool
 ) -> Library:
-    """The library that ``names`` are of: that of robots' files where they are files, else ``library``; ``acts`` as of ``Library``.
+    """The library that ``names`` are of: that of robots' files where they are files, else ``library``.
+
+    ``about``: ``acts`` and ``touches`` as of ``Library``.
 
     Raises:
         InvalidModel: a file cannot be read, or is no robot.
@@ -266,10 +269,14 @@ def resolved(
         raise InvalidRequest("by name engines get all that a model says; --aided is for a robot's file")
     if not files and floating_base:
         raise InvalidRequest("a floating base is put under the root of a robot's file; name a URDF")
+    if not files and about.get("touches"):
+        raise InvalidRequest("by name models have their contacts off; --contacts is for a robot's file")
     if not files:
         return library
+    if aided and about.get("touches"):
+        raise InvalidRequest("an aided engine is asked about the tree and its actuators; leave --aided or --contacts out")
     if others := [name for name in names if name not in files]:
         raise InvalidRequest(f"{files[0]} is a file and {others[0]} is not; name mechanisms or robots' files, in runs of their own")
     if library != Library.built_in():
         raise InvalidRequest(f"{files[0]} is a robot's file, which no library has to do with; leave --library {library.name} out")
-    return RobotLibrary.of(files, anywhere, floating_base=floating_base, stance=Stance.AIDED if aided else Stance.PLAIN, acts=acts)
+    return RobotLibrary.of(files, anywhere, floating_base=floating_base, stance=Stance.AIDED if aided else Stance.PLAIN, **about)

@@ -32,6 +32,7 @@ from harness.verdict import Verdict
 if TYPE_CHECKING:
     from harness.explain.as_read import FileAsRead
     from harness.explain.changes.departures import Departure
+    from harness.explain.touching_truth import ContactSource
 
 
 @dataclass(frozen=True)
@@ -210,15 +211,43 @@ def _with_all_on(library: Library, engine: str, mechanism: RobotMechanism) -> Ro
     # Imported late: a mechanism needs nothing of it.
     from harness.explain.documented import with_all_on
 
-    return _ALL_ON.get((library, engine, mechanism.key), lambda: with_all_on(mechanism, engine, load_engine(library, engine)))
+    def find() -> RobotMechanism:
+        return with_all_on(mechanism, engine, load_engine(library, engine), library.touches)
+
+    return _ALL_ON.get((library, engine, mechanism.key), find)
 
 
 def _own_truth(assignment: Assignment) -> Truth:
     """The truth of the mechanism that an assignment names."""
     quantity, (basis, key) = assignment.asked, _basis(assignment)
     if not quantity.is_of_file:
-        return quantity.truth(basis)
+        found = quantity.truth(basis)
+        return _touching(assignment, found) if touches(assignment) and isinstance(found, AccelerationTruth) else found
     return _SHARED.get((quantity.name, assignment.mechanism.key, *key), lambda: quantity.truth(basis))
+
+
+def _touching(assignment: Assignment, truth: AccelerationTruth) -> Truth:
+    """The truth with the contacts that the engine finds at each state."""
+    # Imported late: contacts are asked for alone.
+    from harness.explain.touching_truth import touching_truth
+
+    mechanism, engine = assignment.mechanism, load_engine(assignment.library, assignment.subject.engine)
+    assert isinstance(mechanism, RobotMechanism)
+    return touching_truth(truth, mechanism, engine, assignment.departures, contact_source(assignment))
+
+
+def touches(assignment: Assignment) -> bool:
+    """True where contacts of a user's file act, with the rest of it."""
+    held = assignment.mechanism.held if isinstance(assignment.mechanism, RobotMechanism) else None
+    return assignment.acts and held is not None and bool(held.touches)
+
+
+def contact_source(assignment: Assignment) -> ContactSource:
+    """The subject as it finds contacts, at states of the mechanism."""
+    from harness.explain.touching_truth import ContactSource
+
+    is_alike = assignment.as_read.mechanism.joints == assignment.mechanism.joints
+    return ContactSource(lambda: load_audited(assignment), assignment.into, is_alike)
 
 
 def why_left_out(assignment: Assignment) -> Mapping[str, str]:

@@ -193,6 +193,27 @@ class FileModel:
             raise Unsupported(f"the engine refuses what the file holds: {refusal}") from refusal
         return self.ordered(found)
 
+    def contacts(self, q: Array, v: Array, tau: Array, *driving: Array) -> list[tuple[FoundContact, ...]]:
+        """The contacts that the engine finds at each state, where bodies act where they touch; raises as ``forward_dynamics``."""
+        self.forward_dynamics(q, v, tau, *driving)
+        return list(self.loaded_file.contacts)
+
+    def settled(self, v: Array, steps: Sequence[int]) -> tuple[Array, Array]:
+        """q (n, nq) and v (n, nv) after so many of the engine's own steps from where the file puts all bodies, at velocities ``v``.
+
+        Raises:
+            Unsupported: the harness does not let this engine step, or not with such joints.
+        """
+        request, by_name = self.request, {joint.name: joint for joint in self.request.joints}
+        q = np.zeros((len(v), sum(len(joint.positions) for joint in request.leaders)))
+        try:
+            found = self.loaded_file.settled(request.spread(q, v, v)[1], steps)
+        except Refused as refusal:
+            raise Unsupported(f"the engine takes no steps: {refusal}") from refusal
+        own = [by_name[name] for name in request.moving]
+        places = [column for joint in own for column in joint.positions], [column for joint in own for column in joint.velocities]
+        return found[0][:, places[0]], found[1][:, places[1]]
+
     def prepare(self, q: Array, v: Array, tau: Array) -> EngineRun:
         """The run of ``loaded_file``, with the states of joints that follow others."""
         return self.loaded_file.prepare(*self.request.spread(q, v, tau))

@@ -196,7 +196,7 @@ class FileAsRead:
 
         def asked() -> RobotMechanism:
             request = request_of(self.robot, self.library.stance, read)
-            if own.held is not None and own.held.kinds + own.held.rubbing + own.held.limited:
+            if own.held is not None and (own.held.touches or own.held.kinds + own.held.rubbing + own.held.limited):
                 request = replace(request, held=own.held)
             return replace(self.written, name=own.name, digest=own.digest, reader=engine, request=request)
 

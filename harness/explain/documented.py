@@ -60,18 +60,26 @@ def documented(
     return optimum(mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))
 
 
-def all_judged(robot: Robot, caller: Engine, read: Robot | None = None) -> list[Switch]:
-    """The elements of a robot with which an engine's answers are judged at any state; ``read`` is what its reader makes of the robot."""
+def all_judged(robot: Robot, caller: Engine, read: Robot | None = None, touches: bool = False) -> list[Switch]:
+    """The elements of a robot with which an engine's answers are judged at any state; ``read`` is what its reader makes of the robot.
+
+    With ``touches`` its contacts, too, which are judged where the engine finds some.
+    """
     read = robot if read is None else read
-    return judged_among(switched_off_by_file(switches_of(robot, read, caller), read, caller), caller)
+    found = switched_off_by_file(switches_of(robot, read, caller), read, caller)
+    contacts = [one for one in found if touches and one.group.what == CONTACTS and not one.why_not]
+    return [*judged_among(found, caller), *contacts]
 
 
-def with_all_on(mechanism: RobotMechanism, name: str, caller: Engine) -> RobotMechanism:
-    """A user's file with all on with which an engine's answers are judged, as the engine, of this name, is to load it."""
+def with_all_on(mechanism: RobotMechanism, name: str, caller: Engine, touches: bool = False) -> RobotMechanism:
+    """A user's file with all on with which an engine's answers are judged, as the engine, of this name, is to load it.
+
+    ``touches`` as of ``all_judged``.
+    """
     request = mechanism.request
     if request is None:
         return mechanism
-    judged = all_judged(mechanism.robot, caller, read_by(mechanism.robot, name, caller, Stance.PLAIN).robot)
+    judged = all_judged(mechanism.robot, caller, read_by(mechanism.robot, name, caller, Stance.PLAIN).robot, touches)
     return replace(mechanism, request=replace(request, held=held_with(mechanism.robot, judged) if judged else None))
 
 

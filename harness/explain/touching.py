@@ -60,13 +60,14 @@ class Touching:
         return cls([()] * count, np.arange(count))
 
     @classmethod
-    def of(cls, found: Sequence[Sequence[FoundContact]], robot: Robot, cone: ConeKind) -> Touching:
-        """Those that an engine found on a robot with cones of this kind."""
+    def of(cls, found: Sequence[Sequence[FoundContact]], robot: Robot, cone: ConeKind, affordable: bool = True) -> Touching:
+        """Those that an engine found on a robot with cones of this kind; with ``affordable`` as many states as work suffices for."""
         place, velocities = robot.tree.place, max(1, robot.degrees_of_freedom)
         assert place is not None
         contacts = [_constraints(own, robot.tree, place, cone) for own in found]
         why = [next((one.why_not for one in own if one.why_not), "") for own in contacts]
-        touching = _affordable(contacts, [number for number, own in enumerate(contacts) if own and not why[number]], velocities)
+        usable = [number for number, own in enumerate(contacts) if own and not why[number]]
+        touching = _affordable(contacts, usable, velocities) if affordable else usable
         states = [number for number, own in enumerate(contacts) if not own or number in touching]
         return cls(contacts, np.array(states, dtype=np.int64), tuple(dict.fromkeys(filter(None, why))))
 
@@ -89,14 +90,25 @@ class Touching:
         """The contacts of the first state at which bodies touch; none without such."""
         return next((own for own in self.contacts if own), ())
 
-    def truth(self, states: States, documented: Callable[[Sequence[Constraint]], Mechanism]) -> Reference:
-        """The truth at all states, by the mechanism that is ``documented`` with contacts of each structure."""
+    def truth(
+        self,
+        states: States,
+        documented: Callable[[Sequence[Constraint]], Mechanism],
+        kernel: Callable[[Mechanism], ReferenceKernel] = ReferenceKernel,
+    ) -> Reference:
+        """The truth at all states, by the mechanism that is ``documented`` with contacts of each structure, and its kernel."""
         groups: dict[Hashable, list[int]] = {}
         for number, own in enumerate(self.contacts):
             groups.setdefault(structure_of(own), []).append(number)
-        return in_order([(self._alike(states, numbers, documented), np.array(numbers)) for numbers in groups.values()])
+        return in_order([(self._alike(states, numbers, documented, kernel), np.array(numbers)) for numbers in groups.values()])
 
-    def _alike(self, states: States, numbers: Sequence[int], documented: Callable[[Sequence[Constraint]], Mechanism]) -> Reference:
+    def _alike(
+        self,
+        states: States,
+        numbers: Sequence[int],
+        documented: Callable[[Sequence[Constraint]], Mechanism],
+        kernel: Callable[[Mechanism], ReferenceKernel],
+    ) -> Reference:
         """The truth at states whose contacts have one structure."""
         mechanism = documented(self.contacts[numbers[0]])
         columns = {name: column for column, (name, _, _) in enumerate(mechanism.parameters)}
@@ -106,7 +118,7 @@ class Touching:
         taken = [place >= 0 for place in places]
         own = [list(map(float, itertools.compress(measured_in(self.contacts[number]), taken))) for number in numbers]
         values[:, list(itertools.compress(places, taken))] = own
-        return ReferenceKernel(mechanism).evaluate(states[np.array(numbers)], values=values)
+        return kernel(mechanism).evaluate(states[np.array(numbers)], values=values)
 
 
 def _affordable(contacts: Sequence[Sequence[Constraint]], usable: Sequence[int], velocities: int) -> list[int]:

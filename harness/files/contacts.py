@@ -44,10 +44,15 @@ class FoundContact:
     why_not: str = ""
     shapes: tuple[str, str] = ("", "")
 
+    @property
+    def pushes(self) -> bool:
+        """True below the margin, and not at it."""
+        return self.distance < self.margin
+
 
 def contacts_of(found: Sequence[FoundContact], place: Place, cone: ConeKind) -> list[Constraint]:
     """The constraints of contacts that push, whose numbers stand at ``place``."""
-    return [_contact(one, number, place, cone) for number, one in enumerate(one for one in found if one.distance <= one.margin)]
+    return [_contact(one, number, place, cone) for number, one in enumerate(one for one in found if one.pushes)]
 
 
 def structure_of(contacts: Iterable[Constraint]) -> Hashable:

@@ -9,24 +9,27 @@ evolution strategy with increasing population size, CEC 2005; the package ``cma`
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from harness.arrays import Array
 from harness.crosscheck import hypothesis_search
-from harness.crosscheck.assignment import Assignment
+from harness.crosscheck.assignment import Assignment, touches
 from harness.crosscheck.hypothesis_search import note_of, objective
-from harness.crosscheck.variation import quaternion_columns, row_ranges, states_of, unit_quaternions
+from harness.crosscheck.variation import quaternion_columns, row_ranges, rows_of, states_of, unit_quaternions
 from harness.errors import require
+from harness.explain.touching import EACH_SETTLED, settling
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.study import Note
 from harness.truth.compare import Comparison
-from harness.truth.sampling import HUGE_ANGLES
+from harness.truth.sampling import HUGE_ANGLES, generic_sample
 from harness.verdict import SEVERITY, Verdict
 
 SMALLEST_POPULATION = 4
@@ -42,6 +45,8 @@ HYPOTHESIS_SHARE = 8
 # Populations of the evolution strategies and the decades of their scales; each gets states in proportion, hence as many
 # generations. The plain scale is for what is hard far from zero.
 POPULATIONS = {20: 0, 40: DECADES, 80: DECADES}
+# States to which steps lead that a strategy begins with, where contacts are on; each takes more steps than those before it.
+MOST_TOUCHED = 64
 _FAILURES = (Verdict.UNSTABLE.value, Verdict.DISAGREES.value, Verdict.ERROR.value)
 
 
@@ -80,16 +85,25 @@ def evolve(assignment: Assignment, states: int, population: int, seed: int, note
 
     A strategy that has converged starts again elsewhere, with twice the population.
     """
-    truth, space = assignment.truth, StateSpace(assignment.mechanism, decades)
-    random = np.random.default_rng([seed, population])
+    truth, mechanism, random = assignment.truth, assignment.mechanism, np.random.default_rng([seed, population])
     population = max(SMALLEST_POPULATION, min(population, states))
     tried: list[tuple[States, Comparison]] = []
     left = max(states, population)
+    centres: Iterator[Array | None] = itertools.repeat(None)
+    if touches(assignment):
+        tried.append(touched(assignment, max(1, min(MOST_TOUCHED, left // EACH_SETTLED)), seed + population, note))
+        first, comparison = tried[0]
+        left, centres = max(left - len(first), population), itertools.cycle(rows_of(first)[np.argsort(-objective(comparison))])
     while left >= population:
-        strategy = _strategy(space, population, random)
+        centre = next(centres)
+        # Depths of contacts differ by decades.
+        space = StateSpace(mechanism, decades if centre is None else DECADES, centre)
+        begun = random.uniform(-1.0, 1.0, len(space.bound)) if centre is None else space.encode(centre)
+        strategy = _strategy(begun, space, population, random)
         while left >= population and not strategy.stop():
             points = strategy.ask()
-            batch = truth.asked_at(space.decode(np.array(points)))
+            batch = space.decode(np.array(points))
+            batch = truth.asked_at(batch) if centre is None else batch
             note(note_of(str(assignment.subject), batch))
             comparison = assignment.judge(batch)
             strategy.tell(points, (-objective(comparison)).tolist())
@@ -97,6 +111,20 @@ def evolve(assignment: Assignment, states: int, population: int, seed: int, note
             tried.append((batch, comparison))
         population *= 2
     return Hunt.of(States.concatenate([batch for batch, _ in tried]), Comparison.concatenate([one for _, one in tried]))
+
+
+def touched(assignment: Assignment, count: int, seed: int, note: Note = lambda text: None) -> tuple[States, Comparison]:
+    """So many states to which the engine's own steps lead, under random forces, and the judgement of its answers there.
+
+    Half of the steps begin at rest: what is thrown away touches nothing.
+    """
+    states = generic_sample(assignment.mechanism, EACH_SETTLED * count, seed)
+    begins_at_rest = np.arange(len(states))[:, None] // EACH_SETTLED % 2 == 0
+    states = replace(states, v=np.where(begins_at_rest, 0.0, states.v))
+    note(note_of(str(assignment.subject), states))
+    found = assignment.truth.asked_at(states)[settling(len(states))]
+    note(note_of(str(assignment.subject), found))
+    return found, assignment.judge(found)
 
 
 def hunt(assignment: Assignment, states: int, population: int, seed: int, note: Note = lambda text: None) -> Hunt:
@@ -113,7 +141,8 @@ def worst_index(comparison: Comparison) -> int:
     return int(np.lexsort((objective(comparison), severity))[-1])
 
 
-def _strategy(space: StateSpace, population: int, random: np.random.Generator) -> Any:
+def _strategy(begun: Array, space: StateSpace, population: int, random: np.random.Generator) -> Any:
+    """A strategy that begins at a point, (m,)."""
     require("a search follows evolution strategies", "cma")
     with warnings.catch_warnings():
         # It says that it cannot plot, and that it does not know the name of its own signals file.
@@ -130,7 +159,7 @@ def _strategy(space: StateSpace, population: int, random: np.random.Generator) -
             "verbose": -10,
             "verb_log": 0,
         }
-        return cma.CMAEvolutionStrategy(random.uniform(-1.0, 1.0, len(space.bound)), FIRST_SPREAD, options)
+        return cma.CMAEvolutionStrategy(begun, FIRST_SPREAD, options)
 
 
 class StateSpace:
@@ -142,10 +171,12 @@ class StateSpace:
         bound: (m,) the box is [-bound, bound]; m is nq + 2 nv. At 1 a range ends; a free angle has made a half turn
             there and goes on, to the largest of ``HUGE_ANGLES`` where there are decades.
 
-    A range that does not hold zero has its own middle in place of it. A quaternion has four columns, of any length.
+
+    A range that does not hold zero has its own middle in place of it. A quaternion has four columns, of any length. Positions of a row,
+    ``around``, are the middle in place of both, and as far around them as ranges are wide is searched.
     """
 
-    def __init__(self, mechanism: Mechanism, decades: int = DECADES) -> None:
+    def __init__(self, mechanism: Mechanism, decades: int = DECADES, around: Array | None = None) -> None:
         self._mechanism = mechanism
         ranges = row_ranges(mechanism)
         huge = max(HUGE_ANGLES)
@@ -158,6 +189,16 @@ class StateSpace:
         free = np.array([bounds is None for bounds in ranges])
         furthest = 1.0 + math.log(huge / math.pi) / self._steepness if decades else PLAIN_HALF_TURNS
         self.bound = np.where(free, furthest, 1.0)
+        if around is not None:
+            own = slice(0, mechanism.nq)
+            self._centre[own], self.bound[own] = around[own], 1.0
+            self._low[own], self._high[own] = around[own] - self._reach[own], around[own] + self._reach[own]
+
+    def encode(self, row: Array) -> Array:
+        """The point of a row, (m,), in the box."""
+        scaled = (row - self._centre) / np.where(self._reach > 0, self._reach, 1.0)
+        points = np.arcsinh(scaled * math.sinh(self._steepness)) / self._steepness if self._steepness else scaled
+        return np.clip(points, -self.bound, self.bound)
 
     def decode(self, points: Array) -> States:
         """The states at ``points``, (n, m)."""

@@ -29,7 +29,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from harness.arrays import Array
-from harness.crosscheck.assignment import Assignment, load_audited, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, contact_source, load_audited, reference_kernel_of, touches
 from harness.engines import Subject, Terms, driving_of, select_subjects
 from harness.files.text.scan import compact
 from harness.library import Library
@@ -37,6 +37,7 @@ from harness.programs.program import OUTPUTS, right_hand_side
 from harness.programs.states import States
 from harness.results.hard_states import RankedCase, worst_cases
 from harness.results.records import Record
+from harness.results.table import counted
 from harness.study import Note
 from harness.truth.compare import compare, farthest_block
 from harness.truth.reference import Reference, ReferenceKernel
@@ -83,6 +84,8 @@ def locate(assignment: Assignment, state: States) -> Loss:
     """The loss of the subject at ``state``, which is one."""
     if not assignment.asked.is_default:
         return _farthest(assignment, state)
+    if touches(assignment):
+        return _at_contacts(assignment, state)
     assignment, state = assignment.as_read, assignment.into(state)
     kernel = reference_kernel_of(assignment)
     reference, comparison = kernel.evaluate(state), assignment.judge(state)
@@ -120,6 +123,16 @@ def locate(assignment: Assignment, state: States) -> Loss:
             f"{share:.3g}; {evidence}"
         )
     return Loss(term, statement, at_rest)
+
+
+def _at_contacts(assignment: Assignment, state: States) -> Loss:
+    """Loss with contacts on: terms of M say nothing of what a solver of constraints leaves."""
+    error = float(assignment.judge(state).backward_error[0])
+    pushing = [one for one in contact_source(assignment).contacts(state)[0] if one.pushes]
+    if not math.isfinite(error):
+        return Loss(NONE, "the answer is not finite, or the truth is not certified")
+    verb = "pushes" if len(pushing) == 1 else "push"
+    return Loss(NONE, f"{error:.3g} data roundoffs where {counted(len(pushing), 'contact')} {verb}")
 
 
 def _farthest(assignment: Assignment, state: States) -> Loss:

@@ -90,11 +90,11 @@ class Bracket:
     @property
     def replay_options(self) -> list[str]:
         """The options of a command that repeats a part of this one."""
-        floating = ["--floating-base"] * self.floating_base + ["--aided"] * self.aided
+        floating = ["--floating-base"] * self.floating_base + ["--aided"] * self.aided + ["--contacts"] * self.library.touches
         return ["--library", self.library_path, *floating] if self.library_path else floating
 
-    def choose_library(self, names: Sequence[str], anywhere: bool = False, acts: bool = False) -> None:
-        """Make robots' files the library from here on, where ``names`` are theirs; ``anywhere`` and ``acts`` as of ``RobotLibrary``.
+    def choose_library(self, names: Sequence[str], anywhere: bool = False, acts: bool = False, touches: bool = False) -> None:
+        """Make robots' files the library from here on, where ``names`` are theirs; the others as of ``RobotLibrary`` and ``Library``.
 
         Raises:
             InvalidInput: a file cannot be read, or is no robot.
@@ -102,11 +102,11 @@ class Bracket:
         """
         from harness.library import is_file
 
-        if self.floating_base or self.aided or any(is_file(self.library, name) for name in names):
+        if self.floating_base or self.aided or touches or any(is_file(self.library, name) for name in names):
             # Imported late: a run that is about mechanisms needs nothing of it.
             from harness.comparison.robot_library import resolved
 
-            self.library = resolved(self.library, names, self.floating_base, self.aided, anywhere, acts)
+            self.library = resolved(self.library, names, self.floating_base, self.aided, anywhere, acts=acts, touches=touches)
 
     def begin(self, states: int, profile: str, kept_as: type[StudyResult] | None = None) -> Run:
         """Describe the run that starts now; with ``kept_as`` its parts go into the history."""

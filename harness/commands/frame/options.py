@@ -152,6 +152,7 @@ BY_NAME: dict[str, Callable[..., Any]] = {
         help="Folder of the report and its history.",
     ),
 }
+contacts_option = click.option("--contacts", is_flag=True, help="Have contacts of a robot's FILE on, too, where its bodies touch.")
 subjects_option = click.option("--subject", "subjects", multiple=True, metavar="ENGINE[/FORMAT]", help="Only this subject; repeatable.")
 
 

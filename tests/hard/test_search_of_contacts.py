@@ -1,0 +1,121 @@
+"""The search of a robot's file with its contacts on: where bodies touch, what it finds is far worse than states at random, and replays."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import harness
+
+from harness.comparison.robot_library import RobotLibrary
+from harness.crosscheck.assignment import Assignment, contact_source
+from harness.engines import Subject
+from harness.engines.adapters.mujoco import robot
+from harness.files.contacts import FoundContact
+from harness.hard.evolution import touched
+from harness.programs.states import States
+from harness.truth.sampling import generic_sample
+from harness.verdict import Verdict
+
+HOPPER = """
+<mujoco model="hopper">
+  <option cone="elliptic" {settings}/>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 1"/>
+    <body name="trunk" pos="0 0 0.3">
+      <freejoint name="root"/>
+      <geom name="trunk" type="sphere" size="0.1" mass="2"/>
+      <body name="leg" pos="0.15 0 0">
+        <joint name="hip" axis="0 1 0"/>
+        <geom name="leg" type="capsule" fromto="0 0 0 0 0 -0.2" size="0.03" mass="0.4" friction="0.8"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+TO_THE_END = 'solver="Newton" iterations="100" tolerance="0"'
+BUDGET = 240
+MUJOCO = Subject("mujoco", "mjcf")
+
+
+def written(folder: Path, settings: str = "") -> Path:
+    path = folder / "hopper.xml"
+    path.write_text(HOPPER.format(settings=settings))
+    return path
+
+
+def assignment(path: Path) -> Assignment:
+    library = replace(RobotLibrary.of([str(path)], acts=True, touches=True), calls_engines_here=True)
+    return Assignment.of(library, str(path), MUJOCO)
+
+
+def test_a_search_is_ten_times_worse_than_chance_and_replays(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    asked = ("search", "hopper.xml", "--contacts", "--subject", "mujoco/mjcf", "--budget", str(BUDGET), "--json", "found.json", "--no-keep")
+    done = harness(*asked, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    first = done.stdout.splitlines()[0]
+    assert "MuJoCo stops its solver up to" in first and first.endswith("Contacts on.")
+    case = json.loads((tmp_path / "found.json").read_text())["search"]["found"][0]
+    found = case["found"]["backward_error"]
+    own = assignment(path)
+    at_random = own.judge(own.truth.asked_at(generic_sample(own.mechanism, BUDGET, 0))).backward_error
+    assert found > 10 * np.nanmax(at_random)
+    # With no other words than those that are printed.
+    assert "--contacts" in case["replay"]
+    again = harness("check", "hopper.xml", "--subject", "mujoco/mjcf", "--contacts", "--state", json.dumps(case["found"]["state"]),
+                    "--json", "again.json", cwd=tmp_path)  # fmt: skip
+    (record,) = json.loads((tmp_path / "again.json").read_text())["records"]
+    assert again.returncode == 0 and record["verdict"] == "explained" and record["backward_error"] == found
+
+
+def test_states_that_a_search_begins_with_touch(tmp_path: Path) -> None:
+    own = assignment(written(tmp_path))
+    begun, _ = touched(own, 16, 0)
+    assert len(begun) == 16
+    assert sum(any(one.pushes for one in found) for found in contact_source(own).contacts(begun)) >= 8
+
+
+def test_a_solver_that_goes_to_the_end_agrees_at_contacts(tmp_path: Path) -> None:
+    written(tmp_path, TO_THE_END)
+    done = harness("check", "hopper.xml", "--contacts", "--subject", "mujoco/mjcf", "--states", "64", cwd=tmp_path)
+    assert done.returncode == 0 and done.stdout.splitlines()[0].endswith("Contacts on."), done.stdout + done.stderr
+
+
+def test_a_contact_that_rubs_otherwise_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = assignment(written(tmp_path, TO_THE_END))
+    states = own.truth.asked_at(generic_sample(own.mechanism, 64, 0))
+    assert not (own.judge(states).verdicts == Verdict.DISAGREES.value).any()
+    found_contacts = robot.found_contacts
+
+    def rubs_more(model: object, data: object) -> list[FoundContact]:
+        return [replace(one, friction=(1.001 * one.friction[0], *one.friction[1:])) for one in found_contacts(model, data)]
+
+    monkeypatch.setattr(robot, "found_contacts", rubs_more)
+    verdicts = own.judge(states).verdicts
+    touching = np.array([any(one.pushes for one in found) for found in contact_source(own).contacts(states)])
+    assert (verdicts[touching] == Verdict.DISAGREES.value).sum() > 8
+    assert not (verdicts[~touching] == Verdict.DISAGREES.value).any()
+
+
+@pytest.mark.parametrize(("below", "pushes"), [(0, False), (1, True)])
+def test_what_is_at_its_margin_does_not_push(below: int, pushes: bool, tmp_path: Path) -> None:
+    own = assignment(written(tmp_path, TO_THE_END))
+    height = 0.1
+    for _ in range(below):
+        height = float(np.nextafter(height, 0.0))
+    # The sphere alone is low enough, with the leg above it.
+    q = [0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0, 3.0]
+    state = States.at(q, [0.0] * 7, [0.0] * 7)
+    [contacts] = contact_source(own).contacts(state)
+    assert [one.pushes for one in contacts if one.shapes == ("floor", "trunk")] == [pushes]
+    assert own.judge(state).verdicts[0] != Verdict.DISAGREES.value
+
+
+@pytest.mark.parametrize("words", [["search", "double_pendulum"], ["check", "double_pendulum"]])
+def test_contacts_are_of_files(words: list[str], tmp_path: Path) -> None:
+    done = harness(*words, "--contacts", cwd=tmp_path)
+    assert done.returncode == 2 and "--contacts is for a robot's file" in done.stderr
