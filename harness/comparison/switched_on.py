@@ -163,6 +163,8 @@ def with_verdict(
         compared = compare(case.computed, answers.of(joints), factorises=True)
         if is_held(compared):
             return replace(record, explained=True, to_the_end=worst(compared), remedy=ending.remedy, fault=ending.fault)
+    if not record.explained and (share := case.stops_as_documented(answers, compared)) is not None and caller.stops is not None:
+        return replace(record, explained=True, left=share, remedy=caller.stops.remedy)
     return record if record.explained or not names else replace(record, rest=case.left(answers, compared))
 
 

@@ -14,7 +14,7 @@ from harness.arithmetic import SAFE_LINKING, KeptArithmetic
 from harness.engines.interface import CompiledNumber, InvalidAnswer, NotOffered, Unsupported
 from harness.engines.loaded_file import FileModel, LoadedFile, lacking
 from harness.engines.reading import refuse_unexpressed
-from harness.engines.request import Ending, EngineAnswers, EngineQuestion, Refused, Request, by_joint
+from harness.engines.request import Ending, EngineAnswers, EngineQuestion, Refused, Request, StopRule, by_joint
 from harness.engines.tree_request import model_request
 from harness.environments import split_name
 from harness.errors import InvalidEngine
@@ -89,6 +89,9 @@ class Engine:
         beside_tau: what it makes of elements that bear on no acceleration at given tau, by ``LeftOut.what``, a sentence with its source.
         solvers: methods by which its solver of constraints goes, by its own names, that ``SolverSettings`` may choose.
         endings: settings by which its solver of constraints goes on until nothing changes, one tried after the other.
+        stops: where its solver of steps stops, if nobody can set that; None where it can be set, or goes on to the end.
+        step: length of the step [s] over which its accelerations are differences of velocities, of an engine that is asked by steps
+            wherever something is on; None of others.
         why_no_constraints: why ``load_model`` refuses a mechanism's model with constraints; "" for an engine that holds them.
         reader: the engine whose reader of files it has, with all readings of that; "" for one of its own.
 
@@ -116,6 +119,8 @@ class Engine:
     beside_tau: Mapping[str, str] = {}
     solvers: tuple[str, ...] = ()
     endings: tuple[Ending, ...] = ()
+    stops: StopRule | None = None
+    step: float | None = None
     why_no_constraints = ""
     reader = ""
     environment: Environment | None = None

@@ -151,6 +151,22 @@ class Ending:
 
 
 @dataclass(frozen=True)
+class StopRule:
+    """The rule by which an engine documents that its solver of a step stops, if nobody can set that.
+
+    With the metric A of the step, the velocities v' after it and the impulses x at them, momentum A (v' - v*) - J' x is left, of at most
+    ``absolute`` [J^1/2] + ``relative`` max(|A v'|, |J' x|), in the norm |p|^2 = sum of p_i^2 / A_ii.
+
+    Attributes:
+        remedy: what its user does about it, an imperative.
+    """
+
+    absolute: float
+    relative: float
+    remedy: str
+
+
+@dataclass(frozen=True)
 class Held:
     """Equalities of a file that an engine is to hold, and actuators, dry friction and limits that are to act.
 

@@ -57,7 +57,8 @@ def documented(
     laws = departed(departures, robot.tree, chosen, laws)
     mechanism = mechanism or reference_of(robot).mechanism
     assert isinstance(mechanism, RobotMechanism)
-    return optimum(mechanism, robot, chosen, laws, caller.fuses(element_at(robot.tree.place), robot.format))
+    fuses = caller.fuses(element_at(robot.tree.place), robot.format)
+    return optimum(mechanism, robot, chosen, laws, fuses, caller.step if switches else None)
 
 
 def all_judged(robot: Robot, caller: Engine, read: Robot | None = None, touches: bool = False) -> list[Switch]:

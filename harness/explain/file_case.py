@@ -92,6 +92,27 @@ class FileCase:
         """The truth with the departures."""
         return self.by(self.departures) if self.departures else self.truth
 
+    def stops_as_documented(self, answers: EngineAnswers, compared: Comparison) -> float | None:
+        """The largest share of what the engine's solver documents to leave that its answers leave where they disagree.
+
+        None where the engine documents none, or an answer leaves more.
+        """
+        rule, wrong = self.caller.stops, compared.verdicts == Verdict.DISAGREES.value
+        if rule is None:
+            return None
+        # Most solvers go on to the end, or can be told to.
+        from harness.truth.stopping import share_of_rule
+
+        shares, own = np.zeros(len(wrong)), answers.of(self.at.robot.joints)
+        # Rows that its program leaves out call no solver.
+        about = self.at.robot, self.caller, self.judged, departures_of(self.caller.name, self.caller.reader)
+        for mechanism, values, numbers in self.touching.by_structure(lambda contacts: documented(*about, contacts)):
+            if (among := numbers[wrong[numbers]]).size:
+                if not isinstance(mechanism, DeclaredMechanism):
+                    return None
+                shares[among] = share_of_rule(mechanism, self.at.states[among], values[wrong[numbers]], own[among], rule)
+        return float(shares.max()) if (shares <= 1.0).all() else None
+
     @cached_property
     def without_actuators(self) -> Reference:
         """The truth of the tree without its actuators, and with nothing else on."""

@@ -6,7 +6,7 @@ Points, frames, distances and numbers of contacts are inputs of the truth, so th
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,19 +97,21 @@ class Touching:
         kernel: Callable[[Mechanism], ReferenceKernel] = ReferenceKernel,
     ) -> Reference:
         """The truth at all states, by the mechanism that is ``documented`` with contacts of each structure, and its kernel."""
+        return in_order(
+            [
+                (kernel(mechanism).evaluate(states[numbers], values=values), numbers)
+                for mechanism, values, numbers in self.by_structure(documented)
+            ]
+        )
+
+    def by_structure(self, documented: Callable[[Sequence[Constraint]], Mechanism]) -> Iterator[tuple[Mechanism, Array, Indices]]:
+        """The mechanism that is ``documented`` with contacts of each structure, its parameters at each state, and the numbers of these."""
         groups: dict[Hashable, list[int]] = {}
         for number, own in enumerate(self.contacts):
             groups.setdefault(structure_of(own), []).append(number)
-        return in_order([(self._alike(states, numbers, documented, kernel), np.array(numbers)) for numbers in groups.values()])
+        yield from (self._alike(numbers, documented) for numbers in groups.values())
 
-    def _alike(
-        self,
-        states: States,
-        numbers: Sequence[int],
-        documented: Callable[[Sequence[Constraint]], Mechanism],
-        kernel: Callable[[Mechanism], ReferenceKernel],
-    ) -> Reference:
-        """The truth at states whose contacts have one structure."""
+    def _alike(self, numbers: Sequence[int], documented: Callable[[Sequence[Constraint]], Mechanism]) -> tuple[Mechanism, Array, Indices]:
         mechanism = documented(self.contacts[numbers[0]])
         columns = {name: column for column, (name, _, _) in enumerate(mechanism.parameters)}
         values = np.tile(mechanism.parameter_values, (len(numbers), 1))
@@ -118,7 +120,7 @@ class Touching:
         taken = [place >= 0 for place in places]
         own = [list(map(float, itertools.compress(measured_in(self.contacts[number]), taken))) for number in numbers]
         values[:, list(itertools.compress(places, taken))] = own
-        return kernel(mechanism).evaluate(states[np.array(numbers)], values=values)
+        return mechanism, values, np.array(numbers)
 
 
 def _affordable(contacts: Sequence[Sequence[Constraint]], usable: Sequence[int], velocities: int) -> list[int]:

@@ -11,11 +11,11 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from harness.files.equalities import Constraint, SolverParameters
+from harness.files.equalities import SOLIMP, SOLREF, Constraint, SolverParameters
 from harness.files.findings import CONTACTS
 from harness.files.given import Given, Place
 from harness.files.left_out import Declared
-from harness.files.touching import ConeKind, Touch
+from harness.files.touching import ConeKind, PointCompliance, Touch
 
 # Attributes of shapes and pairs of these by which their contacts have another law than the harness writes.
 _UNREAD = {"adhesion": "has adhesion", "surfacevel": "has a surface that moves by itself"}
@@ -28,7 +28,8 @@ class FoundContact:
     Attributes:
         bodies: the first and the second. point: (3,) [m]. frame: (9,), the rows of ``Touch.frame``.
         distance, margin, friction, sliding: as of ``Touch``.
-        solref, solimp: as of ``SolverParameters``. why_not: what the harness has no rows for, "" where it has.
+        solref, solimp: as of ``SolverParameters``. compliance: as of ``Touch``, in place of these.
+        why_not: what the harness has no rows for, "" where it has.
         shapes: names of the first and the second, as of ``Shape``; "" for what is no shape.
     """
 
@@ -38,11 +39,12 @@ class FoundContact:
     distance: float
     margin: float
     friction: tuple[float, ...]
-    solref: tuple[float, float]
-    solimp: tuple[float, float, float, float, float]
+    solref: tuple[float, float] = SOLREF
+    solimp: tuple[float, float, float, float, float] = SOLIMP
     sliding: tuple[float, float] = (0.0, 0.0)
     why_not: str = ""
     shapes: tuple[str, str] = ("", "")
+    compliance: PointCompliance | None = None
 
     @property
     def pushes(self) -> bool:
@@ -62,7 +64,7 @@ def structure_of(contacts: Iterable[Constraint]) -> Hashable:
 
 def _structure(touch: Touch) -> Hashable:
     # A number of 0 is none of a program.
-    return touch.bodies, tuple(map(float, touch.friction)), touch.cone, touch.sliding, tuple(map(bool, touch.measured))
+    return touch.bodies, tuple(map(float, touch.friction)), touch.cone, touch.sliding, touch.compliance, tuple(map(bool, touch.measured))
 
 
 def measured_in(contacts: Iterable[Constraint]) -> Iterator[Given]:
@@ -82,7 +84,7 @@ def _contact(found: FoundContact, number: int, place: Place, cone: ConeKind) -> 
     distance, margin = given([found.distance], "distance") + given([found.margin], "margin")
     first, second, third = ((axes[start], axes[start + 1], axes[start + 2]) for start in (0, 3, 6))
     friction = tuple(given(found.friction, "friction"))
-    touch = Touch(found.bodies, (x, y, z), (first, second, third), distance, margin, friction, cone, found.sliding)
+    touch = Touch(found.bodies, (x, y, z), (first, second, third), distance, margin, friction, cone, found.sliding, found.compliance)
     return Constraint("contact", place, place.line, touch, found.why_not, SolverParameters(found.solref, found.solimp), name=name)
 
 

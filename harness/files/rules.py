@@ -15,7 +15,8 @@ goes in its range. All laws of a mechanism are of this kind, or none is.
 
 A law ``of_step`` is one of a step of length h that is linearly implicit: M h a + h^2 D a = h f, D the dampers of joints, beside rows by
 J (v + h a). Its metric is A = M + h D in the place of M, and with the diagonal A_d of A and the norm w = |J A_d^-1 J'|_F / n over the
-n rows of the constraint, A_i = max(``near_rigid`` w, ``least``) is R_i, d being 1/2.
+n rows of the constraint, A_i = max(``near_rigid`` w, ``least``) is R_i, d being 1/2. A contact whose friction a step regularises has that
+R_1, and R_j = ``sliding`` w across the normal: the ratio of impedances is R_1 / R_2 then, which each state has of its own.
 
 The rows of a contact with friction have one impedance, that of its distance, and one R_1 of the row along the normal, from which those
 of the others follow with the coefficients mu of friction and the ratio i of impedances: of a pyramid, whose edges push alone, all are
@@ -111,12 +112,14 @@ class StepRegularisation:
         length: h [s]. near_rigid: the least share of w in R. least: R of what gives by its own stiffness and dissipation [1/kg, or
             1/(kg m^2)].
         window: of the way that v or v* leads in the step, how far from a limit its row is left out; by default at no distance.
+        sliding: share of w that R of the rows across the normal of a contact is; None of constraints without such rows.
     """
 
     length: float
     near_rigid: float
     least: float
     window: float = math.inf
+    sliding: float | None = None
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,14 @@ class ConeKind(StrEnum):
 
 
 @dataclass(frozen=True)
+class PointCompliance:
+    """The linear Kelvin-Voigt law of a point in which bodies touch: stiffness [N/m] and relaxation time [s] of both together."""
+
+    stiffness: float
+    relaxation_time: float
+
+
+@dataclass(frozen=True)
 class Touch:
     """Two bodies touch in a point; all in the world's frame.
 
@@ -35,6 +43,7 @@ class Touch:
         distance: of the surfaces, negative where they overlap [m]. margin: the distance below which they push [m].
         friction: a coefficient for each motion beside that along the normal, of turns in metres; none, 2, 3 or 5.
         sliding: ``solref`` of the rows that friction acts in, of an elliptic cone; (0, 0) for that of the normal.
+        compliance: how it gives, by the law of an engine whose contacts have no ``solref``; None for others.
     """
 
     bodies: tuple[str, str]
@@ -45,6 +54,7 @@ class Touch:
     friction: tuple[Fraction, ...]
     cone: ConeKind
     sliding: tuple[float, float] = (0.0, 0.0)
+    compliance: PointCompliance | None = None
 
     @property
     def is_elliptic(self) -> bool:

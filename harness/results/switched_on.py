@@ -49,6 +49,8 @@ class SwitchedOnRecord:
         to_the_end: backward error where the engine's solver goes on until nothing changes, asked where by the file's settings it does
             not agree; None elsewhere. remedy: what its user sets for that. fault: as of ``harness.engines.request.Ending``.
         readings: what the engine's reader makes of these elements otherwise than the file says.
+        left: where the solver stops as it is documented to, and nobody can set that: what it leaves, as a share of what it may. None
+            elsewhere; ``remedy`` says what its user can do.
         rest: what is known of an answer that nothing explains, a sentence each.
         shapes: the contacts that it finds against those of the file; None where these are not judged.
     """
@@ -68,6 +70,7 @@ class SwitchedOnRecord:
     to_the_end: float | None = None
     remedy: str = ""
     fault: str = ""
+    left: float | None = None
     departures: list[Effect] = field(default_factory=list)
     readings: list[Effect] = field(default_factory=list)
     rest: list[str] = field(default_factory=list)
@@ -104,6 +107,11 @@ class SwitchedOnRecord:
     @property
     def misses_optimum(self) -> str:
         """Error that the solver leaves by the file's settings, a clause behind the engine's name; "" where it leaves none."""
+        if self.left is not None:
+            far, share = error_text(self.backward_error), share_text(self.left)
+            return (
+                f"stops its solver {far} data roundoffs before the optimum that it documents, by {share} of the tolerance that it documents"
+            )
         if self.to_the_end is None:
             return ""
         left, ended = error_text(self.backward_error), error_text(self.to_the_end)

@@ -32,6 +32,7 @@ from harness.programs.mechanisms.softened import (
     INVERSE_MASS,
     RATIO,
     REST,
+    REST_OF_RATIO,
     REST_OF_TOWARDS,
     SHARE,
     SLIDING,
@@ -49,7 +50,7 @@ from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.truth.compare import Flags
-from harness.truth.impedance import ROUNDINGS_OF_TWO_PARTS, linear, nearest
+from harness.truth.impedance import ROUNDINGS_OF_TWO_PARTS, in_two_parts, linear, nearest
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class DeclaredMechanism(Mechanism):
         laws: of each constraint by its name.
         zones: of the rows whose forces have a range; None without any.
         pushing: rows that push alone, by the places of their force in ``zones``.
+        ratios: as of ``SoftenedProgram``, with the places of each ratio and of its rest among the parameters.
         problem: as of ``SoftenedProgram``, where contacts, rigid rows or those of a step are among the constraints: so many sides are
             found as a least; None elsewhere.
         given: the numbers of a robot's file that are its first parameters; () of a system's.
@@ -68,6 +70,7 @@ class DeclaredMechanism(Mechanism):
     laws: tuple[tuple[str, ConstraintLaw], ...] = ()
     zones: Zones | None = None
     pushing: tuple[tuple[int, int], ...] = ()
+    ratios: tuple[StraightLineProgram, tuple[tuple[int, int], ...]] | None = None
     problem: StraightLineProgram | None = None
     given: tuple[Any, ...] = ()
 
@@ -89,6 +92,11 @@ class DeclaredMechanism(Mechanism):
     def parameters_at(self, states: States, values: Sequence[float] | Array | None = None) -> Array:
         """See ``Mechanism``; with what the distance of each state from closing a constraint makes of the law's numbers."""
         found = np.array(super().parameters_at(states, values))
+        if self.ratios is not None:
+            program, places = self.ratios
+            parts = in_two_parts(program, self.inputs(states, found)[: len(program.inputs)], len(places))
+            for column, (high, low) in enumerate(places):
+                found[:, high], found[:, low] = (part[:, column] for part in parts)
         if self.widths or self.pushing:
             residuals = nearest(self._residual_program, self._inputs_of_residuals(states, found))
             self._put_numbers(found, residuals)
@@ -96,7 +104,7 @@ class DeclaredMechanism(Mechanism):
                 self._settle_pushing(states, residuals, found)
                 return found
         if self.zones is not None:
-            ranges = self._ranges(self.zones, states, found, np.zeros((len(states), 0)))
+            ranges = self.ranges_at(self.zones, states, found, np.zeros((len(states), 0)))
             self.zones.settle(states.known, found, ranges, self._start(self.zones, states, found, ranges))
         return found
 
@@ -110,7 +118,7 @@ class DeclaredMechanism(Mechanism):
         if self.zones is None:
             return found
         (residuals,) = values(self._residual_program, self._inputs_of_residuals(states, parameters)).values()
-        return self.zones.across(states.known, found, unit_roundoff, self._ranges(self.zones, states, found, residuals.T))
+        return self.zones.across(states.known, found, unit_roundoff, self.ranges_at(self.zones, states, found, residuals.T))
 
     def reaches_limits(self, states: States) -> Flags:
         """(n,) whether some row that pushes alone is there."""
@@ -120,7 +128,7 @@ class DeclaredMechanism(Mechanism):
     def _settle_pushing(self, states: States, residuals: Array, found: Array) -> None:
         """Settle the zones; NaN where half an ulp of what is left by a row that would push decides whether it is there at all."""
         assert self.zones is not None
-        ranges = self._ranges(self.zones, states, found, residuals)
+        ranges = self.ranges_at(self.zones, states, found, residuals)
         raw = self.zones.settle(states.known, found, ranges, self._start(self.zones, states, found, ranges))
         is_at = _is_rounding(self._residual_program, self._inputs_of_residuals(states, found), residuals)
         for place, row in self._within_limits:
@@ -130,7 +138,7 @@ class DeclaredMechanism(Mechanism):
                 pushes = (raw[states_at, place] > reach[:, place]) | ~np.isfinite(reach[:, place])
                 found[states_at[pushes], self.zones.clamps[place].share] = np.nan
 
-    def _ranges(self, zones: Zones, states: States, found: Array, residuals: Array) -> Ranges:
+    def ranges_at(self, zones: Zones, states: States, found: Array, residuals: Array) -> Ranges:
         """The least and the largest forces, 0 of a row that pushes alone and is not there.
 
         At an instant, dry friction that slides is its bound against the velocity, and a limit that is reached pushes where none leads away.
@@ -274,6 +282,7 @@ def _cone_of(name: str, rows: Sequence[int], friction: int, columns: Mapping[str
         tuple(columns[number_of(name, REST_OF_TOWARDS, row)] for row in rows),
         tuple(columns[number_of(f"{name} {number}", FRICTION)] for number in range(friction)),
         columns[number_of(name, RATIO)],
+        columns.get(number_of(name, REST_OF_RATIO)),
     )
 
 
@@ -307,7 +316,7 @@ def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[Invers
         inverse_masses = tuple(own if len(own) == count else [own[0]] * count)
     plain = Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature, law.force_range)
     if law.of_step is not None:
-        plain = replace(plain, near_rigid=law.of_step.near_rigid, least=law.of_step.least)
+        plain = replace(plain, near_rigid=law.of_step.near_rigid, least=law.of_step.least, regularised=law.of_step.sliding)
     if law.is_rigid:
         return replace(plain, compliance=law.least_regularisation)
     if (cone := law.cone) is None:
@@ -358,12 +367,14 @@ def softened(
         numbers = {name: [row for row, owner in enumerate(tied.rows) if owner == name] for name in written.round}
         cones = [_cone_of(name, rows, len(softness[name].friction), columns) for name, rows in numbers.items()]
         paired = _paired(written.ranged, by_name) if is_rigid else ()
+        ratios = tuple((columns[number_of(name, RATIO)], columns[number_of(name, REST_OF_RATIO)]) for name in written.regularised)
         own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}
         own |= {"parameters": parameters, "program": written.program, "softened": tied, "stiffened": written.stiffened}
         return DeclaredMechanism(
             **own,
             laws=tuple(by_name.items()),
             zones=Zones(tuple(clamps), written.unbounded, tuple(cones), tuple(paired), written.by_solution) if clamps or cones else None,
+            ratios=None if written.ratios is None else (written.ratios, ratios),
             problem=written.problem if is_rigid or any(law.is_contact or law.of_step for law in by_name.values()) else None,
             pushing=tuple((place, row) for place, (name, row) in enumerate(written.ranged) if by_name[name].pushes_alone),
         )

@@ -49,13 +49,16 @@ def _nearest(program: StraightLineProgram, inputs: Array) -> Array:
     return found
 
 
-def _in_two_parts(program: StraightLineProgram, inputs: Array) -> tuple[Array, Array]:
-    """An impedance and its slopes, the outputs of a program, as sums of two numbers, (n, outputs) each; inputs as of ``nearest``."""
+def in_two_parts(program: StraightLineProgram, inputs: Array, count: int = 1) -> tuple[Array, Array]:
+    """The outputs of a program as sums of two numbers, (n, outputs) each; inputs as of ``nearest``.
+
+    All but the first ``count``, as the slopes of an impedance, are so to the digits of float64 alone.
+    """
     by_loops = bounded_outputs(program, inputs)
     if by_loops is None:
         return _in_balls(program, inputs)
     high, low = by_loops.high.copy(), by_loops.low.copy()
-    allowed = np.array([_TWO_PARTS, *[_ONE_PART] * (high.shape[1] - 1)])
+    allowed = np.where(np.arange(high.shape[1]) < count, _TWO_PARTS, _ONE_PART)
     left = np.flatnonzero(~(by_loops.bound <= allowed * np.abs(high)).all(axis=1))
     high[left], low[left] = _in_balls(program, inputs[:, left])
     return high, low
@@ -110,7 +113,7 @@ def linear(impedances: Sequence[Impedance], counts: Sequence[int], residuals: Ar
             rows = np.abs(residuals[chosen]) if count == 1 else residuals[chosen]
             program = _program(float(power[chosen[0]]), count, rising)
             given = np.column_stack([least[chosen], most[chosen], width[chosen], midpoint[chosen], rows])
-            high, low = _in_two_parts(program, np.ascontiguousarray(given.T))
+            high, low = in_two_parts(program, np.ascontiguousarray(given.T))
             found.value[chosen], found.rest[chosen] = high[:, 0], low[:, 0]
             found.slopes[chosen] = high[:, 1:] * (np.sign(residuals[chosen]) if count == 1 else 1.0)
     return found

@@ -23,16 +23,29 @@ from harness.truth.declared import declared
 
 
 def optimum(
-    mechanism: RobotMechanism, robot: Robot, constraints: Sequence[Constraint], laws: Mapping[str, ConstraintLaw], fuses: bool
+    mechanism: RobotMechanism,
+    robot: Robot,
+    constraints: Sequence[Constraint],
+    laws: Mapping[str, ConstraintLaw],
+    fuses: bool,
+    step: float | None = None,
 ) -> Mechanism:
     """The mechanism with those constraints that have rows and a law, by their names; ``fuses`` as of ``inverse_weights_of``.
 
-    ``robot`` has the equations of motion of the mechanism.
+    ``robot`` has the equations of motion of the mechanism. Without constraints, accelerations are those over a step of the length
+    ``step`` [s], where that is no None.
 
     Raises:
         KeyError: one is about a body or joint that the tree does not have. ValueError: as ``inverse_weights_of``.
     """
     acting = sorted((one for one in constraints if one.name in laws and one.rows), key=lambda one: not isinstance(one, Equality))
+    if not acting and step is not None:
+        # Most answers are of an instant.
+        from harness.trees.metric import started
+
+        written, numbers = started(robot.tree, robot.joints, step)
+        own = (*named(written.parameters), *((name, value, "") for name, value in numbers))
+        return replace(mechanism, program=written.program, parameters=own, given=written.parameters, other_charts=(), charts_in_body=())
     if not acting:
         return mechanism
     rows = {one.name: one.rows for one in acting if one.rows is not None}

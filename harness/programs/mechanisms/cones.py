@@ -48,7 +48,7 @@ class Cone:
     Attributes:
         sticking, sliding: one of which is 1 where the contact does so.
         towards, rest: for each row, y where it slides, as the sum of two numbers.
-        friction, ratio: mu_j, and i.
+        friction, ratio: mu_j, and i. rest_of_ratio: what i is besides, where it is the sum of two numbers; None elsewhere.
     """
 
     sticking: int
@@ -57,6 +57,7 @@ class Cone:
     rest: tuple[int, ...]
     friction: tuple[int, ...]
     ratio: int
+    rest_of_ratio: int | None = None
 
     @property
     def size(self) -> int:
@@ -81,7 +82,10 @@ class Cone:
         """The zone of ``y`` at one state; None where its balls do not decide it."""
         import flint
 
-        sticking, parting = _edges([flint.arb(float(found[one])) for one in (self.ratio, *self.friction)], y, flint.arb.sqrt)
+        ratio, *friction = (flint.arb(float(found[one])) for one in (self.ratio, *self.friction))
+        if self.rest_of_ratio is not None:
+            ratio += flint.arb(float(found[self.rest_of_ratio]))
+        sticking, parting = _edges([ratio, *friction], y, flint.arb.sqrt)
         if sticking <= 0:
             return Zone.STICKS
         if parting >= 0:

@@ -166,11 +166,28 @@ def _solved(matrices: Array, vectors: Array) -> Array:
         return np.array([np.linalg.lstsq(matrix, vector, rcond=None)[0] for matrix, vector in zip(matrices, vectors, strict=True)])
 
 
+def left_at(
+    zones: Zones, problem: StraightLineProgram, inputs: Array, ranges: Ranges, found: Array, a: Array
+) -> tuple[Array, Array, Array]:
+    """M, (n, nv, nv), the derivative of F at accelerations a, and J' f there, (n, nv) each; arguments as of ``sides_at_least``."""
+    own = _problem_of(zones, problem, inputs, found, ranges)
+    pushed = np.einsum("nri,nr->ni", own.jacobian, own.forces(own.left_by(a)))
+    return own.mass, _times(own.mass, a) - own.force - pushed, pushed
+
+
 def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, found: Array, ranges: Ranges | None) -> Sides:
     """The sides of all forces and contacts at the least of F, for inputs (number of inputs, n) and parameters (n, ...) of n states.
 
     ``problem`` and ``ranges``: as of ``SoftenedProgram`` and of ``Zones.settle``.
     """
+    own, clamps = _problem_of(zones, problem, inputs, found, ranges), len(zones.clamps)
+    y = own.least()
+    free, least, most = -own.weights[:, :clamps] * y[:, :clamps], own.low[:, :clamps], own.high[:, :clamps]
+    sides = np.where(free < least, -1.0, np.where(free > most, 1.0, 0.0))
+    return zones.sides(sides, y[:, clamps : clamps + sum(cone.size for cone in zones.cones)], found)
+
+
+def _problem_of(zones: Zones, problem: StraightLineProgram, inputs: Array, found: Array, ranges: Ranges | None) -> _Problem:
     with np.errstate(all="ignore"):
         inputs = inputs[: len(problem.inputs)]
         outputs = approximate_outputs(problem, inputs) or values(problem, inputs)
@@ -184,7 +201,4 @@ def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, fo
     ]
     mass, jacobian = full_matrices(outputs["mass"]), outputs[JACOBIAN].T.reshape(len(found), rows, nv)
     force, wanted, weights = (np.ascontiguousarray(outputs[name].T) for name in ("force", "wanted", "weights"))
-    y = _Problem(mass, force, jacobian, wanted, weights, low, beyond, cones).least()
-    free = -weights[:, :clamps] * y[:, :clamps]
-    sides = np.where(free < least, -1.0, np.where(free > most, 1.0, 0.0))
-    return zones.sides(sides, y[:, clamps : clamps + sum(cone.size for cone in zones.cones)], found)
+    return _Problem(mass, force, jacobian, wanted, weights, low, beyond, cones)

@@ -34,6 +34,7 @@ class Softness:
         bound: the parameter that is the largest force of each row in either direction, of which the row's constant is a multiple; "" where
             the constant is the force.
         near_rigid, least: of A of the rows of a step, see ``harness.files.rules``; None of a law at an instant.
+        regularised: of a contact in a step, ``StepRegularisation.sliding``, by which each state has a ratio of its own; None elsewhere.
         compliance: R of each row [1/kg, or 1/(kg m^2)], in place of what impedance and inverse masses give; None for these.
     """
 
@@ -49,6 +50,7 @@ class Softness:
     sliding_damping: float | None = None
     near_rigid: float | None = None
     least: float | None = None
+    regularised: float | None = None
     compliance: float | None = None
     bound: str = ""
 
@@ -61,7 +63,9 @@ class Softness:
         """Equal for laws of which there is one program, whatever their numbers are."""
         weighs = tuple(one is None for one in self.inverse_masses)
         of_step = self.near_rigid is not None
-        return weighs, self.has_bias, self.has_range, len(self.friction), self.is_round, self.sliding_damping is None, self.bound, of_step
+        own_ratio = self.regularised is not None
+        of_cone = len(self.friction), self.is_round, self.sliding_damping is None, own_ratio
+        return weighs, self.has_bias, self.has_range, *of_cone, self.bound, of_step
 
 
 # Numbers of a law that a state may have of its own, behind the names of constraint and row.
@@ -71,6 +75,7 @@ SHARE, CONSTANT, UNBOUNDED, STIFFNESS = "share", "constant", "unbounded", "stiff
 NEAR_RIGID, LEAST, BEFORE = "near-rigid share", "least regularisation", "velocities before the step"
 # And of a contact with friction.
 FRICTION, RATIO, SLIDING_DAMPING = "friction", "ratio of impedances", "damping across the normal"
+REST_OF_RATIO, REGULARISED = "rest of ratio", "regularised share"
 STICKING, SLIDING, TOWARDS, REST_OF_TOWARDS = "sticking", "sliding", "towards", "rest of towards"
 
 
@@ -88,6 +93,8 @@ class SoftenedProgram:
         unbounded: a program of the same inputs whose output is, of each row that has a range of forces, the force without it, and then,
             of the rows of elliptic cones, J a - aref.
         ranged: the rows with a range by their constraint and number among all. round: the constraints with elliptic cones.
+        ratios: a program of the same inputs whose output is the ratio of impedances of each of those that have one of their own at each
+            state, ``regularised``; None without any.
         problem: a program of the same inputs: ``mass`` and ``force`` of the tree, ``jacobian``, ``wanted`` (aref less J' v) and
             ``weights`` (D) of the rows in the order of ``unbounded``, and then of those that hold on both sides.
         stiffened: the program whose accelerations are not eliminated; None where rows are rigid.
@@ -103,6 +110,8 @@ class SoftenedProgram:
     problem: StraightLineProgram
     stiffened: StraightLineProgram | None = None
     unbounded_by: StraightLineProgram | None = None
+    ratios: StraightLineProgram | None = None
+    regularised: tuple[str, ...] = ()
 
     @property
     def by_solution(self) -> tuple[StraightLineProgram, StraightLineProgram] | None:
@@ -148,7 +157,7 @@ def _written(
     columns = dict(zip(exact, solved(mass, [jacobian[row] for row in exact]) if exact else [], strict=True))
     weights, wanted, constants = (builder.zeros(len(constraints.rows)) for _ in range(3))
     ranged, shares = list[tuple[str, int]](), builder.vector([1] * len(constraints.rows))
-    blocks = dict[str, Matrix]()
+    blocks, ratios = dict[str, Matrix](), dict[str, Term]()
     for name, rows in places.items():
         law = laws[name]
         impedance, rest, stiffness, damping = (known[number_of(name, what)] for what in (IMPEDANCE, REST, STIFFNESS, "damping"))
@@ -156,7 +165,7 @@ def _written(
             slope, distance = (known[number_of(name, what, row)] for what in (SLOPE, DISTANCE))
             rest = rest + slope * (tied.residual[row] - distance)
         impedance = impedance + rest
-        of_step = None if law.near_rigid is None else _of_step(known, name, mass, jacobian[rows])
+        of_step = None if law.near_rigid is None else _of_step(known, name, _scale(mass, jacobian[rows]))
         for place, row in enumerate(rows):
             if of_step is not None:
                 own = of_step
@@ -173,6 +182,8 @@ def _written(
         if law.friction:
             friction = vector(known[number_of(f"{name} {number}", FRICTION)] for number in range(len(law.friction)))
             ratio = known[number_of(name, RATIO)]
+            if law.regularised is not None and of_step is not None:
+                ratio = ratios[name] = of_step / (known[number_of(name, REGULARISED)] * _scale(mass, jacobian[rows]))
             weights[rows] = _of_cone(law, weights[rows[0]], friction, ratio, len(rows))
             if law.is_round:
                 sticking, sliding = (known[number_of(name, what)] for what in (STICKING, SLIDING))
@@ -213,6 +224,8 @@ def _written(
         problem,
         tied.with_system(stiffened, started + given),
         _by_accelerations(problem, len(ranged), len(first)) if blocks else None,
+        without_unused(builder.program({RATIO: ratios.values()})) if ratios else None,
+        tuple(ratios),
     )
 
 
@@ -243,12 +256,16 @@ def _started(tied: Tied, known: Mapping[str, Term], name: str | None) -> Vector:
     return per_step * (tied.mass @ (known[number_of(name, BEFORE)] * rates - rates))
 
 
-def _of_step(known: Mapping[str, Term], name: str, metric: Matrix, jacobian: Matrix) -> Term:
-    """R of the rows of a constraint in a step, see ``harness.files.rules``."""
-    near_rigid, least = (known[number_of(name, what)] for what in (NEAR_RIGID, LEAST))
+def _scale(metric: Matrix, jacobian: Matrix) -> Term:
+    """w of the rows of a constraint in a step, see ``harness.files.rules``."""
     weighted = matrix([[entry / metric[place, place] for place, entry in enumerate(row)] for row in jacobian])
     block = matrix([[row @ other for other in jacobian] for row in weighted])
-    scale = block[0, 0] if len(jacobian) == 1 else length(block.ravel()) / len(jacobian)
+    return block[0, 0] if len(jacobian) == 1 else length(block.ravel()) / len(jacobian)
+
+
+def _of_step(known: Mapping[str, Term], name: str, scale: Term) -> Term:
+    """R of the rows of a constraint in a step, of a contact that along the normal; ``scale`` is w."""
+    near_rigid, least = (known[number_of(name, what)] for what in (NEAR_RIGID, LEAST))
     apart = near_rigid * scale - least
     return least + (apart + sqrt(apart * apart)) / 2
 
@@ -270,6 +287,7 @@ def _numbers(name: str, rows: Sequence[int], law: Softness) -> Iterator[tuple[st
         of_all |= {NEAR_RIGID: law.near_rigid, LEAST: law.least, BEFORE: 1.0}
     if law.friction:
         of_all |= {RATIO: law.ratio}
+        of_all |= {} if law.regularised is None else {REGULARISED: law.regularised, REST_OF_RATIO: 0.0}
         of_all |= {} if law.sliding_damping is None else {SLIDING_DAMPING: law.sliding_damping}
         of_all |= {STICKING: 0.0, SLIDING: 0.0} if law.is_round else {}
         yield from ((number_of(f"{name} {number}", FRICTION), value) for number, value in enumerate(law.friction))

@@ -18,9 +18,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines import Engine, ImplicitPart, LoadedModel, NotOffered, StepRule, Unsupported
-from harness.engines.adapters.drake.files import CONTINUOUS, FINALIZE, Building, building, built, floating_bodies
+from harness.engines.adapters.drake.files import CONTINUOUS, FINALIZE, Building, building, built, floating_bodies, made
 from harness.engines.coordinates import BALL, FREE
-from harness.engines.loaded_file import refuse_joints
+from harness.engines.loaded_file import LoadedFile, refuse_joints
 from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Refused, Request
 from harness.engines.state_by_state import StateByState
@@ -45,20 +45,21 @@ class DrakeModel(StateByState):
 
     def __init__(self, built_by: Building, names: Mapping[str, str], request: Request) -> None:
         self._building = built_by
-        self.plant = plant = built(built_by)
-        self.context = plant.CreateDefaultContext()
+        # A diagram lives as long as what is of it.
+        self.made = made(built_by)
+        self.plant, self.context = plant, _ = self.made["p"], self.made["c"]
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-        self._moving = {names.get(joint.name(), joint.name()): joint for joint in joints if joint.num_velocities()}
-        unknown = {joint.type_name() for joint in self._moving.values()} - set(_SIZES)
+        self.moving = {names.get(joint.name(), joint.name()): joint for joint in joints if joint.num_velocities()}
+        unknown = {joint.type_name() for joint in self.moving.values()} - set(_SIZES)
         if unknown and request.text is not None:
             raise Unsupported(f"joints of the kinds {', '.join(sorted(unknown))} are not known to the harness's adapter of Drake")
-        super().__init__(request, {name: joint.velocity_start() for name, joint in self._moving.items()}, plant.num_velocities())
+        super().__init__(request, {name: joint.velocity_start() for name, joint in self.moving.items()}, plant.num_velocities())
         # An actuator has what the harness supplies.
         self.armature[:] = 0.0
 
     def loaded(self) -> LoadedModel:
         plant = self.plant
-        sizes = {name: _SIZES[joint.type_name()] for name, joint in self._moving.items()}
+        sizes = {name: _SIZES[joint.type_name()] for name, joint in self.moving.items()}
         gravity = tuple(plant.gravity_field().gravity_vector().tolist())
         fixed = {body.index() for body in plant.GetBodiesWeldedTo(plant.world_body())}
         bodies = (plant.get_body(index) for instance in _instances(plant) for index in plant.GetBodyIndices(instance))
@@ -76,7 +77,7 @@ class DrakeModel(StateByState):
 
         positions = self.plant.GetDefaultPositions()
         for name, size in self.columns.sizes.items():
-            given, start = q[self.columns.spans(name)[0]], self._moving[name].position_start()
+            given, start = q[self.columns.spans(name)[0]], self.moving[name].position_start()
             if size == BALL:
                 given = RollPitchYaw(Quaternion(given / np.linalg.norm(given))).vector()
             elif size == FREE:
@@ -123,12 +124,12 @@ class DrakeModel(StateByState):
         found = np.empty((len(q), len(names), 6))
         port = plant.get_reaction_forces_output_port()
         indices = plant.GetJointIndices()
-        ordinals = {name: indices.index(joint.index()) for name, joint in self._moving.items()}
+        ordinals = {name: indices.index(joint.index()) for name, joint in self.moving.items()}
         for state, (*own, _) in enumerate(self._states(q, v, tau)):
             _set(plant, context, *own)
             forces = port.Eval(context)
             for place, name in enumerate(names):
-                turn = self._moving[name].frame_on_child().CalcPoseInWorld(context).rotation().matrix()
+                turn = self.moving[name].frame_on_child().CalcPoseInWorld(context).rotation().matrix()
                 force = forces[ordinals[name]]
                 found[state, place] = *(turn @ force.translational()), *(turn @ force.rotational())
         return found
@@ -144,7 +145,7 @@ class DrakeModel(StateByState):
         # With sampled outputs the update is not one of the discrete state alone.
         plant = built(self._building.replaced(CONTINUOUS, f"MultibodyPlant({length!r}); p.SetUseSampledOutputPorts(False)"))
         context, nq, found = plant.CreateDefaultContext(), plant.num_positions(), np.empty((len(q), q.shape[1] + v.shape[1]))
-        positions = [self._moving[name].position_start() for name in self.columns.sizes]
+        positions = [self.moving[name].position_start() for name in self.columns.sizes]
         velocities = [self.places[name] for name in self.columns.sizes]
         for state, (*own, _) in enumerate(self._states(q, v, tau)):
             _set(plant, context, *own)
@@ -221,7 +222,7 @@ class DrakeEngine(Engine):
 
         return (StepRule("discrete", _TIME_STEP, frozenset({ImplicitPart.JOINT_DAMPERS}), limited=limit(_TIME_STEP)),)
 
-    def read(self, request: Request) -> DrakeModel:
+    def read(self, request: Request) -> LoadedFile:
         floating = floating_bodies(request)
         # A plain one has ball joints that the harness has not asked about.
         balls = [joint.name for joint in request.joints if joint.kind == JointKind.BALL and request.aid is not None]
@@ -231,7 +232,7 @@ class DrakeEngine(Engine):
         except RuntimeError as error:
             raise Refused(" ".join(str(error).split())) from error
 
-    def model(self, built_by: Building, names: Mapping[str, str], request: Request) -> DrakeModel:
+    def model(self, built_by: Building, names: Mapping[str, str], request: Request) -> LoadedFile:
         """The model of a request; raises RuntimeError as Drake does, and as ``built``."""
         return DrakeModel(built_by, names, request)
 

@@ -187,11 +187,21 @@ class Building:
 
 def built(building: Building) -> Any:
     """The plant; raises RuntimeError where Drake refuses the file, and Unsupported for warnings that count."""
+    return made(building)["p"]
+
+
+def made(building: Building) -> dict[str, Any]:
+    """All that the statements name, and a context ``c`` of the plant, which is part of the context ``root`` of a diagram ``d``, if any.
+
+    Raises as ``built``.
+    """
     names: dict[str, Any] = {"x": building.text}
     with refused_warnings() if building.is_strict else silent():
         # The very text that a reproducer prints: what it shows is what was done.
         exec(building.statements, names)
-    return names["p"]
+    names["root"] = names.get("d", names["p"]).CreateDefaultContext()
+    names["c"] = names["p"].GetMyMutableContextFromRoot(names["root"]) if "d" in names else names["root"]
+    return names
 
 
 def building(request: Request) -> Building:
