@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from harness.arrays import Array, Indices
 from harness.crosscheck.assignment import Assignment
-from harness.engines import Model, load_engine, load_model
+from harness.engines import Engine, Model, load_engine, load_model
+from harness.engines.request import StopRule
+from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
+from harness.results.readings import share_text
 from harness.trees.mechanism import RobotMechanism
 from harness.truth.compare import Certified, Comparison
 from harness.truth.quantities import Truth
@@ -32,7 +36,50 @@ def judged_to_the_end(
             title = load_engine(assignment.library, assignment.subject.engine).title or assignment.subject.engine
             worst = f"up to {comparison.backward_error[wrong].max():.3g} data roundoffs before the optimum that it documents"
             return replace(comparison, verdicts=verdicts), f"{title} stops its solver {worst}: {remedy}"
-    return comparison, ""
+    engine = load_engine(assignment.library, assignment.subject.engine)
+    if engine.stops is None or not len(wrong):
+        return comparison, ""
+    return _stopped_as_documented(assignment, engine, engine.stops, model, states, comparison)
+
+
+def _stopped_as_documented(
+    assignment: Assignment, engine: Engine, rule: StopRule, model: Model, states: States, comparison: Comparison
+) -> tuple[Comparison, str]:
+    """The same where an engine documents when its solver stops, and nobody can set that: answers that leave no more are explained."""
+    wrong = np.flatnonzero(comparison.verdicts == Verdict.DISAGREES.value)
+    answers = assignment.truth.answers(model, states[wrong])
+    shares = _shares_of(assignment.truth, states[wrong], answers, rule)
+    stopped = wrong[shares <= 1.0]
+    if not len(stopped):
+        return comparison, ""
+    verdicts = comparison.verdicts.copy()
+    verdicts[stopped] = Verdict.EXPLAINED.value
+    far, share = f"{comparison.backward_error[stopped].max():.3g} data roundoffs", share_text(float(shares[shares <= 1.0].max()))
+    of_tolerance = f"up to {far} before the optimum that it documents, by {share} of the tolerance that it documents"
+    return replace(comparison, verdicts=verdicts), f"{engine.title or engine.name} stops its solver {of_tolerance}: {rule.remedy}"
+
+
+def _shares_of(truth: Truth, states: States, answers: Array, rule: StopRule) -> Array:
+    """(n,) as of ``share_of_rule``; infinite where the truth is of no step."""
+    # Most solvers go on to the end, or can be told to.
+    from harness.explain.as_read import ReadTruth
+    from harness.explain.touching_truth import TouchingTruth
+    from harness.truth.declared import DeclaredMechanism
+    from harness.truth.quantities.accelerations import AccelerationTruth
+    from harness.truth.stopping import share_of_rule
+
+    if isinstance(truth, ReadTruth):
+        return _shares_of(truth.read, truth.into(states), answers, rule)
+    found = np.full(len(states), np.inf)
+    parts: Iterable[tuple[Mechanism, Array | None, Indices]] = ()
+    if isinstance(truth, TouchingTruth):
+        parts = truth.by_structure(states)
+    elif isinstance(truth, AccelerationTruth):
+        parts = [(truth.mechanism, None, np.arange(len(states)))]
+    for mechanism, numbers, among in parts:
+        if isinstance(mechanism, DeclaredMechanism):
+            found[among] = share_of_rule(mechanism, states[among], numbers, answers[among], rule)
+    return found
 
 
 def endings_of(assignment: Assignment, model: Model) -> Iterator[tuple[Model, str]]:

@@ -6,7 +6,7 @@ apart from geometry.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass, fields
 
 from harness.arrays import Array, Indices
@@ -85,6 +85,10 @@ class TouchingTruth(AccelerationTruth):
         if why_not or found.refused:
             raise Unsupported(f"contacts are not judged: one {why_not or found.refused[0]}")
         return found
+
+    def by_structure(self, states: States) -> Iterator[tuple[Mechanism, Array, Indices]]:
+        """As of ``Touching``."""
+        return self.touching(states).by_structure(self._documented)
 
     def evaluate(self, states: States) -> Reference:
         """See ``Truth``."""

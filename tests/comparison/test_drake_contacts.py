@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +21,7 @@ from flint import arb, arb_mat
 from harness.comparison.case import AskedEngine
 from harness.comparison.robot_library import engine_of, robot_at
 from harness.comparison.switched_on import judge_switched_on
+from harness.crosscheck.solvers import _shares_of
 from harness.engines.adapters.drake import step_law
 from harness.engines.adapters.drake.step_law import STEP
 from harness.engines.request import EngineAnswers, by_joint
@@ -36,9 +39,13 @@ from harness.files.tree import WORLD
 from harness.programs.states import States
 from harness.results.switched_on import switched_on_text
 from harness.trees import metric
+from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot
 from harness.truth.compare import compare
+from harness.truth.declared import DeclaredMechanism
+from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.reference import Reference
+from harness.truth.stopping import share_of_rule
 from harness.verdict import AGREEMENT
 
 __all__ = ["drake"]
@@ -147,7 +154,7 @@ def states_of(chosen: Sequence[Ground]) -> States:
 
 
 def found_touching(robot: Robot, chosen: Sequence[Ground]) -> Touching:
-    return Touching.of([[one.contact()] for one in chosen], robot, ConeKind.ELLIPTIC)
+    return Touching.of([[one.contact()] if one.q[1] <= 0 else [] for one in chosen], robot, ConeKind.ELLIPTIC)
 
 
 def truth_of(robot: Robot, chosen: Sequence[Ground], has_limits: bool = False) -> Reference:
@@ -317,7 +324,37 @@ def test_a_contact_of_another_friction_is_beyond_the_documented_tolerance(way: s
     assert (share is None) == (way == "slides 1")
 
 
+@pytest.mark.usefixtures("balls")
+def test_a_check_takes_the_same_share() -> None:
+    """Of the truth that an engine's reading gives, and of one of no step none."""
+    chosen = grounds(COMPLIANCES["soft"], 8)
+    case, rule = case_of(chosen), engine_of(ENGINE).stops
+    assert rule is not None
+    moved = rounded(chosen) * (1 + 1e-9)
+    for mechanism, numbers, among in case.touching.by_structure(
+        lambda contacts: documented(case.at.robot, case.caller, case.judged, (), contacts)
+    ):
+        assert isinstance(mechanism, DeclaredMechanism)
+        alone = replace(mechanism, parameters=tuple(
+            (name, float(value), unit) for (name, _, unit), value in zip(mechanism.parameters, numbers[0], strict=True)
+        ))  # fmt: skip
+        first, answers = states_of(chosen)[among[:1]], moved[among[:1]]
+        [share] = _shares_of(AccelerationTruth(alone), first, answers, rule)
+        assert 0 < share < 1 and share == share_of_rule(mechanism, first, numbers[:1], answers, rule)[0]
+    plain = AccelerationTruth(mechanism_of(case.at.robot))
+    assert _shares_of(plain, states_of(chosen), moved, rule).tolist() == [np.inf] * len(chosen)
+
+
 # Drake itself.
+
+
+@pytest.mark.nightly
+@pytest.mark.usefixtures("drake")
+def test_a_check_with_contacts_tells_where_the_solver_stops() -> None:
+    words = ["check", str(BALL), "--contacts", "--subject", f"{ENGINE}/urdf", "--states", "60"]
+    done = subprocess.run([sys.executable, "-m", "harness", *words], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "of the tolerance that it documents" in done.stdout and "contacts on" in done.stdout
 
 
 @pytest.mark.nightly
