@@ -104,4 +104,4 @@ def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Mea
         if rubs:
             # There an acceleration is next to nothing, and any change many times that.
             within &= numbers % _EACH_PRESSED != 2
-    return Meant(read.robot, states, reference_of(read.robot).evaluate(states)), within
+    return replace(read, states=states, certified=reference_of(read.robot, read.unit_roundoff).evaluate(states)), within

@@ -17,12 +17,13 @@ from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.as_read import effects, read_by, why_refused
 from harness.explain.file_numbers import left_beside_readings
-from harness.explain.meant import Meant, read_as, worst
+from harness.explain.meant import Meant, for_engine, read_as, worst
 from harness.library import Stance
 from harness.results.comparison import SubjectRecord
 from harness.results.table import counted, error_text
 from harness.truth.compare import Comparison, compare
-from harness.truth.far_links import FAR_LINKS, FarLinks
+from harness.truth.far_links import FarLinks, far_links_of
+from harness.truth.reference import precision_in_words
 from harness.verdict import AGREEMENT, Verdict, gravest
 
 ILL_CONDITIONED = "no error is beyond what the condition of M does to a solution with it, and no number of the file explains them"
@@ -33,7 +34,9 @@ _NOWHERE = "at no state is an acceleration certain, for M is singular or not pos
 def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> SubjectRecord:
     """The record of an engine that returned something."""
     caller = engine_of(engine)
-    about: dict[str, Any] = {**subject_of(meant, caller, stance), "notes": answers.notes}
+    meant = for_engine(meant, caller.unit_roundoff)
+    notes = filter(None, [*answers.notes, precision_in_words(caller.unit_roundoff)])
+    about: dict[str, Any] = {**subject_of(meant, caller, stance), "notes": tuple(notes)}
     if answers.refusal:
         rest = why_refused(meant.robot, answers.refusal)
         return SubjectRecord(**about, verdict=Verdict.UNSUPPORTED, explained=True, message=answers.refusal, rest=rest)
@@ -63,7 +66,8 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
         verdict = gravest([record.verdict, Verdict.DISAGREES]) if after is compared else record.verdict
         return replace(record, rest=rest, verdict=verdict)
     by_condition = compare(read.truth, answers.of(read.robot.joints), factorises=True).are_all(Verdict.AGREES, Verdict.UNSTABLE)
-    return replace(record, explained=True, lost_digits=_lost(after, ILL_CONDITIONED if by_condition else FAR_LINKS))
+    cause = ILL_CONDITIONED if by_condition else far_links_of(caller.inertias_about)
+    return replace(record, explained=True, lost_digits=_lost(after, cause))
 
 
 def _lost(after: Comparison, cause: str) -> str:
@@ -90,7 +94,10 @@ def _judged(meant: Meant, answers: EngineAnswers, caller: Engine) -> Comparison:
     """The judgement of a cross-check of the file: digits that the condition of M costs are excused whether or not M is factorised."""
     accelerations = answers.of(meant.robot.joints)
     found = compare(meant.truth, accelerations, factorises=True)
-    return FarLinks(meant.robot).excused(found, meant.truth, meant.states, accelerations) if caller.takes_inertias_about_tree else found
+    if not caller.inertias_about:
+        return found
+    far = FarLinks(meant.robot, caller.inertias_about, caller.unit_roundoff)
+    return far.excused(found, meant.truth, meant.states, accelerations)
 
 
 def _verdict(compared: Comparison | None) -> dict[str, Any]:

@@ -114,8 +114,9 @@ class RobotComparison(Study):
 
     def _asked(self, found: Meant, engine: str, stance: Stance) -> Inquiry[None]:
         """One engine in one stance on a file, judged beside the file's truth."""
-        path, about = found.robot.path, subject_of(found, engine_of(engine), stance)
-        outcome = yield from ask(call, ask_engine, engine, question_of(found, stance))
+        path, caller = found.robot.path, engine_of(engine)
+        about = subject_of(found, caller, stance)
+        outcome = yield from ask(call, ask_engine, engine, question_of(found.rounded(caller.unit_roundoff), stance))
         answers: EngineAnswers = outcome.value
         if failure := self.failure(outcome):
             record = SubjectRecord(**about, verdict=Verdict.ERROR, explained=False, message=failure)

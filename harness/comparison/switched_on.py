@@ -28,7 +28,7 @@ from harness.explain.changes.placements import as_placed, placement_of
 from harness.explain.changes.readings import element_at
 from harness.explain.documented import documented, effect_of_friction, engine_documenting, switched_off_by_file
 from harness.explain.file_case import FileCase, is_held
-from harness.explain.meant import Meant, driven, largest_change, read_as, worst
+from harness.explain.meant import Meant, driven, for_engine, largest_change, read_as, worst
 from harness.explain.switches import switches_of, why_no_equality
 from harness.explain.touching import Touching
 from harness.files.equalities import Equality
@@ -71,7 +71,9 @@ def pose(meant: Meant, engine: str, without: Collection[str] = ()) -> tuple[Swit
 
     ``without``: kinds of elements that stay off, as of ``Group.what``.
     """
-    caller, original = engine_of(engine), driven(meant)
+    caller = engine_of(engine)
+    meant = for_engine(meant, caller.unit_roundoff)
+    original = driven(meant)
     smooth, folded = (read_by(one.robot, caller.name, caller, Stance.PLAIN) for one in (meant, original))
     asked, read = AskedEngine(original, caller), read_as(original, folded.robot)
     off = read if original is meant else read_as(meant, with_actuators(folded.robot, ()))

@@ -337,8 +337,8 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
         if (own := softening_of(mechanism, engine, assignment.library, assignment.departures)) is not None:
             soft, laws, ties = own, own.laws, own.ties
     rules = engine.step_rules(read) if read is not None and quantity.has_step_rules else ()
-    is_about_tree = bool(getattr(engine, "takes_inertias_about_tree", False))
-    basis = TruthBasis(mechanism, declared, read, in_body, soft, rules, precision, factorises, is_about_tree, ties)
+    inertias_about = getattr(engine, "inertias_about", "")
+    basis = TruthBasis(mechanism, declared, read, in_body, soft, rules, precision, factorises, inertias_about, ties)
     texts = tuple(file and file.text for file in (declared, read))
     return basis, (texts, in_body, tuple(laws.items()), rules)
 

@@ -10,7 +10,6 @@ that it says is evidence about a model, so that such answers are an error and no
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
@@ -37,12 +36,11 @@ from harness.engines import (
 )
 from harness.errors import InvalidInput
 from harness.programs.loops.interpreter import loop
-from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.study import Note, sentence
 from harness.truth.compare import Certified, Comparison, compare
 from harness.truth.quantities import ASKED_ELSEWHERE, Truth
-from harness.truth.reference import Reference, moves
+from harness.truth.reference import Reference, moves, precision_in_words
 from harness.verdict import Verdict
 
 # Begins the message of a subject whose engine does not claim to compute a quantity.
@@ -227,12 +225,7 @@ def ask(assignment: Assignment, states: States, truths: Truths, before: tuple[Ar
 
 def declared_precision(assignment: Assignment) -> str:
     """A sentence where the subject's engine declares that it computes in another precision than float64, "" where it does not."""
-    roundoff = load_engine(assignment.library, assignment.subject.engine).unit_roundoff
-    if roundoff == UNIT_ROUNDOFF:
-        return ""
-    bits = round(-math.log2(roundoff))
-    name = "float32" if bits == 24 else f"numbers of {bits} bits"
-    return f"computes in {name}: judged in data roundoffs of 2^-{bits}, at states rounded to {name}"
+    return precision_in_words(load_engine(assignment.library, assignment.subject.engine).unit_roundoff)
 
 
 def timed_answers(

@@ -81,7 +81,8 @@ class Engine:
     Of any robot's file:
         call: the user's code for each format, on one line; none for an engine that no user's file is handed to.
         supplied: for each format, what an aided engine is given besides what its reader takes from the file, as a sentence.
-        takes_inertias_about_tree: whether it forms inertias about the centre of a whole tree, see ``harness.truth.far_links``.
+        inertias_about: the point about which it forms inertias, where that is neither in the body nor in its joint: "tree" for the centre
+            of mass of a whole tree, "world" for the origin of the world; see ``harness.truth.far_links``.
         why_off: why the call lets no elements of a kind act, by ``LeftOut.what``; none of a kind that it can be asked with, some of them
             ``Held``.
         contacts: of a file with a root element and format, the cones of friction, and why no contact of it is judged, "" where contacts
@@ -113,7 +114,7 @@ class Engine:
     has_soft_constraints = False
     call: Mapping[str, str] = {}
     supplied: Mapping[str, str] = {}
-    takes_inertias_about_tree = False
+    inertias_about = ""
     why_off: Mapping[str, str] = {}
     contacts: Callable[[Any, str], tuple[ConeKind, str]] | None = None
     beside_tau: Mapping[str, str] = {}

@@ -116,7 +116,7 @@ class FileCase:
     @cached_property
     def without_actuators(self) -> Reference:
         """The truth of the tree without its actuators, and with nothing else on."""
-        return reference_of(with_actuators(self.at.robot, ())).evaluate(self.at.states)
+        return reference_of(with_actuators(self.at.robot, ()), self.at.unit_roundoff).evaluate(self.at.states)
 
     @cached_property
     def where_apart(self) -> Meant:

@@ -102,7 +102,11 @@ def side_of(meant: Meant, accelerations: Array, kernel: ReferenceKernel | None =
     """Accelerations (n, nv) beside the truth of a file, at the states that have both; ``kernel`` as of ``unexplained``."""
     kept = np.flatnonzero(meant.truth.certified & np.isfinite(accelerations).all(axis=1))
     return TextbookSide(
-        kernel or reference_of(meant.robot), meant.states[kept], accelerations[kept], meant.robot.path, certified=meant.truth[kept]
+        kernel or reference_of(meant.robot, meant.unit_roundoff),
+        meant.states[kept],
+        accelerations[kept],
+        meant.robot.path,
+        certified=meant.truth[kept],
     )
 
 

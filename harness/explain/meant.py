@@ -15,13 +15,14 @@ from harness.engines.request import AskedJoint, EngineQuestion, Held, Request, i
 from harness.engines.tree_request import aid_of, asked_joints, inertias_of
 from harness.files.tree import Joint, Tree
 from harness.library import Stance
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.storage import Kept
 from harness.trees.bodies.inertias import bounded
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, with_actuators
 from harness.truth.compare import Comparison, Flags
-from harness.truth.reference import Reference, ReferenceKernel, energy_norm
+from harness.truth.reference import Reference, ReferenceKernel, asked_at, energy_norm
 from harness.truth.sampling import sample
 
 # Sampled states of a file, and how many of them the effect of a change is computed at.
@@ -37,12 +38,14 @@ class Meant:
 
     Attributes:
         truth: None where no state can have one. undetermined: why; "" where states can.
+        unit_roundoff: of the numbers that the engine computes with which is asked.
     """
 
     robot: Robot
     states: States
     certified: Reference | None
     undetermined: str = ""
+    unit_roundoff: float = UNIT_ROUNDOFF
 
     @property
     def truth(self) -> Reference:
@@ -57,12 +60,25 @@ class Meant:
     def few(self) -> Meant:
         """The same at the states at which effects are computed."""
         first = np.arange(min(STATES_OF_EFFECTS, len(self.states)))
-        return Meant(self.robot, self.states[first], self.truth[first])
+        return replace(self, states=self.states[first], certified=self.truth[first])
+
+    def rounded(self, unit_roundoff: float) -> Meant:
+        """The same without a truth, at the states as an engine of this unit roundoff takes them; the very same at that of float64."""
+        if unit_roundoff == self.unit_roundoff:
+            return self
+        return replace(self, states=asked_at(self.states, unit_roundoff), certified=None, unit_roundoff=unit_roundoff)
 
 
-def reference_of(robot: Robot) -> ReferenceKernel:
-    """The evaluator of a robot's truth; kept in the process."""
-    return _REFERENCES.get((robot.path, robot.tree, robot.joints), lambda: ReferenceKernel(mechanism_of(robot)))
+def reference_of(robot: Robot, unit_roundoff: float = UNIT_ROUNDOFF) -> ReferenceKernel:
+    """The evaluator of a robot's truth for engines of a unit roundoff; kept in the process."""
+    key = robot.path, robot.tree, robot.joints, unit_roundoff
+    return _REFERENCES.get(key, lambda: ReferenceKernel(mechanism_of(robot), unit_roundoff=unit_roundoff))
+
+
+def for_engine(found: Meant, unit_roundoff: float) -> Meant:
+    """The robot with its truth at the states as an engine of this unit roundoff takes them; the very same at that of float64."""
+    rounded = found.rounded(unit_roundoff)
+    return rounded if rounded is found or found.certified is None else _certified(found.robot, rounded.states, unit_roundoff)
 
 
 def meant(robot: Robot, count: int, seed: int) -> Meant:
@@ -78,7 +94,7 @@ def read_as(original: Meant, robot: Robot, into: Callable[[States], States] = la
         return original
     if why := why_unread(robot, original.robot):
         return _unmoved(robot, len(original.states), why)
-    return _certified(robot, into(spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))))
+    return _certified(robot, into(spread(original.robot, original.states, asked_joints(robot.tree, robot.joints))), original.unit_roundoff)
 
 
 def driven(meant: Meant) -> Meant:
@@ -88,7 +104,8 @@ def driven(meant: Meant) -> Meant:
         return meant
     robot = with_actuators(meant.robot, numbers)
     actuation = reference_of(robot).mechanism.actuation
-    return _certified(robot, meant.states if actuation is None else actuation.controlled(meant.states))
+    states = meant.states if actuation is None else actuation.controlled(meant.states)
+    return _certified(robot, states, meant.unit_roundoff)
 
 
 def why_unread(read: Robot, original: Robot) -> str:
@@ -120,11 +137,11 @@ def _unmoved(robot: Robot, count: int, why: str) -> Meant:
     return Meant(robot, States(none, none, none, np.zeros(count)), None, why)
 
 
-def _certified(robot: Robot, states: States) -> Meant:
+def _certified(robot: Robot, states: States, unit_roundoff: float = UNIT_ROUNDOFF) -> Meant:
     """The truth of a robot at its states; none where no acceleration is determined."""
     if why := undetermined(robot):
-        return Meant(robot, states, None, why)
-    return Meant(robot, states, reference_of(robot).evaluate(states))
+        return Meant(robot, states, None, why, unit_roundoff)
+    return Meant(robot, states, reference_of(robot, unit_roundoff).evaluate(states), unit_roundoff=unit_roundoff)
 
 
 def joints_without_inertia(tree: Tree) -> list[Joint]:

@@ -91,6 +91,22 @@ class Reference(Certified):
         return replace(self, sensitivity=more * self.sensitivity, share=more * self.share, instability=more * self.instability)
 
 
+def asked_at(states: States, unit_roundoff: float) -> States:
+    """The states as an engine takes them that computes in float64, or else in float32."""
+    if unit_roundoff == UNIT_ROUNDOFF:
+        return states
+    return replace(states, **{name: getattr(states, name).astype(np.float32).astype(np.float64) for name in ("q", "v", "tau")})
+
+
+def precision_in_words(unit_roundoff: float) -> str:
+    """A sentence on an engine that computes in another precision than float64, "" for one that does not."""
+    if unit_roundoff == UNIT_ROUNDOFF:
+        return ""
+    bits = round(-math.log2(unit_roundoff))
+    name = "float32" if bits == 24 else f"numbers of {bits} bits"
+    return f"computes in {name}: judged in data roundoffs of 2^-{bits}, at states rounded to {name}"
+
+
 class ReferenceKernel:
     """Certified accelerations of one mechanism; compile once, evaluate many batches.
 
@@ -150,9 +166,7 @@ class ReferenceKernel:
 
     def asked_at(self, states: States) -> States:
         """The states as an engine of this unit roundoff takes them."""
-        if self.unit_roundoff == UNIT_ROUNDOFF:
-            return states
-        return replace(states, **{name: getattr(states, name).astype(np.float32).astype(np.float64) for name in ("q", "v", "tau")})
+        return asked_at(states, self.unit_roundoff)
 
     def by_chart(self, states: States) -> Iterator[tuple[ChartKernel, Indices]]:
         """The charts in use, each with the indices of the states at which it is the most regular one; at least one chart."""

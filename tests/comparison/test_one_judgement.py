@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +11,15 @@ import pytest
 from comparison.test_lost_digits import wheels
 from support import InThisProcess, completed, cross_checked
 
+from harness.comparison import judgement
 from harness.comparison.judgement import judge
-from harness.comparison.robot_library import RobotLibrary, ask_engine
+from harness.comparison.robot_library import RobotLibrary, ask_engine, engine_of
 from harness.comparison.study import ComparisonSettings, RobotComparison
 from harness.crosscheck.assignment import Assignment, load_audited
 from harness.crosscheck.settings import Settings
 from harness.engines import Calls, Model, Subject
 from harness.engines.request import EngineAnswers
-from harness.explain.meant import Meant, question_of, reference_of
+from harness.explain.meant import Meant, meant, question_of, reference_of
 from harness.library import Stance
 from harness.programs.states import States
 from harness.results.comparison import FilesComparison
@@ -125,3 +128,23 @@ def test_a_wrong_answer_is_no_lost_digits(file: Path, size: float) -> None:
     answers = truth.answers(model, states)
     assert set(truth.judge(certified, states, answers, model).verdicts) == {"agrees"}
     assert set(truth.judge(certified, states, answers * (1 + size), model).verdicts) == {"disagrees"}
+
+
+@pytest.mark.parametrize(
+    ("unit_roundoff", "factor", "verdict"), [(2.0**-24, 1.0, "agrees"), (2.0**-24, 1.0 + 1e-4, "disagrees"), (2.0**-53, 1.0, "disagrees")]
+)
+def test_a_file_is_judged_in_the_precision_of_its_engine(
+    unit_roundoff: float, factor: float, verdict: str, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Answers in float32 at states rounded to it, of an engine that says so, and of one that does not."""
+    found = meant(read_robot(file), 32, 0)
+    caller = copy.copy(engine_of("mujoco"))
+    caller.unit_roundoff = unit_roundoff
+    monkeypatch.setattr(judgement, "engine_of", lambda name: caller)
+    question = question_of(found.rounded(2.0**-24), Stance.AIDED)
+    assert (question.q == question.q.astype(np.float32)).all() and (question.q != question_of(found, Stance.AIDED).q).any()
+    exact = ask_engine("mujoco", question)
+    rounded = {name: factor * values.astype(np.float32).astype(float) for name, values in exact.accelerations.items()}
+    record = judge(found, replace(exact, accelerations=rounded), "mujoco", Stance.AIDED)
+    assert record.verdict == verdict
+    assert any("2^-24" in note for note in record.notes) == (unit_roundoff == 2.0**-24)

@@ -29,6 +29,7 @@ from harness.library import Library
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.records import ACCELERATIONS
 from harness.results.rigid import RigidDistance
+from harness.truth.compare import compare
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import random_sample
 from harness.verdict import AGREEMENT
@@ -40,7 +41,7 @@ DERIVATIVES = ("forward_dynamics_derivatives", "inverse_dynamics_derivatives")
 OPTIONAL = sorted(
     name for name, file in describe_engines(BUILT_IN, Workers).items() if file.optional and "@" not in name and file.formats != (EQUATIONS,)
 )
-IN_FLOAT32 = {"mjx_float32", "mujoco_warp"}
+IN_FLOAT32 = {"mjx_float32", "mujoco_warp", "newton"}
 # A pendulum of 2 m in float32, or with gravity that is off by 1e-5, of which float32 could not lose so much.
 FLOAT32 = """
 import numpy as np
@@ -305,3 +306,49 @@ def test_mjx_is_as_near_rigid_contact_as_mujoco(environment: Callable[[str], Pat
     assert found.keys() == own.keys()
     for key, one in found.items():
         assert one.found == pytest.approx(own[key].found, abs=2e-3), key
+
+
+@pytest.mark.nightly
+def test_newton_agrees_where_its_importers_read_the_file(environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """A tree, a free joint, a ball joint, a rotor, a spring between points, two trees, references, and joints of one body."""
+    systems = ["acrobot", "satellite_wheel", "heavy_top", "furuta_pendulum.armature", "collar", "coupled_oscillators"]
+    systems += ["arm_2r.offset_ref", "spherical_pendulum", "limited_pendulum", "spring_pendulum"]
+    records = check_in_its_environment("newton", systems, environment("newton"), tmp_path)
+    verdicts = {(str(one["system"]), str(one["subject"])): one["verdict"] for one in records}
+    expected = dict.fromkeys(verdicts, "agrees")
+    expected |= {("limited_pendulum", subject): "explained" for subject in ("newton/mjcf", "newton/urdf")}
+    assert verdicts == expected | {("spring_pendulum", "newton/mjcf"): "error", ("heavy_top", "newton/urdf"): "unsupported"}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("factor", [1.0, 1.0 + 1e-4])
+def test_newton_feels_an_inertia_that_is_off_by_a_ten_thousandth(
+    factor: float, environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(environment("newton")))
+    describe_engines(BUILT_IN, Workers)
+    mechanism, file = load_mechanism(BUILT_IN, "bar_pendulum"), read_model(BUILT_IN.validated_models("bar_pendulum")["mjcf"], "mjcf")
+    changed = re.sub(r'(?<=diaginertia=")[^"]+', lambda found: " ".join(f"{float(one) * factor!r}" for one in found[0].split()), file.text)
+    truth = AccelerationTruth(mechanism, unit_roundoff=2.0**-24)
+    states = truth.asked_at(random_sample(mechanism, 100, 0))
+    model = load_engine(BUILT_IN, "newton").load(replace(file, text=changed), mechanism.joints, mechanism.gravity)
+    found = model.forward_dynamics(states.q, states.v, states.tau)
+    errors = compare(truth.evaluate(states), found).backward_error
+    assert (errors.max() > AGREEMENT) == (factor != 1.0)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("example", "reading"), [
+    ("newton-gravity.xml", "gravity"), ("newton-several-joints-of-a-body.xml", "several joints of a body"),
+    ("least-inertias.xml", "least inertias"), ("inertia-without-mass.urdf", "inertia without mass"), ("settotalmass.xml", "settotalmass"),
+    ("dampers-and-rotors-of-free-joints.xml", "dampers and rotors of free joints"), ("tendons-on-joints.xml", "tendons on joints"),
+    ("mass-of-collision-geometry.urdf", "mass of collision geometry"), ("rotor-inertias.urdf", "rotor inertias"),
+    ("springs.urdf", "springs"), ("actuators.xml", "actuators"), ("gravity-compensation.xml", "gravity compensation"),
+    ("tendons.urdf", "tendons"), ("armature-and-damping-of-actuators.xml", "armature and damping of actuators"),
+])  # fmt: skip
+def test_an_example_is_what_newton_makes_of_it(example: str, reading: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
+    path = Path(__file__).parents[2] / "docs" / "examples" / example
+    model_format = "urdf" if path.suffix == ".urdf" else "mjcf"
+    found = found_by(environment("newton"), tmp_path, "compare", str(path), "--subject", f"newton/{model_format}")
+    told = [next(one for one in found["subjects"] if not one["aided"]), *found["switched_on"]]
+    assert all(one["explained"] for one in told) and reading in [name["name"] for one in told for name in one["readings"]]

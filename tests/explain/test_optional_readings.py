@@ -24,6 +24,11 @@ NUMBERS = st.floats(-1.0, 1.0, allow_subnormal=False)
 IMPOSSIBLE = FILES / "impossible.urdf"
 OLD_INERTIA = '<inertia ixx="0.0625" ixy="0" ixz="0" iyy="0.25" iyz="0" izz="0.0625"/>'
 
+NEWTON = """<mujoco model="arm"><worldbody>
+<body name="arm">{joints}<inertial pos="0.3 0 0" mass="{mass}" diaginertia="{inertia}"/></body>
+</worldbody></mujoco>"""
+NO_GRAVITY = '<option gravity="0 0 -1.62"><flag gravity="disable"/></option>'
+
 
 def reading(engine: str, name: str, model_format: str = "urdf") -> Reading:
     return next(one for one in find_readings(engine, model_format) if one.name == name)
@@ -168,3 +173,55 @@ def test_the_boxes_of_pybullet_leave_no_axes_to_turn() -> None:
     """Of the inertias of the file nothing is left, so that how it turns them is no reading of a plain one."""
     applied = [one.name for one, _ in fold(read_robot(FILES / "arm.urdf"), find_readings("pybullet", "urdf")).applied]
     assert applied == ["joint damping", "inertia of collision shapes"]
+
+
+@pytest.mark.parametrize(
+    ("inertia", "moments"),
+    [
+        # As Model.body_inertia of Newton 1.8.0 has them after finalize(); of an MJCF its importer refuses the third.
+        ("1e-15 1e-15 1e-15", (1.0001e-6, 1.0001e-6, 1.0001e-6)),
+        ("1e-8 0.06 0.06", (1.06e-6, 0.06000105, 0.06000105)),
+        ("0.01 0.02 0.05", (0.030001, 0.040001, 0.070001)),
+        ("0.01 0.06 0.06", (0.01, 0.06, 0.06)),
+    ],
+)
+def test_newton_raises_moments(inertia: str, moments: tuple[float, ...], tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text(NEWTON.format(joints='<joint name="pin" axis="0 1 0"/>', mass=2, inertia=inertia))
+    read = inertia_of(read_by("newton", "least inertias", path), "arm")
+    np.testing.assert_allclose([float(one) for one in read.moments[:3]], moments, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("mass", "is_dropped"), [("0", True), ("1e-9", False)])
+def test_newton_drops_inertia_without_mass(mass: str, is_dropped: bool, tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text(NEWTON.format(joints='<joint name="pin" axis="0 1 0"/>', mass=mass, inertia="0.01 0.06 0.06"))
+    assert any(inertia_of(read_by("newton", "inertia without mass", path), "arm").moments) != is_dropped
+
+
+def test_newton_takes_slides_before_hinges_in_the_place_of_the_first(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    joints = '<joint name="swing" pos="0 0 1"/><joint name="stretch" type="slide"/><joint name="twist" pos="0 2 0"/>'
+    path.write_text(NEWTON.format(joints=joints, mass=2, inertia="0.01 0.06 0.06"))
+    found = reading("newton", "several joints of a body", "mjcf")
+    read = found.read(read_robot(path))
+    (body,) = read.tree.bodies
+    assert [joint.name for joint in body.joints] == ["stretch", "swing", "twist"]
+    assert {tuple(map(float, joint.anchor)) for joint in body.joints} == {(0.0, 0.0, 1.0)}
+    assert read.joints == ("stretch", "swing", "twist")
+
+
+def test_joints_in_another_order_are_a_change_of_their_body(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    joints = '<joint name="swing"/><joint name="stretch" type="slide"/>'
+    path.write_text(NEWTON.format(joints=joints, mass=2, inertia="0.01 0.06 0.06"))
+    count, places = reading("newton", "several joints of a body", "mjcf").places(read_robot(path))
+    assert count == 1 and [place.line for place in places] == [2]
+
+
+@pytest.mark.parametrize(("option", "expected"), [("", -9.81), ('<option gravity="0 0 -1.62"/>', -9.81), (NO_GRAVITY, 0.0)])
+def test_newton_reads_the_flag_of_gravity_alone(option: str, expected: float, tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    text = NEWTON.format(joints='<joint name="pin" axis="0 1 0"/>', mass=2, inertia="0.01 0.06 0.06")
+    path.write_text(text.replace("<worldbody>", f"{option}<worldbody>"))
+    assert float(read_by("newton", "gravity", path).gravity[2]) == expected

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from catalogue import ROBOTS
+from catalogue import BUILT_IN, ROBOTS
 
+from harness.programs.states import States
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import read_robot
 from harness.truth.compare import Comparison, compare
-from harness.truth.far_links import FarLinks
+from harness.truth.far_links import TREE, WORLD, FarLinks
 from harness.truth.reference import ReferenceKernel
 from harness.truth.sampling import generic_sample, sample
 from harness.verdict import Verdict
@@ -70,3 +71,21 @@ def test_what_rates_explain_grows_with_their_square() -> None:
         return 10**low
 
     np.testing.assert_allclose(largest(2e9) / largest(1e9), 4.0, rtol=1e-6)
+
+
+def test_away_from_the_origin_of_the_world_errors_in_float32_grow_with_the_square_of_the_distance() -> None:
+    """Of a body that floats, for an engine that forms inertias about that origin; about the centre of its tree nothing moves away."""
+    robot = read_robot(BUILT_IN.model_path("quadrotor", "mjcf"))
+    mechanism = mechanism_of(robot)
+    states = generic_sample(mechanism, 4, 0)
+    near, far = (replace(states, q=np.hstack([distance * np.eye(4)[:, :3], states.q[:, 3:]])) for distance in (1.0, 10.0))
+    about_world, about_tree = FarLinks(robot, WORLD, 2.0**-24), FarLinks(robot, TREE, 2.0**-24)
+
+    def explained(links: FarLinks, states: States, error: float) -> bool:
+        truth = ReferenceKernel(mechanism).evaluate(states)
+        return bool(links.explain(truth, states, truth.high * (1 + error))[:3].all())
+
+    assert about_world.moving == [0, 1, 2] and about_tree.moving == []
+    errors = [next(error for error in 10.0 ** -np.arange(0, 16, 0.25) if explained(about_world, one, error)) for one in (near, far)]
+    assert 10 < errors[1] / errors[0] <= 200
+    assert not explained(about_tree, far, errors[1]) and not explained(FarLinks(robot, WORLD), far, errors[1])

@@ -46,7 +46,7 @@ class TruthBasis:
             ``read``; None where it holds them rigid.
         step_rules: of the integrators that the engine documents.
         unit_roundoff: of the numbers that the engine computes with. factorises: whether it declares that it factorises M.
-        is_about_tree: whether it declares that it forms inertias about the centre of a whole tree.
+        inertias_about: as the engine declares it, see ``harness.engines.Engine``.
         ties: the equalities of a user's file that act, by the names that their rows have in what ``softened`` makes.
     """
 
@@ -58,7 +58,7 @@ class TruthBasis:
     step_rules: tuple[StepRule, ...] = ()
     unit_roundoff: float = UNIT_ROUNDOFF
     factorises: bool = False
-    is_about_tree: bool = False
+    inertias_about: str = ""
     ties: tuple[Equality, ...] = ()
 
     @functools.cached_property

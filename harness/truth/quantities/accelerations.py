@@ -110,7 +110,7 @@ class AccelerationTruth(Truth):
         linear_velocity_in_body: whether that is the body's frame, not the joint's.
         unit_roundoff: of the numbers that an engine computes with.
         factorises: whether the engine declares that it factorises M.
-        far_links: of a user's file, whose engine forms inertias about the centre of a whole tree; None of all others.
+        far_links: of a user's file, whose engine forms inertias about a point far from its bodies; None of all others.
         rigid: the truth that holds rigid what gives here; None where nothing does, and of a user's file.
         is_of_file: whether what gives is of a user's file.
     """
@@ -221,11 +221,12 @@ def reference_kernel(mechanism: Mechanism, linear_velocity_in_body: bool) -> Ref
 def _truth(basis: TruthBasis) -> AccelerationTruth:
     about = basis.linear_velocity_in_body, basis.unit_roundoff, basis.factorises
     mechanism, far_links = basis.mechanism, None
-    if basis.is_about_tree and isinstance(mechanism, RobotMechanism):
+    if basis.inertias_about and isinstance(mechanism, RobotMechanism):
         # Imported late: a mechanism with equations needs nothing of it.
         from harness.truth.far_links import FarLinks
 
-        far_links = _FAR_LINKS.get(mechanism.key, lambda: FarLinks(mechanism.robot))
+        of_engine = basis.inertias_about, basis.unit_roundoff
+        far_links = _FAR_LINKS.get((mechanism.key, *of_engine), lambda: FarLinks(mechanism.robot, *of_engine))
     if basis.softened is None:
         return AccelerationTruth(with_all(mechanism), *about, far_links=far_links)
     soft, is_of_file = basis.softened(_driven(mechanism)), isinstance(mechanism, RobotMechanism)

@@ -36,7 +36,7 @@ class MjxEngine(Engine):
     factorises_mass_matrix = True
     has_soft_constraints = True
     reader = "mujoco"
-    takes_inertias_about_tree = True
+    inertias_about = "tree"
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}
     # Other methods converge linearly.
     endings = (Ending(SolverSettings("Newton", 100, 0.0), 'set <option solver="Newton" iterations="100" tolerance="0"/>'),)

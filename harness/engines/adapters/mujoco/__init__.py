@@ -64,7 +64,7 @@ class MujocoEngine(Engine):
         ),
         "mjcf": "its reader takes what the file holds; nothing is supplied",
     }
-    takes_inertias_about_tree = True
+    inertias_about = "tree"
     call: Mapping[str, str] = dict.fromkeys(
         formats,
         "m = mujoco.MjModel.from_xml_path(PATH); m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT; mujoco.mj_forward(m, d)",

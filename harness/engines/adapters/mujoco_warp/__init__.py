@@ -26,7 +26,7 @@ class MujocoWarpEngine(Engine):
     factorises_mass_matrix = True
     has_soft_constraints = True
     reader = "mujoco"
-    takes_inertias_about_tree = True
+    inertias_about = "tree"
     unit_roundoff = 2.0**-24
 
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> WarpModel:

@@ -277,6 +277,9 @@ def _changed_in_body(one: Body, other: Body) -> Iterator[tuple[tuple[str, ...], 
     yield ("body", one.name), _changed(one, other)
     yield ("body", one.name), _changed(one.inertia or one, other.inertia if one.inertia else other)
     yield ("body", one.name), one.place if one.inertia is None and other.inertia is not None else None
+    names = {joint.name: joint for joint in one.joints}
+    in_order = [name for name in names if name in kept] == [name for name in kept if name in names]
+    yield ("body", one.name), None if in_order else one.place
     for joint in one.joints:
         yield ("joint", joint.name), _changed(joint, kept.get(joint.name))
     if len(one.solids) == len(other.solids):

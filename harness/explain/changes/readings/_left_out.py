@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
-from harness.explain.changes.readings import Law, freed, law, moving, with_bodies, with_inertias, with_joints, without_bodies
-from harness.files.given import Given, vector
+from lxml import etree
+
+from harness.explain.changes.readings import Law, element_at, freed, law, moving, with_bodies, with_inertias, with_joints, without_bodies
+from harness.files.given import Given, Placement, Turn, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Inertia, Solid, Tree
 from harness.trees.robot import Robot
@@ -23,6 +26,11 @@ WRITE_INERTIA, POSSIBLE = "write an <inertial> into each of them", "write inerti
 WRITE_OUT_FRAMES = "write out what they hold, each element with its own pose"
 
 _ONE, _NOTHING = Fraction(1), Fraction(0)
+# Of geometry by default: that of water [kg/m^3].
+_DENSITY = Fraction(1000)
+# Shape to the attributes that give its size, each halved or not, in the order of ``Solid``.
+_SHAPES = {"sphere": (("radius", 1),), "cylinder": (("radius", 1), ("length", 2)), "box": (("size", 2),)}
+_AXES = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
 
 
 dampers = law("joint damping", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, damping=_NOTHING))
@@ -85,3 +93,27 @@ def gravity_along_z(value: float, whose: str) -> Law:
         return replace(robot.tree, gravity=vector((0, 0, Fraction(value) if place is None else Given(value, place, f"gravity of {whose}"))))
 
     return tree
+
+
+@law("mass of collision geometry", "links", supplied=True, each=with_bodies)
+def collision_masses(body: Body) -> Body:
+    """A link without inertia weighs what its collision geometry does, as if of water."""
+    link = element_at(body.place) if body.inertia is None else None
+    solids = () if link is None else tuple(solid for one in link.iterfind("collision") for solid in _solids(one, body))
+    return replace(body, solids=solids) if solids else body
+
+
+def _solids(collision: etree._Element, body: Body) -> Iterator[Solid]:
+    origin = collision.find("origin")
+    position, angles = (_numbers(origin, name) for name in ("xyz", "rpy"))
+    # Roll, pitch and yaw are about axes that stay.
+    turns = tuple(Turn(axis, angle) for axis, angle in reversed(list(zip(_AXES, angles, strict=True))) if angle)
+    for shape in collision.iterfind("geometry/*"):
+        if shape.tag in _SHAPES:
+            size = [value / share for name, share in _SHAPES[shape.tag] for value in _numbers(shape, name)]
+            yield Solid(shape.tag, tuple(size), (Placement(vector(position), turns),), None, _DENSITY, place=body.place)
+
+
+def _numbers(element: etree._Element | None, name: str) -> list[Fraction]:
+    text = "0 0 0" if element is None else element.get(name, "0 0 0")
+    return [Fraction(float(word)) for word in text.split()]

@@ -1,11 +1,9 @@
 """Readings of MuJoCo's reader of URDF: of its own element ``<mujoco>``, and of links; one reading of its MJCF, and MJX's."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
-
-from lxml import etree
 
 from harness.explain.changes.readings import (
     _left_out,
@@ -16,9 +14,9 @@ from harness.explain.changes.readings import (
     with_inertias,
     with_joints,
 )
-from harness.files.given import Given, Placement, Turn, vector
+from harness.files.given import Given, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Bounds, Inertia, Joint, Solid, Tree
+from harness.files.tree import Body, Bounds, Inertia, Joint, Tree
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
@@ -30,11 +28,6 @@ _ONE_EXTENSION = "MuJoCo documentation, Modeling, URDF extensions: its own eleme
 _NOTHING = (Fraction(0),) * 6
 # mjMINVAL.
 _LEAST = 1e-15
-# mjGEOM's default density: that of water.
-_DENSITY = Fraction(1000)
-# Shape to the attributes that give its size, each halved or not, in the order of ``Solid``.
-_SHAPES = {"sphere": (("radius", 1),), "cylinder": (("radius", 1), ("length", 2)), "box": (("size", 2),)}
-_AXES = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
 
 
 def _settings(robot: Robot, tag: str) -> Mapping[str, list[Given]]:
@@ -74,29 +67,6 @@ def _bounded_as_settings_say(robot: Robot) -> Tree:
     balances = root is not None and root.find("mujoco/compiler[@balanceinertia='true']") is not None
     read = _centred(replace(tree, bounds=Bounds(mass, moment, balances)))
     return tree if bounded(read) == tree else read
-
-
-@law("mass of collision geometry", "links", supplied=True, each=with_bodies)
-def _weighed(body: Body) -> Body:
-    link = element_at(body.place) if body.inertia is None else None
-    solids = () if link is None else tuple(solid for one in link.iterfind("collision") for solid in _solids(one, body))
-    return replace(body, solids=solids) if solids else body
-
-
-def _solids(collision: etree._Element, body: Body) -> Iterator[Solid]:
-    origin = collision.find("origin")
-    position, angles = (_numbers(origin, name) for name in ("xyz", "rpy"))
-    # Roll, pitch and yaw are about axes that stay.
-    turns = tuple(Turn(axis, angle) for axis, angle in reversed(list(zip(_AXES, angles, strict=True))) if angle)
-    for shape in collision.iterfind("geometry/*"):
-        if shape.tag in _SHAPES:
-            size = [value / share for name, share in _SHAPES[shape.tag] for value in _numbers(shape, name)]
-            yield Solid(shape.tag, tuple(size), (Placement(vector(position), turns),), None, _DENSITY, place=body.place)
-
-
-def _numbers(element: etree._Element | None, name: str) -> list[Fraction]:
-    text = "0 0 0" if element is None else element.get(name, "0 0 0")
-    return [Fraction(float(word)) for word in text.split()]
 
 
 @law("damping of joints of several degrees of freedom", "joints", each=with_joints)
@@ -154,7 +124,7 @@ MUJOCO = readings_of(
             ),
         },
         _URDF: {
-            _weighed: (
+            _left_out.collision_masses: (
                 "MuJoCo gives a link without <inertial> the mass of its collision geometry, at 1000 kg/m^3",
                 _left_out.WRITE_INERTIA,
                 'MuJoCo documentation, XML reference, compiler, inertiafromgeom="auto", and geom, density',

@@ -1,0 +1,304 @@
+"""A file in equal worlds of Newton: steps of ``SolverFeatherstone`` in blocks of states.
+
+Newton's generalised coordinates are its own: a rotation stands in q as (x, y, z, w); a ball joint turns about the axes of its parent's
+frame; a free joint moves by the velocity of its body's centre of mass and turns about the axes of the world, and its applied force acts
+in that centre. The accelerations that a step finds of a free joint are of the point of the body that is in the world's origin.
+
+Source: Newton documentation, Conventions; ``newton/_src/solvers/featherstone/kernels.py``.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import newton
+import numpy as np
+import warp
+
+from harness.arrays import Array
+from harness.engines.coordinates import BALL, FREE, cross_matrix, rotation, rotations
+from harness.engines.interface import LoadedModel, Unsupported
+from harness.engines.loaded_file import LoadedFile
+from harness.engines.reading import elements_of, text_of, without_shapes
+from harness.engines.request import AskedJoint, Refused, Request
+from harness.engines.state_by_state import pull_of
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import WORLD
+from harness.storage import cache_directory
+
+BLOCK = 64
+# Length of a step [s], on which no acceleration depends.
+_STEP = 1e-3
+
+
+class NewtonFile(LoadedFile):
+    """A model of ``BLOCK`` equal worlds, with its solver.
+
+    Attributes:
+        starts: the first position and the first velocity of each joint found, in its world.
+    """
+
+    applies_dampers = True
+
+    def __init__(self, request: Request, robot: Any) -> None:
+        starts = _starts(robot, request)
+        super().__init__(request, starts)
+        self.applies_springs = request.format == "mjcf"
+        self.starts = starts
+        self._links = {label.rpartition("/")[2]: number for number, label in enumerate(robot.body_label)}
+        scene = newton.ModelBuilder()
+        scene.replicate(robot, BLOCK)
+        with warp.ScopedDevice("cpu"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._model = scene.finalize(skip_validation_inertia=request.aid is not None)
+            if request.aid is not None:
+                self._model.set_gravity(request.aid.gravity)
+                if request.format == "urdf":
+                    self._model.joint_armature.assign(np.tile(self._armature(robot, starts), BLOCK))
+            for gains in ("joint_limit_ke", "joint_limit_kd", "joint_target_ke", "joint_target_kd"):
+                getattr(self._model, gains).zero_()
+            self._solver = newton.solvers.SolverFeatherstone(self._model)
+            self._state, self._next, self._control = self._model.state(), self._model.state(), self._model.control()
+        self._nq, self._nv = self._model.joint_coord_count // BLOCK, self._model.joint_dof_count // BLOCK
+        children = self._model.joint_child.numpy()
+        self._centres = self._model.body_com.numpy().astype(float)
+        self._carried = {name: children[number] for name, number in _numbers(robot, request).items()}
+        self._rows = _rows_of_jacobians(self._model)
+        self._references = _references(self._model, self.starts, request)
+
+    def _armature(self, robot: Any, starts: Mapping[str, tuple[int, int]]) -> Array:
+        """(nv,) rotor inertias that are supplied, in Newton's order."""
+        found = np.zeros(robot.joint_dof_count, dtype=np.float32)
+        for joint in self.found:
+            found[starts[joint.name][1] :][: len(joint.velocities)] = self.aid.armature[list(joint.velocities)]
+        return found
+
+    def loaded(self) -> LoadedModel:
+        model = self._model
+        joints, bodies = model.joint_count // BLOCK, model.body_count // BLOCK
+        parents, children = (one.numpy()[:joints].tolist() for one in (model.joint_parent, model.joint_child))
+        counts = np.diff(model.joint_qd_start.numpy()[: joints + 1])
+        moved: set[int] = set()
+        for parent, child, count in zip(parents, children, counts, strict=True):
+            if count or parent in moved:
+                moved.add(child)
+        masses = model.body_mass.numpy()[:bodies].astype(float)
+        sizes = {joint.name: joint.kind.sizes for joint in self.found}
+        return LoadedModel(sizes, tuple(model.gravity.numpy()[0].tolist()), float(sum(masses[body] for body in moved)))
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        tau = tau if self.applies_springs else tau + self.aid.forces.of_springs(q)
+        answers = [self._of_block(*(one[start : start + BLOCK] for one in (q, v, tau))) for start in range(0, len(q), BLOCK)]
+        found = np.concatenate([np.empty((0, len(self.v_columns))), *answers])
+        return found if self.couplings is None else found[:, self._of_leaders]
+
+    @property
+    def _of_leaders(self) -> list[int]:
+        """Columns of what moves by itself among those of the joints found."""
+        ends = np.cumsum([0, *(len(joint.velocities) for joint in self.found)])
+        places = {joint.name: range(*bounds) for joint, *bounds in zip(self.found, ends[:-1], ends[1:], strict=True)}
+        return [column for joint in self.joints for column in places[joint.name]]
+
+    def _of_block(self, q: Array, v: Array, tau: Array) -> Array:
+        """Accelerations of the joints found, (n, their velocities), at n states of at most ``BLOCK``."""
+        positions, velocities, forces = self._own(q, v, tau)
+        with warp.ScopedDevice("cpu"):
+            self._state.joint_q.assign(_filled(positions))
+            self._state.joint_qd.assign(_filled(velocities))
+            if self.aid.springs:
+                forces = forces + self._pulls(velocities)
+            self._control.joint_f.assign(_filled(forces))
+            self._solver.step(self._state, self._next, self._control, None, _STEP)
+            found = self._solver.joint_qdd.numpy().reshape(BLOCK, -1)[: len(q)].astype(float)
+        return np.hstack([np.empty((len(q), 0)), *(self._in_file(joint, positions, velocities, found) for joint in self.found)])
+
+    def _own(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array]:
+        """Positions (n, nq), velocities and applied forces (n, nv) in Newton's coordinates."""
+        positions, velocities, forces = np.zeros((len(q), self._nq)), *np.zeros((2, len(q), self._nv))
+        for joint in self.found:
+            (at, start), (nq, nv) = self.starts[joint.name], joint.kind.sizes
+            own_q, own_v, own_tau = q[:, list(joint.positions)], v[:, list(joint.velocities)], tau[:, list(joint.velocities)]
+            own_q = own_q - self._references.get(joint.name, 0.0)
+            if nq > nv:
+                turn = rotations(own_q[:, -4:])
+                own_q = np.hstack([own_q[:, :-4], own_q[:, -3:], own_q[:, -4:-3]])
+                turning, moment = (np.einsum("nij,nj->ni", turn, one[:, -3:]) for one in (own_v, own_tau))
+                linear, force = own_v[:, :-3], own_tau[:, :-3]
+                if nv == FREE[1]:
+                    arm = turn @ self._centres[self._carried[joint.name]]
+                    linear, moment = linear + np.cross(turning, arm), moment - np.cross(arm, force)
+                own_v, own_tau = np.hstack([linear, turning]), np.hstack([force, moment])
+            positions[:, at : at + nq], velocities[:, start : start + nv], forces[:, start : start + nv] = own_q, own_v, own_tau
+        return positions, velocities, forces
+
+    def _in_file(self, joint: AskedJoint, positions: Array, velocities: Array, found: Array) -> Array:
+        """(n, velocities of a joint) accelerations as the request has them."""
+        (at, start), (nq, nv) = self.starts[joint.name], joint.kind.sizes
+        own: Array = found[:, start : start + nv]
+        if nq == nv:
+            return own
+        quaternions = positions[:, at : at + nq][:, [-1, -4, -3, -2]]
+        back = rotations(quaternions).transpose(0, 2, 1)
+        angular = own[:, -3:]
+        turned: Array = np.einsum("nij,nj->ni", back, angular)
+        if nv == BALL[1]:
+            return turned
+        place, turning = positions[:, at : at + 3], velocities[:, start + 3 : start + 6]
+        arm = np.einsum("nji,j->ni", back, self._centres[self._carried[joint.name]])
+        speed = velocities[:, start : start + 3] - np.cross(turning, arm)
+        return np.hstack([own[:, :3] + np.cross(angular, place) + np.cross(turning, speed), turned])
+
+    def _pulls(self, velocities: Array) -> Array:
+        """(n, nv) forces of springs between points, from Newton's own frames and Jacobians at the states that it is given."""
+        newton.eval_fk(self._model, self._state.joint_q, self._state.joint_qd, self._state)
+        frames = self._state.body_q.numpy().reshape(BLOCK, -1, 7).astype(float)
+        jacobians = newton.eval_jacobian(self._model, self._state).numpy().astype(float)
+        trees = self._model.articulation_count // BLOCK
+        forces = np.zeros_like(velocities)
+        for state, own in enumerate(velocities):
+
+            def point_of(body: str, local: Array, state: int = state) -> tuple[Array, Array]:
+                if body == WORLD:
+                    return local, np.zeros((3, self._nv))
+                number = self._links[_sanitized(body, self.request)]
+                frame = frames[state, number]
+                turn = rotation(frame[[6, 3, 4, 5]])
+                tree, row, columns = self._rows[number]
+                found = np.zeros((6, self._nv))
+                found[:, columns] = jacobians[state * trees + tree, row : row + 6, : len(columns)]
+                linear, angular = found[:3], found[3:]
+                arm = turn @ (local - self._centres[number])
+                return frame[:3] + turn @ local, linear - cross_matrix(arm) @ angular
+
+            for spring in self.aid.springs:
+                pull = pull_of(spring, point_of, own)
+                forces[state] -= pull.tension * pull.gradient
+        return forces
+
+
+def _rows_of_jacobians(model: Any) -> dict[int, tuple[int, int, range]]:
+    """The articulation of each body of the first world, its first row in the Jacobian of that, and the velocities of its columns."""
+    starts, velocities, children = (one.numpy().tolist() for one in (model.articulation_start, model.joint_qd_start, model.joint_child))
+    found: dict[int, tuple[int, int, range]] = {}
+    for tree, (first, end) in enumerate(itertools.pairwise(starts[: model.articulation_count // BLOCK + 1])):
+        columns = range(velocities[first], velocities[end])
+        found |= {children[joint]: (tree, 6 * (joint - first), columns) for joint in range(first, end)}
+    return found
+
+
+def _references(model: Any, starts: Mapping[str, tuple[int, int]], request: Request) -> dict[str, float]:
+    """The position of each joint of an MJCF where Newton has it at zero: its coordinates are those of the file less ``ref``."""
+    given = getattr(getattr(model, "mujoco", None), "dof_ref", None)
+    if request.format != "mjcf" or given is None:
+        return {}
+    values = given.numpy().astype(float)
+    return {joint.name: values[starts[joint.name][1]] for joint in request.joints if joint.name in starts and joint.kind.is_single}
+
+
+def _filled(values: Array) -> Any:
+    """Numbers of all worlds in a row, in float32; worlds without a state have the first, as zeros are no quaternion."""
+    full = np.concatenate([values, np.repeat(values[:1], BLOCK - len(values), axis=0)])
+    return np.asarray(full.astype(np.float32).ravel())
+
+
+def _sanitized(name: str, request: Request) -> str:
+    """A name of an MJCF as the importer of that writes it."""
+    return name.replace("-", "_") if request.format == "mjcf" else name
+
+
+def _joined(robot: Any, request: Request) -> dict[int, Sequence[AskedJoint]]:
+    """The joints of the request that each joint of Newton with velocities is made of, by its number.
+
+    The importer of MJCF makes one joint of all that a body has, of whose names its own is made.
+
+    Raises:
+        Refused: a name is none of the file's.
+    """
+    joints = {_sanitized(joint.name, request): joint for joint in request.joints}
+    found: dict[int, Sequence[AskedJoint]] = {}
+    for number, label in enumerate(robot.joint_label):
+        kind, count = newton.JointType(robot.joint_type[number]), sum(robot.joint_dof_dim[number])
+        if kind == newton.JointType.FIXED:
+            continue
+        own = label.rpartition("/")[2]
+        if own == "floating_base" and request.floating_base:
+            own = _sanitized(request.floating_base, request)
+        spelt = _spelt(own, list(joints), count if kind == newton.JointType.D6 else 1)
+        if spelt is None:
+            raise Refused(f"its importer names a joint {own!r}, by which none of the file is found")
+        found[number] = [joints[name] for name in spelt]
+    return found
+
+
+def _spelt(joined: str, names: Sequence[str], count: int) -> list[str] | None:
+    """That many names of which another is made, with underscores between them; None for one that is not made so."""
+    if count == 1:
+        return [joined] if joined in names else None
+    for name in names:
+        if joined.startswith(f"{name}_") and (rest := _spelt(joined.removeprefix(f"{name}_"), names, count - 1)) is not None:
+            return [name, *rest]
+    return None
+
+
+def _numbers(robot: Any, request: Request) -> dict[str, int]:
+    """The number of the joint of Newton that each joint of the request is in."""
+    return {joint.name: number for number, those in _joined(robot, request).items() for joint in those}
+
+
+def _starts(robot: Any, request: Request) -> dict[str, tuple[int, int]]:
+    """The first position and the first velocity of each joint of the request; slides of a body go before its hinges."""
+    found = {}
+    for number, those in _joined(robot, request).items():
+        at, start = robot.joint_q_start[number], robot.joint_qd_start[number]
+        for joint in sorted(those, key=lambda one: one.kind != JointKind.SLIDE):
+            found[joint.name] = at, start
+            at, start = at + joint.kind.sizes[0], start + joint.kind.sizes[1]
+    return found
+
+
+def read(request: Request) -> NewtonFile:
+    """See ``harness.engines.Engine.read``."""
+    warp.config.kernel_cache_dir = str(cache_directory() / "warp")
+    if not sys.stderr.isatty():
+        warp.config.log_level = warp.LOG_WARNING
+    if request.supplied_ball_joint:
+        raise Unsupported(f"ball joint {request.supplied_ball_joint!r}, which no URDF has")
+    for joint in request.joints:
+        if joint.kind == JointKind.PLANAR:
+            raise Refused(f"planar joint {joint.name!r}: its importer makes two slides of one, which cannot turn")
+        if joint.kind == JointKind.FREE and not joint.is_measured_in_the_world:
+            raise Refused(f"free joint {joint.name!r} is measured in a frame of the file")
+    try:
+        return NewtonFile(request, _imported(request, str(request.path) if request.text is None else request.text))
+    except Refused as refusal:
+        # A mesh may be elsewhere, or of a kind that takes another package.
+        if request.format != "urdf" or elements_of(request).find(".//geometry/mesh") is None:
+            raise
+        without = NewtonFile(request, _imported(request, text_of(without_shapes(elements_of(request), meshes_alone=True))))
+        without.notes = (f"refused with its meshes, and read without them: {refusal}",)
+        return without
+
+
+def _imported(request: Request, source: str) -> Any:
+    """The builder with what the importer makes of a file, or of its text.
+
+    Raises:
+        Refused: in the importer's words.
+    """
+    robot = newton.ModelBuilder()
+    if request.aid is not None and request.format == "urdf":
+        robot.default_shape_cfg.density = 0.0
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if request.format == "mjcf":
+                robot.add_mjcf(source, skip_equality_constraints=True)
+            else:
+                robot.add_urdf(source, floating=bool(request.floating_base) or None)
+    except Exception as error:
+        raise Refused(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
+    return robot

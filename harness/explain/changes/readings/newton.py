@@ -1,0 +1,183 @@
+"""Elements that Newton's importers of MJCF and URDF leave out, correct or take otherwise, and forces that SolverFeatherstone lacks."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from harness.arrays import Array
+from harness.explain.changes.readings import (
+    _left_out,
+    computed,
+    element_at,
+    law,
+    matrix_of,
+    readings_of,
+    with_bodies,
+    with_inertias,
+    with_joints,
+)
+from harness.files.given import Given, vector
+from harness.files.joint_kinds import JointKind
+from harness.files.tree import Body, Inertia, Joint, Tree
+from harness.trees.robot import Robot
+
+_MJCF, _URDF, _BOTH = ("mjcf",), ("urdf",), ("mjcf", "urdf")
+_IMPORTER, _URDF_IMPORTER = "Newton 1.8, newton/_src/utils/import_mjcf.py", "Newton 1.8, newton/_src/utils/import_urdf.py"
+_BUILDER = "Newton documentation, ModelBuilder"
+_SOLVER = "Newton 1.8, newton/_src/solvers/featherstone/kernels.py, jcalc_tau"
+_NOTHING = Fraction(0)
+# ModelBuilder.inertia_relative_tolerance, inertia_absolute_tolerance and inertia_correction, and the rounding of a float32.
+_RELATIVE, _LEAST, _MORE, _EPSILON = 1e-6, 1e-10, 1e-6, 2.0**-23
+_DOWN = (0.0, 0.0, -9.81)
+
+
+@law("gravity", "files", supplied=True)
+def _downwards(robot: Robot) -> Tree:
+    """9.81 m/s^2 along -z, but where a flag switches gravity off."""
+    tree, place = robot.tree, robot.tree.place
+    root = element_at(place)
+    flags = [] if root is None else [flag.get("gravity") for flag in root.iterfind("option/flag") if flag.get("gravity")]
+    if place is None or flags[-1:] == ["disable"] or tuple(map(float, tree.gravity)) == _DOWN:
+        return tree
+    return replace(tree, gravity=vector([Given(one, place, "gravity of Newton", index) for index, one in enumerate(_DOWN)]))
+
+
+@law("several joints of a body", "bodies", after=("frames",), each=with_bodies)
+def _slides_first(body: Body) -> Body:
+    """One joint of all, whose slides go before its hinges, in the position of the first."""
+    if len(body.joints) < 2:
+        return body
+    joints = sorted(body.joints, key=lambda joint: joint.kind != JointKind.SLIDE)
+    return replace(body, joints=tuple(replace(joint, anchor=body.joints[0].anchor) for joint in joints))
+
+
+def _raise(moments: Array) -> float:
+    """Added to every principal moment of a body with a mass [kg m^2]."""
+    first, second, third = np.sort(moments)
+    added = 0.0
+    if first < (least := max(_RELATIVE * third, _LEAST)):
+        added = least - first + _MORE
+    lacking = third - first - second - added
+    return added + (lacking + _MORE if lacking > max(_EPSILON * (third + added), _LEAST) else 0.0)
+
+
+@law("least inertias", "links", supplied=True, each=with_inertias)
+def _raised(body: Body) -> Inertia | None:
+    inertia = body.inertia
+    if inertia is None or not inertia.mass > 0:
+        return inertia
+    added = _raise(np.asarray(np.linalg.eigvalsh(matrix_of(inertia)), dtype=float))
+    if not added:
+        return inertia
+    more = computed(added, body, "moment that Newton adds")
+    return replace(inertia, moments=(*(moment + more for moment in inertia.moments[:3]), *inertia.moments[3:]))
+
+
+@law("inertia without mass", "links", supplied=True, each=with_inertias)
+def _massless(body: Body) -> Inertia | None:
+    inertia = body.inertia
+    is_dropped = inertia is not None and not inertia.mass > 0 and (inertia.mass or any(inertia.moments))
+    return replace(inertia, mass=_NOTHING, moments=(_NOTHING,) * 6) if inertia is not None and is_dropped else inertia
+
+
+@law("dampers and rotors of free joints", "joints", each=with_joints)
+def _bare_floats(joint: Joint) -> Joint:
+    return replace(joint, damping=_NOTHING, armature=_NOTHING) if joint.kind == JointKind.FREE else joint
+
+
+_unscaled = law("settotalmass", "files")(lambda robot: replace(robot.tree, total_mass=None))
+
+
+READINGS = readings_of(
+    "newton",
+    {
+        _MJCF: {
+            _left_out.actuators: (
+                "Newton makes drives of joints of position and velocity actuators alone, whose targets are the user's; they are off here",
+                _left_out.DRIVE,
+                f"{_IMPORTER}, parse_actuators: JOINT_TARGET; all others are of SolverMuJoCo alone",
+            ),
+            _left_out.rotors_of_actuators: (
+                "Newton's importer of MJCF gives joints neither the armature nor the damping of actuators",
+                _left_out.ADD_TO_TARGET,
+                f"{_IMPORTER}, parse_actuators, whose custom attributes SolverMuJoCo alone has",
+            ),
+            _left_out.gravity_compensation: (
+                "SolverFeatherstone carries no weights: gravcomp is an attribute of SolverMuJoCo",
+                _left_out.CARRY_WEIGHTS,
+                "Newton documentation, custom attributes: mujoco:gravcomp",
+            ),
+            _left_out.point_springs: (
+                "SolverFeatherstone has no spatial tendons, which are of SolverMuJoCo",
+                _left_out.ADD_POINT_SPRINGS,
+                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
+            ),
+            _left_out.linear_tendons: (
+                "SolverFeatherstone has no tendons on joints, which are of SolverMuJoCo",
+                _left_out.ADD_TENDONS,
+                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
+            ),
+            _bare_floats: (
+                "Newton's importer of MJCF gives a free joint neither damping nor armature",
+                _left_out.ADD_DAMPING,
+                f"{_IMPORTER}, parse_body: add_joint_free takes neither",
+            ),
+        },
+        _URDF: {
+            _left_out.springs: ("Newton's importer of URDF reads no springs", _left_out.ADD_SPRINGS, _URDF_IMPORTER),
+            _left_out.rotors: (
+                "Newton's importer of URDF reads no rotor inertias",
+                "set model.joint_armature to the rotor inertias",
+                f"{_URDF_IMPORTER}, which reads no <transmission>",
+            ),
+            _left_out.point_springs: (
+                "Newton's importer of URDF reads no springs between points",
+                _left_out.ADD_POINT_SPRINGS,
+                _URDF_IMPORTER,
+            ),
+            _left_out.collision_masses: (
+                "Newton's importer of URDF gives a link without <inertial> the mass of its collision geometry at 1000 kg/m^3",
+                _left_out.WRITE_INERTIA,
+                f"{_URDF_IMPORTER}, parse_shapes: density=default_shape_density",
+            ),
+        },
+        _BOTH: {
+            _massless: (
+                "Newton drops the inertia of a body whose mass is 0 or less; it warns of it",
+                "give the body a mass above 0, or call finalize(skip_validation_inertia=True) on the ModelBuilder",
+                "Newton 1.8, newton/_src/geometry/inertia.py, validate_and_correct_inertia_kernel: for zero mass, inertia should be zero",
+            ),
+            _raised: (
+                (
+                    "Newton raises the principal moments of a body by more than 1e-6 kg m^2 where one is below 1e-6 of the largest or "
+                    "1e-10 kg m^2, or where they violate the triangle inequality; it warns of it"
+                ),
+                "call finalize(skip_validation_inertia=True) on the ModelBuilder",
+                f"{_BUILDER}: inertia_relative_tolerance, inertia_absolute_tolerance, inertia_correction and balance_inertia",
+            ),
+        },
+    },
+) + readings_of(
+    "newton",
+    {
+        _MJCF: {
+            _downwards: (
+                "Newton's importer of MJCF takes 9.81 m/s^2 along -z for gravity, whatever <option gravity> says",
+                "set ModelBuilder.gravity to the gravity of the file",
+                f"{_IMPORTER}, parse_mjcf: of <option> it reads the flag gravity alone",
+            ),
+            _slides_first: (
+                "Newton's importer of MJCF makes one joint of several of a body: slides before hinges, in the position of the first",
+                "give each of these joints a body of its own",
+                f"{_IMPORTER}, parse_body: linear_axes, angular_axes and joint_pos[0]",
+            ),
+            _unscaled: (
+                "Newton's importer of MJCF passes over <compiler settotalmass>",
+                "write the scaled masses and inertias into each <inertial>",
+                f"{_IMPORTER}, parse_mjcf, which does not read it",
+            ),
+        },
+    },
+    is_misread=True,
+)
