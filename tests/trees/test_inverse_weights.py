@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from harness.files.model_file import parse_model, read_model
 from harness.files.rules import InverseWeight
 from harness.library import Library
 from harness.trees.inverse_weights import inverse_weights
-from harness.trees.robot import tree_of
+from harness.trees.robot import read_robot, tree_of
 
 LIBRARY = replace(Library.built_in(), calls_engines_here=True)
 
@@ -69,6 +70,34 @@ def test_inverse_weights_are_the_same_wherever_a_model_stands(name: str) -> None
         wanted = [InverseWeight(kind, body) for body in bodies for kind in ("translation", "rotation")]  # type: ignore[arg-type]
         weights.append([*inverse_weights(file, [*wanted, *(InverseWeight("joint", joint) for joint in file.joint_lines)]).values()])
     assert weights[1] == pytest.approx(weights[0], rel=1e-11)
+
+
+# Bodies of one or several shapes, whose axes of inertia MuJoCo's compiler finds by diagonalising a sum.
+SHAPES = {
+    "one": '<geom type="box" size=".1 .2 .3"/>',
+    "one beside": '<geom type="box" size=".1 .2 .3" pos="0 0 .1"/>',
+    "in one place, rising": '<geom type="box" size=".1 .1 .2"/><geom type="box" size=".3 .2 .1"/>',
+    "in one place, falling": '<geom type="sphere" size=".05"/><geom type="cylinder" size=".05 .05"/>',
+    "on both sides, rising": '<geom size=".1" pos=".3 0 0"/><geom size=".1" pos="-.3 0 0"/>',
+    "on both sides, falling": '<geom size=".1" pos="0 0 .3"/><geom size=".1" pos="0 0 -.3"/>',
+    "on both sides, askew": '<geom size=".1" pos="0 .1 .3"/><geom size=".1" pos="0 -.1 -.3"/>',
+    "on both sides, askew by a rounding": '<geom size=".1" pos="0 1e-16 .3"/><geom size=".1" pos="0 -1e-16 -.3"/>',
+    "on both sides, askew and light": '<geom size=".1" pos="0 .1 .3" mass="1e-11"/><geom size=".1" pos="0 -.1 -.3" mass="1e-11"/>',
+    "rising by less than it sorts": '<inertial pos="0 0 0" mass="1" fullinertia=".3 .3000000000001 .1 0 0 0"/>',
+    "rising by more": '<inertial pos="0 0 0" mass="1" fullinertia=".3 .3000000000100 .1 0 0 0"/>',
+    "on one side": '<geom size=".1" pos="0 0 .3"/><geom size=".1" pos="0 0 .2"/>',
+    "beside one without mass": '<geom size=".1"/><geom size=".1" pos="0 0 .3" mass="0"/>',
+}
+
+
+@pytest.mark.parametrize("shapes", SHAPES.values(), ids=SHAPES)
+def test_a_body_of_shapes_only_slides_where_the_compiler_says_so(tmp_path: Path, shapes: str) -> None:
+    import mujoco
+
+    text = f'<mujoco><worldbody><body name="sled"><joint type="slide" axis="1 0 0"/>{shapes}</body></worldbody></mujoco>'
+    (path := tmp_path / "sled.xml").write_text(text)
+    tree = read_robot(path).tree
+    assert only_slides(tree, tree.bodies[-1]) == (mujoco.MjModel.from_xml_string(text).body("sled").simple == 2)
 
 
 def test_the_mean_of_a_body_that_slides_along_one_axis_is_a_third_of_what_the_program_has() -> None:

@@ -19,9 +19,12 @@ from harness.files.given import Given, Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.rules import LEAST_IMPEDANCE, LEAST_WIDTH, MOST_IMPEDANCE, ConstraintLaw, InverseWeight
 from harness.files.tree import WORLD, Body, Tree
+from harness.trees.bodies.inertias import whole
 
-# IsNullPose and mjEPS of MuJoCo's compiler.
-_NO_SHIFT, _NO_COMPONENT = Fraction(1e-6), Fraction(1e-14)
+# IsNullPose and mjEPS of MuJoCo's compiler, and kEigEPS, by which moments fall before they are sorted [kg m^2].
+_NO_SHIFT, _NO_COMPONENT, _NO_FALL = Fraction(1e-6), Fraction(1e-14), Fraction(1e-12)
+# Measured of MuJoCo 4.0.0: a product of inertia that is no larger, over the largest moment, turns no axis.
+_NO_PRODUCT = Fraction(1, 1 << 48)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,17 +100,22 @@ def only_slides(tree: Tree, body: Body) -> bool:
         and sum(abs(value) > _NO_COMPONENT for value in joint.axis) == 1
         for joint in body.joints
     )
-    if not (hangs and is_leaf and slides):
-        return False
-    if body.inertia is None:
+    return hangs and is_leaf and slides and _has_own_frame(body)
+
+
+def _has_own_frame(body: Body) -> bool:
+    """True where MuJoCo's compiler finds the principal axes of inertia in the body's own frame."""
+    heavy = [solid for solid in body.solids if not solid.is_massless]
+    if body.inertia is None and len(heavy) == 1:
         # One shape has its inertia in its own frame.
-        return len(body.solids) == 1 and body.solids[0].ends is None and _is_in_place(body.solids[0].pose)
-    if body.solids:
+        return heavy[0].ends is None and _is_in_place(heavy[0].pose)
+    given = whole(body)
+    if given is None or not _is_in_place(given.pose):
         return False
-    # Given about the body's origin, along its axes, in falling order where that is found by diagonalising.
-    xx, yy, zz, *products = body.inertia.moments
-    is_matrix = isinstance(xx, Given) and xx.attribute != "diaginertia"
-    return not any(products) and (not is_matrix or xx >= yy >= zz) and _is_in_place(body.inertia.pose)
+    xx, yy, zz, *products = given.moments
+    is_diagonalised = bool(heavy) or (isinstance(xx, Given) and xx.attribute != "diaginertia")
+    falls = xx + _NO_FALL >= yy and yy + _NO_FALL >= zz
+    return max(map(abs, products)) <= _NO_PRODUCT * max(xx, yy, zz) and (falls or not is_diagonalised)
 
 
 def _is_in_place(pose: Pose) -> bool:
