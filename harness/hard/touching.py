@@ -129,6 +129,7 @@ class _Place:
             found=known,
             distance=None if nearest is None else nearest / scale,
             reason=reason or ("" if known is not None else "its motion breaks down"),
+            is_refused=bool(reason),
         )
 
 

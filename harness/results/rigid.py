@@ -26,7 +26,7 @@ class RigidDistance:
         gentle_first: whether values of the case come in the order from gentle to hard.
         rigid: intervals in which rigid motions have it; none where no rigid motion is consistent.
         found: by the engine; None where it gives none. distance: to the nearest interval, relative to the scale of the case.
-        reason: why there is no number.
+        reason: why there is no number. is_refused: whether that is that the engine was not asked for it.
     """
 
     case: Annotated[str, Column("mechanism")]
@@ -43,6 +43,7 @@ class RigidDistance:
     distance: Annotated[float | None, Column("distance from rigid", "error")]
     reason: str = ""
     gentle_first: bool = False
+    is_refused: bool = False
 
     @property
     def at(self) -> Annotated[str, Column("at")]:
@@ -95,7 +96,9 @@ class RigidLaw:
 
 def rigid_laws(distances: Iterable[RigidDistance]) -> list[RigidLaw]:
     """One law for each case whose values go from gentle to hard, engine and setting, in the order of the distances."""
-    graded = grouped(((one.case, one.engine, one.setting), one) for one in distances if one.gentle_first and one.rigid)
+    graded = grouped(
+        ((one.case, one.engine, one.setting), one) for one in distances if one.gentle_first and one.rigid and not one.is_refused
+    )
     return [_law(own) for own in graded.values()]
 
 

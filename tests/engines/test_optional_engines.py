@@ -24,6 +24,7 @@ from harness.engines.coordinates import BALL, FREE, Columns, rotation
 from harness.environments import find_environments
 from harness.files.model_file import read_model
 from harness.hard import touching
+from harness.hard.touching import SETTINGS
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.programs.numbers import UNIT_ROUNDOFF
@@ -272,12 +273,12 @@ def test_pybullet_is_near_rigid_contact_but_for_what_it_adds_to_a_bounce(
 
 
 def fine_distances(
-    engine: str, cases: Sequence[str], cache: Path, monkeypatch: pytest.MonkeyPatch
+    engine: str, cases: Sequence[str], cache: Path, monkeypatch: pytest.MonkeyPatch, setting: str = "steps of 0.2 ms"
 ) -> dict[tuple[str, float], RigidDistance]:
-    """Of an engine in its environment, with steps of 0.2 ms."""
+    """Of an engine in its environment, with one setting."""
     monkeypatch.setenv("HARNESS_CACHE", str(cache))
     monkeypatch.setattr(touching, "_engines", lambda library: [engine])
-    monkeypatch.setattr(touching, "SETTINGS", [one for one in touching.SETTINGS if one.name == "steps of 0.2 ms"])
+    monkeypatch.setattr(touching, "SETTINGS", [one for one in SETTINGS if one.name == setting])
     found = [one for case in cases for one in touching.rigid_distances(case, BUILT_IN, silent)]
     return {(one.case, one.value): one for one in found}
 
@@ -352,3 +353,17 @@ def test_an_example_is_what_newton_makes_of_it(example: str, reading: str, envir
     found = found_by(environment("newton"), tmp_path, "compare", str(path), "--subject", f"newton/{model_format}")
     told = [next(one for one in found["subjects"] if not one["aided"]), *found["switched_on"]]
     assert all(one["explained"] for one in told) and reading in [name["name"] for one in told for name in one["readings"]]
+
+
+@pytest.mark.nightly
+def test_mujoco_warp_is_as_near_rigid_contact_as_mujoco(environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    cases, cache = ["sphere on an incline", "grazing ball"], environment("mujoco_warp")
+    found = fine_distances("mujoco_warp", cases, cache, monkeypatch, "as the file stands")
+    own = fine_distances("mujoco", cases, cache, monkeypatch, "as the file stands")
+    assert found.keys() == own.keys()
+    for key, one in found.items():
+        # In float32.
+        assert one.found == pytest.approx(own[key].found, abs=1e-4), key
+    refused = fine_distances("mujoco_warp", ["sphere on an incline"], cache, monkeypatch)
+    assert {(one.found, one.is_refused) for one in refused.values()} == {(None, True)}
+    assert {one.reason for one in refused.values()} == {"MuJoCo Warp is asked for 2,000 steps at most on a CPU, and this motion has 5,000"}

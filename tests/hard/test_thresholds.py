@@ -50,6 +50,12 @@ def test_a_motion_without_a_number_is_broken() -> None:
     assert law.breaks == 0.1
 
 
+def test_what_an_engine_is_not_asked_for_breaks_nothing() -> None:
+    first, *others = along("engine", [None, 1e-6, 1e-4, 1e-2])
+    [law] = rigid_laws([replace(first, is_refused=True), *others])
+    assert law.breaks is None and law.growth == pytest.approx(-2.0)
+
+
 def test_cases_in_no_order_have_no_laws() -> None:
     assert not rigid_laws(replace(one, gentle_first=False) for one in along("engine", [1e-4, 1e-2, 1.0]))
 

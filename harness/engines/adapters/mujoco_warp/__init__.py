@@ -1,7 +1,7 @@
 """MuJoCo Warp, ``mujoco_warp``, on an MJCF model: ``mujoco_warp.forward`` on many worlds at once, in float32.
 
-Its kernels are compiled at the first question of a cache, which takes minutes on a CPU, and kept there. It is asked about mechanisms: no
-user's file is judged in float32.
+Its kernels are compiled at the first question of a cache, which takes minutes on a CPU, and kept there. It is asked about mechanisms, and
+how far their contacts are from rigid ones: no user's file is judged in float32.
 
 Source: MuJoCo documentation, MuJoCo Warp (MJWarp), with its list of what is not implemented.
 """
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from harness.engines import Engine
+from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -33,6 +34,12 @@ class MujocoWarpEngine(Engine):
         from harness.engines.adapters.mujoco_warp.device import load
 
         return load(file, joints)
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; of files as they stand."""
+        from harness.engines.adapters.mujoco_warp.moving import moved
+
+        return moved_as_they_stand(self.title, request, moved, turns_freely=True)
 
 
 ENGINE = MujocoWarpEngine()

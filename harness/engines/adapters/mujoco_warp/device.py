@@ -59,11 +59,16 @@ class WarpModel:
         return np.concatenate(answers)[:, self._compiled.addresses[1]]
 
 
-def load(file: ModelFile, joints: Sequence[str]) -> WarpModel:
-    """See ``harness.engines.Engine.load``."""
+def keep_compiled() -> None:
+    """Keep kernels in the harness's cache, and say that they are compiled on a terminal alone."""
     warp.config.kernel_cache_dir = str(cache_directory() / "warp")
     if not sys.stderr.isatty():
         warp.config.log_level = warp.LOG_WARNING
+
+
+def load(file: ModelFile, joints: Sequence[str]) -> WarpModel:
+    """See ``harness.engines.Engine.load``."""
+    keep_compiled()
     mujoco.set_mju_user_warning(lambda message: None)
     refuse_in_float32(file)
     model = mujoco.MjModel.from_xml_string(file.text)
