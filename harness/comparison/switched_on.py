@@ -29,10 +29,10 @@ from harness.explain.changes.readings import element_at
 from harness.explain.documented import documented, effect_of_friction, engine_documenting, switched_off_by_file
 from harness.explain.file_case import FileCase, is_held
 from harness.explain.meant import Meant, driven, for_engine, largest_change, read_as, worst
-from harness.explain.switches import switches_of, why_no_equality
+from harness.explain.switches import Switch, switches_of, why_no_equality
 from harness.explain.touching import Touching
 from harness.files.equalities import Equality
-from harness.files.findings import EQUALITIES
+from harness.files.findings import CONTACTS, EQUALITIES
 from harness.library import Stance
 from harness.results.readings import Effect, lines_text
 from harness.results.shapes import ShapesRecord
@@ -95,6 +95,12 @@ def pose(meant: Meant, engine: str, without: Collection[str] = ()) -> tuple[Swit
         return record, None
     free, joints = asked.with_those([]), read.robot.joints
     refusal = free.refusal or asked.with_those(judged, few=True).refusal
+    untouched = [one for one in judged if one.group.what != CONTACTS]
+    if refusal and not free.refusal and len(untouched) < len(judged) and not asked.with_those(untouched, few=True).refusal:
+        # It takes the file but for the shapes that may touch, as one whose meshes are not there.
+        switches = [_refused(one, refusal) for one in switches]
+        record = replace(record, parts=[one.part() for one in switches])
+        asked_with, judged, refusal = [one for one in asked_with if one.group.what != CONTACTS], untouched, ""
     if refusal or read.undetermined or not set(joints) <= set(free.accelerations):
         return replace(record, message=refusal or _UNEXPLAINED), None
     if not is_held(compare(off.truth, free.of(joints), factorises=True)):
@@ -118,6 +124,11 @@ def pose(meant: Meant, engine: str, without: Collection[str] = ()) -> tuple[Swit
     within = apart if apart.any() else within
     case = FileCase(original, caller, folded, at, judged, touching.chosen, within)
     return record, Posed(case, asked, touching.of_states(answers), shapes)
+
+
+def _refused(switch: Switch, refusal: str) -> Switch:
+    """The same of a shape that may touch, for which an engine refuses the file."""
+    return replace(switch, why_not=switch.why_not or f"is refused: {refusal}") if switch.group.what == CONTACTS else switch
 
 
 def _shapes(at: Meant, caller: Engine, answers: EngineAnswers) -> ShapesRecord | None:

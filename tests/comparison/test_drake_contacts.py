@@ -401,6 +401,15 @@ def test_each_number_of_a_shape_is_felt(change: tuple[str, str], tmp_path: Path)
 
 @pytest.mark.nightly
 @pytest.mark.usefixtures("drake")
+def test_a_file_whose_shapes_are_refused_has_its_limits_all_the_same(tmp_path: Path) -> None:
+    mesh = ('<box size="2000 2000 2"/>', '<mesh filename="package://nowhere/ground.obj"/>')
+    record = judge_switched_on(meant(robot_at(edited(BALL, tmp_path, mesh)), 64, seed=0), ENGINE)
+    assert record.verdict == "agrees" and set(record.judged) == {"joint limits"}
+    assert all("is refused" in part.why_not and "nowhere" in part.why_not for part in record.parts if part.what == "contacts")
+
+
+@pytest.mark.nightly
+@pytest.mark.usefixtures("drake")
 @pytest.mark.parametrize("name", TOUCHING)
 def test_mechanisms_that_touch_are_held(name: str) -> None:
     record = judge_switched_on(meant(robot_at(BUILT_IN.model_path(name, "urdf")), 64, seed=0), ENGINE)

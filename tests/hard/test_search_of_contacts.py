@@ -12,8 +12,10 @@ from support import harness
 
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.assignment import Assignment, contact_source
-from harness.engines import Subject
+from harness.crosscheck.stages import compare_all
+from harness.engines import Subject, Unsupported
 from harness.engines.adapters.mujoco import robot
+from harness.explain.touching_truth import ContactSource
 from harness.files.contacts import FoundContact
 from harness.hard.evolution import touched
 from harness.programs.states import States
@@ -99,6 +101,19 @@ def test_a_contact_that_rubs_otherwise_is_red(tmp_path: Path, monkeypatch: pytes
     touching = np.array([any(one.pushes for one in found) for found in contact_source(own).contacts(states)])
     assert (verdicts[touching] == Verdict.DISAGREES.value).sum() > 8
     assert not (verdicts[~touching] == Verdict.DISAGREES.value).any()
+
+
+def test_an_engine_that_refuses_what_touches_is_unsupported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own contacts are in its truth, which there is none of then."""
+    own = assignment(written(tmp_path))
+
+    def refused(self: ContactSource, states: States) -> list[object]:
+        raise Unsupported("its meshes are not there")
+
+    monkeypatch.setattr(ContactSource, "contacts", refused)
+    _, _, answers = compare_all([own], generic_sample(own.mechanism, 8, 0), lambda text: None)
+    found = answers[own.title]
+    assert found.unsupported and found.failure == "its meshes are not there"
 
 
 @pytest.mark.parametrize(("below", "pushes"), [(0, False), (1, True)])
