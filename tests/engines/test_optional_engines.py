@@ -367,3 +367,15 @@ def test_mujoco_warp_is_as_near_rigid_contact_as_mujoco(environment: Callable[[s
     refused = fine_distances("mujoco_warp", ["sphere on an incline"], cache, monkeypatch)
     assert {(one.found, one.is_refused) for one in refused.values()} == {(None, True)}
     assert {one.reason for one in refused.values()} == {"MuJoCo Warp is asked for 2,000 steps at most on a CPU, and this motion has 5,000"}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["mjx", "mujoco_warp", "newton"])
+def test_equal_worlds_of_engines_that_compute_many_at_once_have_the_same_bits(
+    name: str, environment: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """A chain, a body that floats and an arm; who computes them in blocks is asked in several."""
+    systems = ["double_pendulum", "satellite_wheel", "puma_560"]
+    asked = "--quantity", "accelerations", "--worlds", "1000", "--states", "20", "--time-limit", "900"
+    found = found_by(environment(name), tmp_path, "check", *systems, "--subject", f"{name}/mjcf", *asked)
+    assert [(one["system"], one["unequal_worlds"]) for one in found["records"]] == [(system, 0.0) for system in sorted(systems)]
