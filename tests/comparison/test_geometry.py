@@ -233,8 +233,18 @@ REPLICAS = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
 </worldbody></mujoco>"""
 
 
-def test_replicas_have_shapes_of_their_own(tmp_path: Path) -> None:
-    path = written(tmp_path, REPLICAS)
+# As of a robot and the scene that it includes, each with a worldbody.
+WORLDS = """<mujoco>
+<worldbody><geom type="plane" size="3 3 1"/><body pos="0 0 .1"><freejoint/><geom size=".11"/></body></worldbody>
+<worldbody>
+  <geom type="box" size=".3 .3 .1" pos="1 0 .1" friction=".3"/>
+  <body pos="1 0 .25"><freejoint/><geom size=".1"/></body><body pos="2 0 .05"><freejoint/><geom size=".1"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("text", [REPLICAS, WORLDS], ids=["replicas", "worldbodies"])
+def test_replicas_and_unnamed_shapes_of_several_worldbodies_are_told_apart(text: str, tmp_path: Path) -> None:
+    path = written(tmp_path, text)
     model = mujoco.MjModel.from_xml_path(str(path))
     [found] = found_at(path, model.qpos0[None])
     record = hold_shapes(read_robot(path), model.qpos0[None], [found], shapes_that_touch(model))

@@ -151,7 +151,10 @@ class _MjcfReader:
             name = str(element.get("name") or "")
             if not name:
                 owner = next(element.iterancestors("body", "worldbody"))
-                name = f"({kind} {list(inside(owner, *tags)).index(element) + 1} of {self.name(owner)})"
+                # An included file has a worldbody of its own.
+                owners = [owner] if owner.tag == "body" else self._source.root.iterchildren("worldbody")
+                beside = [one for each in owners for one in inside(each, *tags)]
+                name = f"({kind} {beside.index(element) + 1} of {self.name(owner)})"
             other = self._taken.setdefault(f"{kind} {name}", element)
             if kind == "body" and name == WORLD:
                 self._source.refuse(element, f"{describe(element)} has the name of the world itself; give each its own")

@@ -6,7 +6,7 @@ Source: MuJoCo documentation, XML reference, ``body/geom``, ``contact/pair``, ``
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Sequence
 
 from lxml import etree
 
@@ -27,7 +27,9 @@ _PAIR_FRICTION = (1.0, 1.0, 0.005, 0.0001, 0.0001)
 def shapes_in(source: Source, tree: Tree) -> Shapes:
     """The shapes of a file whose included files and replicas are in place."""
     root, attributes = source.root, Attributes(source)
-    elements = [body for world in root.iterchildren("worldbody") for body in world.iter("body")]
+    # An included file has a worldbody of its own, whose shapes are those of one world.
+    worlds = list(root.iterchildren("worldbody"))
+    elements = [body for world in worlds for body in world.iter("body")]
     # The tree has them in this order; replicas stand at one place.
     names = {element: body.name for element, body in zip(elements, tree.bodies, strict=True)}
     try:
@@ -35,9 +37,8 @@ def shapes_in(source: Source, tree: Tree) -> Shapes:
         paired = frozenset(itertools.chain.from_iterable(explicit))
         shapes = tuple(
             shape
-            for world in root.iterchildren("worldbody")
-            for body in world.iter("worldbody", "body")
-            for shape in _of_body(source, attributes, body, (names, paired))
+            for owner, parts in [(WORLD, worlds), *((names[body], [body]) for body in elements)]
+            for shape in _of_body(source, attributes, (owner, parts), paired)
         )
     except (InvalidModel, ValueError) as error:
         return Shapes(why_not=f"has shapes that are not read: {error}")
@@ -78,12 +79,11 @@ def _numbers_of(attributes: Attributes, pair: etree._Element) -> ContactNumbers:
 
 
 def _of_body(
-    source: Source, attributes: Attributes, body: etree._Element, known: tuple[Mapping[etree._Element, str], Collection[str]]
+    source: Source, attributes: Attributes, body: tuple[str, Sequence[etree._Element]], paired: Collection[str]
 ) -> Iterator[Shape]:
-    """The shapes of a body that may touch; ``known``: names of bodies, and of shapes in pairs, which touch although they have no types."""
-    names, paired = known
-    owner, number = WORLD if body.tag == "worldbody" else names[body], 0
-    for geom in inside(body, "geom"):
+    """The shapes of a body, of its name and elements, that may touch; those ``paired`` by name do although they have no types."""
+    owner, number = body[0], 0
+    for geom in (one for element in body[1] for one in inside(element, "geom")):
         contype, conaffinity = (int(resolved_text(geom, name, "1")) for name in ("contype", "conaffinity"))
         number += bool(contype or conaffinity)
         if not (contype or conaffinity or geom.get("name") in paired):
