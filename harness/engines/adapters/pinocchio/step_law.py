@@ -6,6 +6,9 @@ and its distance over h besides. With x = h f these are the conditions of forces
 not used up, aref = -J v / h, and for a limit less its distance over h^2. What follows of a limit that is passed is the Baumgarte
 corrector's Kp times its distance, and Kp is 0 by default.
 
+Contacts in points are not asked about. By default their problem is that of complementarity, which has no optimum that certifies it. The
+convex one, ``solve_ncp`` being False, is solved by ADMM alone, see docs/issues/pinocchio-pgs-at-uneven-contacts.md.
+
 Source: Pinocchio 4.1, examples/g1-constraint-simulation.py; constraints/joint-friction-constraint.hxx, setTimeStep (the problem in
 impulses), joint-limit-constraint.hxx; baumgarte-corrector-parameters.hxx (Kp); algorithm/solvers (settings).
 """
