@@ -8,11 +8,11 @@ reaction alone. A number of the file explains its answers that makes them agree 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of
+from harness.crosscheck.assignment import Assignment, acceleration_truth_of, declared_model, load_audited, reference_kernel_of, touches
 from harness.crosscheck.solvers import endings_of
 from harness.engines import accelerations, gaps_of, load_engine
 from harness.engines.request import EngineAnswers, by_joint
@@ -77,15 +77,18 @@ def explain_by_file(assignment: Assignment, seed: int, worst: States) -> str:
     """Cause of the errors that an engine's readings of a user's file leave, at the states of a comparison and the worst ones.
 
     That is a number of the file by whose other value they are right, or a reading that does not hold, or where they differ; "" where
-    digits are lost and no more.
+    digits are lost and no more. Contacts are no numbers of a file: with these on, whether it is right without is said.
     """
+    if touches(assignment):
+        apart = Assignment.of(replace(assignment.library, touches=False), assignment.system, assignment.subject)
+        return explain_by_file(apart, seed, worst) or "it is only with contacts on that it is not what its documentation gives"
     asked, mechanism = assignment.as_read, assignment.mechanism
     assert isinstance(mechanism, RobotMechanism) and isinstance(asked.mechanism, RobotMechanism)
     engine, robot, truth = load_engine(assignment.library, assignment.subject.engine), asked.mechanism.robot, acceleration_truth_of(asked)
     found = meant(mechanism.robot, STATES, seed)
     states = assignment.into(States.concatenate([assignment.truth.asked_at(found.states), worst]))
     # A solver that stops early leaves what has no number of the file for its cause.
-    model = next((ended for ended, _ in endings_of(asked, load_audited(asked))), load_audited(asked))
+    model = next((ended for ended, _, _ in endings_of(asked, load_audited(asked))), load_audited(asked))
     answers, every = truth.answers(model, states), np.ones(len(states), dtype=np.bool_)
     judged = truth.judge(truth.evaluate(states), states, answers, model)
     at = Meant(robot, states, reference_of(robot).evaluate(states))

@@ -28,14 +28,18 @@ def judged_to_the_end(
     An answer that disagrees is explained where the solver, when it goes on until nothing changes, ends where the truth is.
     """
     wrong = np.flatnonzero(comparison.verdicts == Verdict.DISAGREES.value)
-    for ended, remedy in endings_of(assignment, model) if len(wrong) else ():
+    for ended, remedy, fault in endings_of(assignment, model) if len(wrong) else ():
         left = assignment.truth.asked_and_judged(certified[wrong], states[wrong], ended)
         if left.are_all(Verdict.AGREES, Verdict.UNSTABLE, Verdict.EXPLAINED):
             verdicts = comparison.verdicts.copy()
             verdicts[wrong] = Verdict.EXPLAINED.value
             title = load_engine(assignment.library, assignment.subject.engine).title or assignment.subject.engine
-            worst = f"up to {comparison.backward_error[wrong].max():.3g} data roundoffs before the optimum that it documents"
-            return replace(comparison, verdicts=verdicts), f"{title} stops its solver {worst}: {remedy}"
+            worst = f"up to {comparison.backward_error[wrong].max():.3g} data roundoffs"
+            if fault:
+                sentence = f"{title} ends {worst} beside the optimum that it documents. {fault}: {remedy}"
+            else:
+                sentence = f"{title} stops its solver {worst} before the optimum that it documents: {remedy}"
+            return replace(comparison, verdicts=verdicts), sentence
     engine = load_engine(assignment.library, assignment.subject.engine)
     if engine.stops is None or not len(wrong):
         return comparison, ""
@@ -82,17 +86,20 @@ def _shares_of(truth: Truth, states: States, answers: Array, rule: StopRule) -> 
     return found
 
 
-def endings_of(assignment: Assignment, model: Model) -> Iterator[tuple[Model, str]]:
-    """The subject's model with settings by which its solver of constraints goes to the end, and what its user does for that."""
+def endings_of(assignment: Assignment, model: Model) -> Iterator[tuple[Model, str, str]]:
+    """The subject's model with settings by which its solver of constraints goes to the end, what its user does for that, and ``fault``.
+
+    That is as of ``harness.engines.request.Ending``.
+    """
     mechanism, library, subject = assignment.as_read.mechanism, assignment.library, assignment.subject
     if (finish := getattr(model, "to_the_end", None)) is not None and assignment.truth.rigid is not None:
         ended, setting = finish()
-        yield ended, f"set {setting}"
+        yield ended, f"set {setting}", ""
     if isinstance(mechanism, RobotMechanism) and mechanism.held is not None:
         for ending in load_engine(library, subject.engine).endings:
             held = replace(mechanism.held, solver=ending.solver)
             ended = replace(mechanism, request=replace(mechanism.request, held=held))
-            yield load_model(library, subject, ended, None), ending.remedy
+            yield load_model(library, subject, ended, None), ending.remedy, ending.fault
 
 
 def by_defaults(truth: Truth, certified: Certified, model: Model, states: States) -> str:

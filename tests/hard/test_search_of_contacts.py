@@ -6,12 +6,15 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from comparison.test_random_trees import BRANCHES
 from support import harness
 
 from harness.comparison.robot_library import RobotLibrary
 from harness.crosscheck.assignment import Assignment, contact_source
+from harness.crosscheck.explanation import explain_by_file
 from harness.crosscheck.stages import compare_all
 from harness.engines import Subject, Unsupported
 from harness.engines.adapters.mujoco import robot
@@ -101,6 +104,7 @@ def test_a_contact_that_rubs_otherwise_is_red(tmp_path: Path, monkeypatch: pytes
     touching = np.array([any(one.pushes for one in found) for found in contact_source(own).contacts(states)])
     assert (verdicts[touching] == Verdict.DISAGREES.value).sum() > 8
     assert not (verdicts[~touching] == Verdict.DISAGREES.value).any()
+    assert explain_by_file(own, 0, states[:4]) == "it is only with contacts on that it is not what its documentation gives"
 
 
 def test_an_engine_that_refuses_what_touches_is_unsupported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,3 +138,14 @@ def test_what_is_at_its_margin_does_not_push(below: int, pushes: bool, tmp_path:
 def test_contacts_are_of_files(words: list[str], tmp_path: Path) -> None:
     done = harness(*words, "--contacts", cwd=tmp_path)
     assert done.returncode == 2 and "--contacts is for a robot's file" in done.stderr
+
+
+@pytest.mark.parametrize("jacobian", ["dense", "sparse"])
+def test_a_solver_that_ends_elsewhere_is_told_as_that(jacobian: str, tmp_path: Path) -> None:
+    """See docs/issues/mujoco-sparse-newton.md."""
+    (tmp_path / "branches.xml").write_text(BRANCHES.format(jacobian=jacobian))
+    asked = ("search", "branches.xml", "--contacts", "--subject", "mujoco/mjcf", "--budget", "40", "--no-keep")
+    done = harness(*asked, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    is_wrong = (jacobian, mujoco.__version__) == ("sparse", "4.0.0")
+    assert ("factorises a wrong Hessian" in done.stdout.splitlines()[0]) == is_wrong

@@ -33,7 +33,7 @@ def firm() -> tuple[Assignment, Model]:
     """A loop that MuJoCo closes, and MuJoCo with a solver that goes to the end."""
     library = resolved(Library.built_in(), [str(FIRM)], acts=True)
     own = Assignment(library, Subject("mujoco", "mjcf"), load_mechanism(library, str(FIRM)), None, str(FIRM))
-    ended, _ = next(endings_of(own, load_audited(own)))
+    ended, _, _ = next(endings_of(own, load_audited(own)))
     return own, ended
 
 
