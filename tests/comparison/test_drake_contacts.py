@@ -401,6 +401,14 @@ def test_each_number_of_a_shape_is_felt(change: tuple[str, str], tmp_path: Path)
 
 @pytest.mark.nightly
 @pytest.mark.usefixtures("drake")
+def test_a_motion_that_grows_without_bound_leads_to_no_state() -> None:
+    """Drake ends it with an error, and the other states are judged."""
+    record = judge_switched_on(meant(robot_at(BUILT_IN.model_path("euler_disc", "urdf")), 200, seed=2), ENGINE)
+    assert record.explained and record.touching >= 50
+
+
+@pytest.mark.nightly
+@pytest.mark.usefixtures("drake")
 def test_a_file_whose_shapes_are_refused_has_its_limits_all_the_same(tmp_path: Path) -> None:
     mesh = ('<box size="2000 2000 2"/>', '<mesh filename="package://nowhere/ground.obj"/>')
     record = judge_switched_on(meant(robot_at(edited(BALL, tmp_path, mesh)), 64, seed=0), ENGINE)
