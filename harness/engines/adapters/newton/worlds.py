@@ -56,6 +56,7 @@ class NewtonFile(LoadedFile):
             warnings.simplefilter("ignore")
             self._model = scene.finalize(skip_validation_inertia=request.aid is not None)
             if request.aid is not None:
+                # Its importer passes over that of a file, docs/issues/newton-mjcf-gravity.md.
                 self._model.set_gravity(request.aid.gravity)
                 if request.format == "urdf":
                     self._model.joint_armature.assign(np.tile(self._armature(robot, starts), BLOCK))
