@@ -69,7 +69,9 @@ class _Held:
         for names, ((first, second), numbers) in self.known.items():
             own = contacts.pop(names, [])
             for one in own:
-                self._numbers(names, one, numbers)
+                # One of another law has numbers by that, as no friction where it pulls.
+                if not one.why_not:
+                    self._numbers(names, one, numbers)
             if not (first.name in placed and second.name in placed):
                 self.given += len(own)
             elif own or _may_be_near(placed[first.name], placed[second.name], numbers.detected):

@@ -48,8 +48,11 @@ class FoundContact:
 
     @property
     def pushes(self) -> bool:
-        """True below the margin, and not at it; of a step wherever it is found, for it may push before the end of that."""
-        return self.compliance is not None or self.distance < self.margin
+        """True below the margin, and not at it; of a step wherever it is found, for it may push before the end of that.
+
+        One that there are no rows for may pull beyond the margin, as one that adheres.
+        """
+        return self.compliance is not None or bool(self.why_not) or self.distance < self.margin
 
 
 def contacts_of(found: Sequence[FoundContact], place: Place, cone: ConeKind) -> list[Constraint]:

@@ -248,6 +248,8 @@ def test_no_tree_of_shapes_is_red(number: int, tmp_path: Path) -> None:
 
 REFUSED = {
     "adhesion": (('name="leg"', 'name="leg" adhesion="2"'), "has adhesion"),
+    # It pulls as far as its gap goes, without friction.
+    "adhesion at a distance": (('name="leg"', 'name="leg" adhesion="2" gap="0.3"'), "has adhesion"),
     "surface": (('name="floor"', 'name="floor" surfacevel="1 0 0"'), "has a surface that moves by itself"),
     "noslip": (
         ('impratio="4"', 'impratio="4" noslip_iterations="3"'),
@@ -269,7 +271,7 @@ def test_contacts_that_have_another_law_are_refused_by_name(name: str, tmp_path:
     record = held_by(path)
     refused = [part for part in record.parts if part.what == CONTACTS and part.why_not]
     assert {part.why_not for part in refused} == {why}
-    if name in ("adhesion", "surface"):
+    if name in ("adhesion", "adhesion at a distance", "surface"):
         assert [part.line for part in refused] == [line_of(path, change[1])]
         # States at which it touches are not judged.
         assert (record.verdict, record.explained) == (Verdict.AGREES, True)
