@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.files.equalities import Polygon, Tendon, TendonLinkage
@@ -66,7 +66,7 @@ _KNOWN: Kept[tuple[Tree, dict[InverseWeight, float]]] = Kept(16)
 def _worked_out(tree: Tree, wanted: Sequence[InverseWeight], fuses: bool, tendons: Iterable[Tendon]) -> dict[InverseWeight, float]:
     import flint
 
-    tree = bounded(tree)
+    tree = replace(tree := bounded(tree), bodies=tuple(map(_where_it_starts, tree.bodies)))
     nodes = standing(untied(tree, [joint.name for joint in tree.joints]))
     at_zero = _AtZero(in_world(nodes), fuses, {one.name: one for one in tendons})
     bodies = {body.name: body for body in tree.bodies}
@@ -81,6 +81,11 @@ def _worked_out(tree: Tree, wanted: Sequence[InverseWeight], fuses: bool, tendon
             own = found[str(number)]
             weights[one] = float(1 / own[0]) if one.kind == "mass" else _mean_diagonal(mass, own)
         return weights
+
+
+def _where_it_starts(body: Body) -> Body:
+    """A body on a free joint with the pose that the file gives it, which in any other position has no part."""
+    return replace(body, pose=body.start, start=()) if body.start else body
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from harness.explain.changes.departures import only_slides
 from harness.files.model_file import parse_model, read_model
 from harness.files.rules import InverseWeight
 from harness.library import Library
-from harness.trees.inverse_weights import inverse_weights
+from harness.trees.inverse_weights import inverse_weights, inverse_weights_of
 from harness.trees.robot import read_robot, tree_of
 
 LIBRARY = replace(Library.built_in(), calls_engines_here=True)
@@ -98,6 +98,29 @@ def test_a_body_of_shapes_only_slides_where_the_compiler_says_so(tmp_path: Path,
     (path := tmp_path / "sled.xml").write_text(text)
     tree = read_robot(path).tree
     assert only_slides(tree, tree.bodies[-1]) == (mujoco.MjModel.from_xml_string(text).body("sled").simple == 2)
+
+
+FREE = """<mujoco>
+  <worldbody>
+    <site name="hook" pos="0 0 1"/>
+    <body name="weight" pos=".3 0 .2" euler="0 0 30"><freejoint/><geom type="box" size=".1 .2 .1"/><site name="top" pos=".1 .1 .1"/></body>
+    <body name="balloon" pos="-.2 .1 .2" euler="20 0 0"><freejoint/><geom size=".1 "/><site name="knot" pos="0 0 -.17"/></body>
+  </worldbody>
+  <tendon>
+    <spatial range="0 .6"><site site="knot"/><site site="top"/></spatial>
+    <spatial range="0 .6"><site site="hook"/><site site="top"/><site site="knot"/></spatial>
+  </tendon>
+</mujoco>"""
+
+
+def test_tendons_between_free_bodies_are_weighed_where_the_file_puts_these(tmp_path: Path) -> None:
+    import mujoco
+
+    (path := tmp_path / "balloon.xml").write_text(FREE)
+    tree, model = read_robot(path).tree, mujoco.MjModel.from_xml_string(FREE)
+    tendons = [one.tendon for one in tree.tendons]
+    found = inverse_weights_of(tree, [InverseWeight("tendon", one.name) for one in tendons], False, tendons)
+    assert [*found.values()] == pytest.approx(model.tendon_invweight0, rel=1e-13)
 
 
 def test_the_mean_of_a_body_that_slides_along_one_axis_is_a_third_of_what_the_program_has() -> None:
