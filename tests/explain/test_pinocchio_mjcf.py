@@ -110,6 +110,23 @@ def test_the_second_of_two_bodies_without_names_moves_nothing(second: str, tmp_p
     assert record.left is None and "as it reads the file" in record.left_nothing
 
 
+GEOM = '<geom size="0.1" pos="0.2 0 0"/>'
+PASSED_OVER = {
+    # The first of the replicas stands where the element does.
+    "replicas": (f'<body name="a"><joint {HINGE}/>{GEOM}<replicate count="2" offset="0 0 0.3">{GEOM}</replicate></body>', "frames"),
+    "free body in a frame": (body("a", HINGE) + f'<frame pos="0 0 1"><body name="b"><freejoint/>{INERTIA}</body></frame>', "frames"),
+    "joint in replicas": (body("a", HINGE, f'<replicate count="1" offset="0 1 0"><joint name="b" {SLIDE_Y}/></replicate>'), "frames"),
+    "trees without names": (unnamed("0 0 1", 'type="free"') + unnamed("0 1 1", 'type="free"'), "further trees"),
+}
+
+
+@pytest.mark.parametrize("name", PASSED_OVER)
+def test_what_is_passed_over_explains_the_answer(name: str, tmp_path: Path) -> None:
+    inside, reading = PASSED_OVER[name]
+    record = record_of(written(tmp_path, COMPILER, inside, ""), "pinocchio")
+    assert record.explained and reading in [one.name for one in record.readings] and record.rest == []
+
+
 def test_lines_of_included_files_carry_their_name(tmp_path: Path) -> None:
     inside = body("b", 'name="j2" axis="1 0 0" damping="2"', about='pos="0 0 1"')
     (tmp_path / "inner.xml").write_text(f"<mujocoinclude>\n{inside}</mujocoinclude>")

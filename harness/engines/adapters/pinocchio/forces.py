@@ -92,8 +92,8 @@ def _joints_of_file(model: Any, joints: Sequence[AskedJoint]) -> dict[int, list[
         behind = [joint for joint in joints if joint.is_unnamed and joint.carrier == carrier and joint.name not in taken]
         made = [_parts(model.joints[number], joint, joints) for number, joint in zip(numbers, behind, strict=False)]
         sizes = [sum(len(part.velocities) for part in parts) for parts in made]
-        # Where the reader left some out, nothing says which.
-        if len(numbers) == len(behind) and sizes == [model.joints[number].nv for number in numbers]:
+        # Where the reader left some out, they are those that come later, as further trees.
+        if len(numbers) <= len(behind) and sizes == [model.joints[number].nv for number in numbers]:
             found |= zip(numbers, made, strict=True)
     return found
 

@@ -11,7 +11,7 @@ from lxml import etree
 from harness.explain.changes.readings import Law, element_at, freed, law, moving, with_bodies, with_inertias, with_joints, without_bodies
 from harness.files.given import Given, Placement, Turn, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Inertia, Solid, Tree
+from harness.files.tree import Body, Inertia, Joint, Solid, Tree
 from harness.trees.robot import Robot
 
 # Remedies of several engines.
@@ -57,15 +57,20 @@ def ball_joints(body: Body) -> Body:
     return replace(body, joints=tuple(joint for joint in body.joints if joint.kind != JointKind.BALL))
 
 
-def _is_framed(part: Body | Solid) -> bool:
-    """An element's own placement stands behind those of the frames around it."""
-    return len(part.pose) > 1
+def _is_framed(part: Body | Joint | Solid) -> bool:
+    """True for what stands in frames or replicas, whose placements come before an element's own, which a joint does not have.
+
+    The first of several replicas has none, and a body with a free joint no pose.
+    """
+    element = element_at(part.place)
+    holder = None if element is None else element.getparent()
+    return len(part.pose) > (not isinstance(part, Joint)) or (holder is not None and holder.tag in ("frame", "replicate"))
 
 
 @law("frames", "elements")
 def frames(robot: Robot) -> Tree:
     def read(body: Body) -> Body:
-        joints = tuple(joint for joint in body.joints if not joint.pose)
+        joints = tuple(joint for joint in body.joints if not _is_framed(joint))
         return replace(body, joints=joints, solids=tuple(solid for solid in body.solids if not _is_framed(solid)))
 
     return with_bodies(without_bodies(robot.tree, [body.name for body in robot.tree.bodies if _is_framed(body)]), read)
