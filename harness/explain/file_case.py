@@ -74,9 +74,9 @@ class FileCase:
     def departures(self) -> dict[Departure, Effect]:
         """The engine's departures from the documented laws, each with what it does alone; none that does nothing."""
         robot, caller, found = self.at.robot, self.caller, dict[Departure, Effect]()
-        chosen, laws = laws_of(robot, caller, self.judged, self.touching.first)
+        various = [laws_of(robot, caller, self.judged, contacts) for contacts in self.touching.various]
         for one in departures_of(caller.name, caller.reader):
-            if concerned := one.concerned(robot.tree, chosen, laws):
+            if concerned := next(filter(None, (one.concerned(robot.tree, *laws) for laws in various)), None):
                 found[one] = effect_of(one, concerned, self.truth, self.by([one]))
         return {one: effect for one, effect in found.items() if effect.alone is None or effect.alone > FELT}
 

@@ -16,7 +16,7 @@ from harness.engines.request import EngineAnswers
 from harness.files.contacts import FoundContact, contacts_of, measured_in, structure_of
 from harness.files.equalities import Constraint
 from harness.files.given import Place
-from harness.files.touching import ConeKind
+from harness.files.touching import ConeKind, Touch
 from harness.files.tree import WORLD, Tree
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
@@ -86,9 +86,10 @@ class Touching:
         return np.array([bool(own) for own in self.contacts], dtype=np.bool_)
 
     @property
-    def first(self) -> Sequence[Constraint]:
-        """The contacts of the first state at which bodies touch; none without such."""
-        return next((own for own in self.contacts if own), ())
+    def various(self) -> list[Sequence[Constraint]]:
+        """The contacts of a state for each choice of bodies that touch at some state; no contact where nothing touches."""
+        by_bodies = {frozenset(one.says.bodies for one in own if isinstance(one.says, Touch)): own for own in self.contacts}
+        return list(by_bodies.values())
 
     def truth(
         self,

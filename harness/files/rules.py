@@ -60,11 +60,12 @@ class InverseWeight:
     """The mean of the diagonal of J M^-1 J' in the file's zero position.
 
     J is that of the "translation" of the centre of mass or of the "rotation" of the body ``of``, of the velocities of the "joint",
-    of a free one the linear ones and by "turn" the angular ones, or of the length of the "tendon" of that name. Of the kind "mass" it is
-    1/m of the body, as no documentation has it.
+    of a free one the linear ones and by "turn" the angular ones, or of the length of the "tendon" of that name. A body without mass has its
+    own origin for its centre. As no documentation has it, it is 1/m of the body, of the kind "mass", and of the kind "position" that of the
+    translation of the point which the body's position in its parent is in its own frame.
     """
 
-    kind: Literal["translation", "rotation", "joint", "turn", "tendon", "mass"]
+    kind: Literal["translation", "rotation", "joint", "turn", "tendon", "mass", "position"]
     of: str
 
 

@@ -110,7 +110,9 @@ class _AtZero:
             return [self._row(columns=[(column, builder.one)]) for column in columns]
         if wanted.kind == "rotation":
             return [self._row([(nodes.frames[wanted.of][0], spatial(axis, builder.still))]) for axis in builder.identity]
-        centre = self._centre(wanted.of) if nodes.frames[wanted.of][0] >= 0 else builder.still
+        centre = builder.still
+        if nodes.frames[wanted.of][0] >= 0:
+            centre = self._position(wanted.of) if wanted.kind == "position" else self._centre(wanted.of)
         return [self._row([self._force(wanted.of, centre, axis)]) for axis in builder.identity]
 
     def _row(self, acts: Iterable[tuple[int, Spatial]] = (), columns: Iterable[tuple[int, Term]] = ()) -> Row:
@@ -134,8 +136,16 @@ class _AtZero:
         for body in tree.bodies:
             carriers[body.name] = carriers[body.parent] if self.fuses and not body.joints else body.name
         bodies = [body for body in tree.bodies if carriers[body.name] == carriers[name]]
+        if all(body.is_massless for body in bodies):
+            return self.world.frame_of(name).shift
         whole = joined(self.world.kinematics.builder, map(self.rigid, bodies))
         return whole.first / whole.mass
+
+    def _position(self, name: str) -> Vector:
+        """The point that the position of a body in its parent is in its own frame."""
+        kinematics = self.world.kinematics
+        [body] = [one for one in kinematics.tree.bodies if one.name == name]
+        return placed(kinematics.builder, body.pose[-1:], self.world.frame_of(name)).shift
 
     def _tendon(self, tendon: Tendon) -> Row:
         nodes, builder = self.world.kinematics, self.world.kinematics.builder

@@ -278,6 +278,29 @@ def test_contacts_that_have_another_law_are_refused_by_name(name: str, tmp_path:
         assert any(f"contacts (line {refused[0].line}: it {why})" in text for text in stays_off([], record.parts))
 
 
+# Two things, of which another one may be the first to touch, and neither has a limit.
+UNLIKE = """<mujoco><option tolerance="0" iterations="100"/><worldbody>
+  <geom type="plane" size="2 2 0.1"/>
+  <body name="ball" pos="1 0 0.12"><freejoint/><geom size="0.1"/></body>
+  <body name="{name}" pos="0 0 0.3">{parts}</body>
+</worldbody></mujoco>"""
+ARM = '<joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"/>'
+DEPARTING = {
+    "inverse weight of a slider": '<joint type="slide" axis="0 0 1" armature="2"/><geom size="0.1"/>',
+    "inverse weight of a body without mass": f'{ARM}<body name="hand" pos="0.3 0 0.1"><geom size="0.05" mass="0"/></body>',
+}
+
+
+@pytest.mark.parametrize("departure", DEPARTING)
+def test_a_departure_in_contacts_of_some_states_is_told(departure: str, tmp_path: Path) -> None:
+    path = tmp_path / "unlike.xml"
+    path.write_text(UNLIKE.format(name="sled", parts=DEPARTING[departure]))
+    record = held_by(path)
+    assert (record.explained, record.message, [one.name for one in record.departures]) == (True, "", [departure])
+    assert record.departures[0].concerns == CONTACTS and (record.departures[0].alone or 0.0) > 1e-4
+    assert record.backward_error is not None and record.backward_error <= AGREEMENT
+
+
 def test_options_of_an_included_file_are_those_of_the_file(tmp_path: Path) -> None:
     """Its cones, ratio and iterations: a scene includes a robot that has them."""
     inner, path = written(tmp_path), tmp_path / "scene.xml"

@@ -100,6 +100,18 @@ def test_a_body_of_shapes_only_slides_where_the_compiler_says_so(tmp_path: Path,
     assert only_slides(tree, tree.bodies[-1]) == (mujoco.MjModel.from_xml_string(text).body("sled").simple == 2)
 
 
+def test_a_body_without_mass_is_weighed_where_the_program_has_its_centre(tmp_path: Path) -> None:
+    """With an inertial of no mass it is where the file puts it."""
+    import mujoco
+
+    for inertial, kind in (("", "position"), ('<inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/>', "translation")):
+        (path := tmp_path / "arm.xml").write_text(f"""<mujoco><worldbody><body><joint axis="0 1 0"/>
+        <inertial pos=".3 0 0" mass="1" diaginertia="1 1 1"/>
+        <body name="hand" pos="0 .1 .4" euler="20 0 0">{inertial}<geom size=".1" mass="0"/></body></body></worldbody></mujoco>""")
+        [found] = inverse_weights_of(read_robot(path).tree, [InverseWeight(kind, "hand")], False).values()  # type: ignore[arg-type]
+        assert found == pytest.approx(mujoco.MjModel.from_xml_path(str(path)).body("hand").invweight0[0], rel=1e-13)
+
+
 FREE = """<mujoco>
   <worldbody>
     <site name="hook" pos="0 0 1"/>

@@ -118,6 +118,18 @@ def _has_own_frame(body: Body) -> bool:
     return max(map(abs, products)) <= _NO_PRODUCT * max(xx, yy, zz) and (falls or not is_diagonalised)
 
 
+def _weighed_at_position(tree: Tree, _: Constraint, law: ConstraintLaw) -> ConstraintLaw:
+    """The law whose bodies without any mass weigh at their positions in their parents, taken in their own frames."""
+    empty = {body.name for body in tree.bodies if body.inertia is None and body.is_massless and body.pose}
+    if law.weights is None:
+        return law
+
+    def weighed(one: InverseWeight) -> InverseWeight:
+        return InverseWeight("position", one.of) if one.kind == "translation" and one.of in empty else one
+
+    return replace(law, weights=tuple(tuple(map(weighed, row)) for row in law.weights))
+
+
 def _is_in_place(pose: Pose) -> bool:
     return all(not place.rotation and all(abs(x) < _NO_SHIFT for x in place.position) for place in pose)
 
@@ -173,6 +185,14 @@ _DEPARTURES = (
         remedy='set <flag diagexact="enable"/>, or write simple="false" on the body',
         source=f"{_PARAMETERS}; MuJoCo, src/engine/engine_setconst.c, set0: body_simple == 2 has 1 / mass; src/user/user_model.cc",
         law=_weighed_by_mass,
+    ),
+    Departure(
+        name="inverse weight of a body without mass",
+        engine="mujoco",
+        sentence="MuJoCo has the centre of a body without mass where its position in the parent is in its own frame, and weighs it there",
+        remedy='write <inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/> into it',
+        source=f"{_PARAMETERS}; MuJoCo, src/user/user_objects.cc, mjCBody::Compile: ipos undefined: copy body frame into inertial",
+        law=_weighed_at_position,
     ),
     Departure(
         name="impedance of friction without width",
