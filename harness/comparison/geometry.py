@@ -139,9 +139,9 @@ def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundConta
     if any(shape.body not in {"world", *(body.name for body in robot.tree.bodies)} for shape in shapes.values()):
         return None
     known = {frozenset((one.name, other.name)): ((one, other), numbers) for one, other, numbers in pairs}
-    held = _Held(ShapesInWorld(robot.tree, robot.joints, [*closed.values()]), known, shapes)
     order = sorted(range(len(found)), key=lambda number: not found[number])[:MOST_STATES]
     with flint.ctx.workprec(_BITS):
+        held = _Held(ShapesInWorld(robot.tree, robot.joints, [*closed.values()]), known, shapes)
         for number in order:
             held.state(states[number], found[number])
     verdict = Verdict.DISAGREES if held.faults else Verdict.AGREES

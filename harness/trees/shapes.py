@@ -40,7 +40,7 @@ class PlacedShape:
 
 
 class ShapesInWorld:
-    """The shapes of a tree whose joints have their positions in this order."""
+    """The shapes of a tree whose joints have their positions in this order, to the precision of ``flint.ctx`` at which they are made."""
 
     def __init__(self, tree: Tree, joints: Sequence[str], shapes: Sequence[Shape]) -> None:
         nodes = kinematics(tree, joints)

@@ -252,6 +252,21 @@ def test_replicas_and_unnamed_shapes_of_several_worldbodies_are_told_apart(text:
     assert {name for one in found for name in one.bodies} == {"world", *(body.name for body in read_robot(path).tree.bodies)}
 
 
+def test_the_last_of_many_replicas_stands_where_the_file_puts_it(tmp_path: Path) -> None:
+    """It is turned 49 times, by angles in degrees that no float64 number is in radians."""
+    replicas = '<replicate count="50" offset="0 0 0.01" euler="0 0 {turn}"><geom type="capsule" {geom}/></replicate>'
+    first = replicas.format(turn=25, geom='size=".01 .05" pos="0 -.23 -.2" euler="0 84.5 0"')
+    second = replicas.format(turn=15, geom='size=".032 .04" pos=".025 -.2 -.2" euler="-24 -12 2"')
+    path = written(tmp_path, f"""<mujoco><worldbody><body name="one"><freejoint/>{first}</body>
+    <body name="two"><freejoint/>{second}</body></worldbody></mujoco>""")
+    model, random = mujoco.MjModel.from_xml_path(str(path)), np.random.default_rng(0)
+    states = np.tile(model.qpos0, (6, 1)) + random.normal(scale=0.2, size=(6, model.nq))
+    for start in (3, 10):
+        states[:, start : start + 4] /= np.linalg.norm(states[:, start : start + 4], axis=1, keepdims=True)
+    record = hold_shapes(read_robot(path), states, found_at(path, states), shapes_that_touch(model))
+    assert record is not None and record.contacts > 50 and record.rest == []
+
+
 # Trees of any kind.
 
 

@@ -78,7 +78,10 @@ class FileProgram:
         return [float(value) for value in self.parameters]
 
     def in_balls(self) -> Callable[..., dict[str, list[Any]]]:
-        """The outputs by their names, as ``arb`` at the working precision in force, as a function of the other inputs."""
+        """The outputs by their names, as ``arb`` at the working precision in force, as a function of the other inputs.
+
+        Its constants have the precision that is in force here.
+        """
         evaluate = BallKernel(self.program, len(self.parameters)).bind(self.numbers)
 
         def outputs(*inputs: float) -> dict[str, list[Any]]:
