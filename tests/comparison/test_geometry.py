@@ -257,8 +257,8 @@ def test_the_last_of_many_replicas_stands_where_the_file_puts_it(tmp_path: Path)
     replicas = '<replicate count="50" offset="0 0 0.01" euler="0 0 {turn}"><geom type="capsule" {geom}/></replicate>'
     first = replicas.format(turn=25, geom='size=".01 .05" pos="0 -.23 -.2" euler="0 84.5 0"')
     second = replicas.format(turn=15, geom='size=".032 .04" pos=".025 -.2 -.2" euler="-24 -12 2"')
-    path = written(tmp_path, f"""<mujoco><worldbody><body name="one"><freejoint/>{first}</body>
-    <body name="two"><freejoint/>{second}</body></worldbody></mujoco>""")
+    bodies = f'<body name="one"><freejoint/>{first}</body><body name="two"><freejoint/>{second}</body>'
+    path = written(tmp_path, f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
     model, random = mujoco.MjModel.from_xml_path(str(path)), np.random.default_rng(0)
     states = np.tile(model.qpos0, (6, 1)) + random.normal(scale=0.2, size=(6, model.nq))
     for start in (3, 10):
