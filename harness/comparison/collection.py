@@ -24,6 +24,7 @@ import msgspec
 
 from harness.errors import InvalidInput, InvalidRequest
 from harness.files.document.xml import MAXIMUM_BYTES, irregular
+from harness.files.mjcf.reading import MOST_FILES
 from harness.files.reading import FORMATS
 from harness.library import STAGE_SUFFIXES, TEMPLATE_SUFFIX
 
@@ -33,8 +34,9 @@ _ROOT = re.compile(rb"<\s*(!DOCTYPE\s+)?([A-Za-z_][\w.:-]*)")
 _COMMENT = re.compile(rb"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)", re.DOTALL)
 # Meshes, included files and height fields of an MJCF.
 _OTHER_FILE = re.compile(rb"\bfile\s*=")
-# A part of a model that others include has no world.
+# A part of a model that others include has no world, and a model may include the file that has its world.
 _WORLD = {b"robot": b"<robot", b"mujoco": b"<worldbody"}
+_INCLUDED = re.compile(rb"<include\b[^>]*\bfile\s*=\s*[\"']([^\"'<>]+)[\"']")
 # Layers that a stage names.
 _LAYER = re.compile(rb"@([^@\n]+)@")
 
@@ -89,7 +91,24 @@ def format_of(path: Path) -> str:
     if root is None or root[2] not in _WORLD:
         return by_suffix
     # The world may be an entity, or stand behind what is read.
-    return FORMATS[root[2].decode()] if root[1] or not is_whole or _WORLD[root[2]] in content else by_suffix
+    is_model = root[1] or not is_whole or _WORLD[root[2]] in content or _includes_a_world(path.parent, content, set())
+    return FORMATS[root[2].decode()] if is_model else by_suffix
+
+
+def _includes_a_world(folder: Path, content: bytes, seen: set[Path]) -> bool:
+    """True where a file that an MJCF includes, from its ``folder``, has a world, or cannot be read, as the model itself then tells."""
+    for name in _INCLUDED.findall(content):
+        file = folder / os.fsdecode(name)
+        if file.resolve() in seen or len(seen) > MOST_FILES:
+            continue
+        seen.add(file.resolve())
+        try:
+            inner = b"" if irregular(file) else _COMMENT.sub(b"", file.read_bytes())
+        except (OSError, ValueError):
+            return True
+        if _WORLD[b"mujoco"] in inner or _includes_a_world(folder, inner, seen):
+            return True
+    return False
 
 
 def _candidates(place: str) -> Iterator[Path]:

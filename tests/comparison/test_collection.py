@@ -30,6 +30,23 @@ def test_models_are_told_by_their_root_element(tmp_path: Path) -> None:
     assert find_files([str(wanted[1]), str(tmp_path)])[0] == wanted[1]
 
 
+def test_a_model_whose_world_is_in_files_that_it_includes_is_found(tmp_path: Path) -> None:
+    """As a robot of which all parts are in files of their own; parts, and what includes parts alone, are none."""
+    (tmp_path / "parts").mkdir()
+    contents = {
+        "robot.xml": '<mujoco><include file="parts/assets.xml"/><include file = \'parts/body.xml\'/></mujoco>',
+        "deeper.xml": '<mujoco><!-- <include file="lost.xml"/> --><include file="parts/deep.xml"/></mujoco>',
+        "broken.xml": '<mujoco><include file="parts/lost.xml"/></mujoco>',
+        "parts/body.xml": "<mujocoinclude><worldbody/></mujocoinclude>",
+        "parts/deep.xml": '<mujocoinclude><include file="parts/deep.xml"/><include file="parts/body.xml"/></mujocoinclude>',
+        "parts/assets.xml": "<mujoco><asset/></mujoco>",
+        "settings.xml": '<mujoco><include file="parts/assets.xml"/></mujoco>',
+    }
+    for name, content in contents.items():
+        (tmp_path / name).write_text(content)
+    assert [path.name for path in find_files([str(tmp_path)])] == ["broken.xml", "deeper.xml", "robot.xml"]
+
+
 def test_what_looks_like_a_robot_is_found_whether_it_can_be_read_or_not(tmp_path: Path) -> None:
     robot = (FILES / "arm.xml").read_text()
     contents = {
