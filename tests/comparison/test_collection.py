@@ -34,7 +34,7 @@ def test_a_model_whose_world_is_in_files_that_it_includes_is_found(tmp_path: Pat
     """As a robot of which all parts are in files of their own; parts, and what includes parts alone, are none."""
     (tmp_path / "parts").mkdir()
     contents = {
-        "robot.xml": '<mujoco><include file="parts/assets.xml"/><include file = \'parts/body.xml\'/></mujoco>',
+        "robot.xml": "<mujoco><include file=\"parts/assets.xml\"/><include file = 'parts/body.xml'/></mujoco>",
         "deeper.xml": '<mujoco><!-- <include file="lost.xml"/> --><include file="parts/deep.xml"/></mujoco>',
         "broken.xml": '<mujoco><include file="parts/lost.xml"/></mujoco>',
         "parts/body.xml": "<mujocoinclude><worldbody/></mujocoinclude>",
