@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 
-from harness.crosscheck.assignment import Assignment, departures_of, load_audited, reference_kernel_of, why_left_out
+from harness.crosscheck.assignment import Assignment, departures_of, load_audited, reference_kernel_of, touches, why_left_out
 from harness.engines import accelerations
 from harness.programs.states import States
 from harness.results.readings import Effect
@@ -22,7 +23,12 @@ def ask_one_by_one(assignment: Assignment, states: States, note: Note) -> None:
 
 
 def measure_componentwise(assignment: Assignment, state: States, beyond: float) -> float:
-    """The componentwise backward error of the subject's answer at one state, as ``componentwise_error`` gives it."""
+    """The componentwise backward error of the subject's answer at one state, as ``componentwise_error`` gives it.
+
+    NaN with contacts on, whose numbers are an engine's and no data of the file.
+    """
+    if touches(assignment):
+        return math.nan
     kernel, state = reference_kernel_of(assignment), assignment.into(state)
     answer = accelerations(load_audited(assignment), state)
     return componentwise_error(kernel, state, kernel.evaluate(state), answer[0], beyond)

@@ -86,8 +86,12 @@ def test_states_that_a_search_begins_with_touch(tmp_path: Path) -> None:
 
 def test_a_solver_that_goes_to_the_end_agrees_at_contacts(tmp_path: Path) -> None:
     written(tmp_path, TO_THE_END)
-    done = harness("check", "hopper.xml", "--contacts", "--subject", "mujoco/mjcf", "--states", "64", cwd=tmp_path)
+    words = ("check", "hopper.xml", "--contacts", "--subject", "mujoco/mjcf", "--states", "64", "--json", "found.json")
+    done = harness(*words, cwd=tmp_path)
     assert done.returncode == 0 and done.stdout.splitlines()[0].endswith("Contacts on."), done.stdout + done.stderr
+    # What an engine finds of contacts is no data that moves, componentwise either.
+    (record,) = json.loads((tmp_path / "found.json").read_text())["records"]
+    assert record["componentwise_error"] is None and "componentwise" not in done.stdout
 
 
 def test_a_contact_that_rubs_otherwise_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
