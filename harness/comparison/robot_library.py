@@ -7,7 +7,7 @@ harness reads in the file, and its engines are those that read it, aided; see ``
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -217,7 +217,8 @@ def on_and_off(library: Library, quantities: Sequence[Quantity], engines: Iterab
         return []
     without = [one.name for one in quantities if not one.is_default and not one.takes_all]
     acts, names, found = library.acts and len(without) < len(quantities), names_apart(library.formats), list[str]()
-    why_off = {name: load_engine(RobotLibrary.without_files(), name).why_off for name in dict.fromkeys(engines)}
+    callers = {name: load_engine(RobotLibrary.without_files(), name) for name in dict.fromkeys(engines)}
+    left_out = {name: {*caller.why_off, *([] if caller.contacts else [CONTACTS])} for name, caller in callers.items()}
     for path in library.formats:
         if (robot := _read(path, library.floating_base)) is None:
             continue
@@ -234,7 +235,7 @@ def on_and_off(library: Library, quantities: Sequence[Quantity], engines: Iterab
         }
         counts = {what: sum(not one.why_not for one in own) for what, own in parts.items()}
         on = joined([counted_parts(count, what) for what, count in counts.items() if count])
-        not_in = _off_in(why_off, [what for what, count in counts.items() if count])
+        not_in = _off_in(left_out, [what for what, count in counts.items() if count])
         off = joined(stays_off(robot.left_out, [one for what, own in parts.items() if counts[what] for one in own]))
         but_for = f", but for {joined(without)}" if without else ""
         said = "; ".join([*([f"{on} on{not_in}{but_for}"] if on else []), *([f"off: {off}"] if off else [])])
@@ -242,9 +243,9 @@ def on_and_off(library: Library, quantities: Sequence[Quantity], engines: Iterab
     return list(filter(None, found))
 
 
-def _off_in(why_off: Mapping[str, Mapping[str, str]], on: Sequence[str]) -> str:
-    """In brackets, kinds of what is on that some engines apply none of, by what they document; "" where all apply all."""
-    missing = grouped((tuple(what for what in on if what in own), engine) for engine, own in why_off.items())
+def _off_in(left_out: Mapping[str, Collection[str]], on: Sequence[str]) -> str:
+    """In brackets, kinds of what is on that some engines apply none of, by what each leaves out; "" where all apply all."""
+    missing = grouped((tuple(what for what in on if what in own), engine) for engine, own in left_out.items())
     said = [f"no {' or '.join(kinds)} in {joined(engines)}" for kinds, engines in missing.items() if kinds]
     return f" ({'; '.join(said)})" if said else ""
 
