@@ -72,15 +72,13 @@ def _weighed_by_mass(tree: Tree, _: Constraint, law: ConstraintLaw) -> Constrain
     """The law whose bodies that only slide, and joints of these, weigh as all three directions of a mass do."""
     slid = [body for body in tree.bodies if only_slides(tree, body)]
     sliders = {name: body.name for body in slid for name in (body.name, *(joint.name for joint in body.joints))}
-    if law.weights is None:
-        return law
 
     def weighed(one: InverseWeight) -> InverseWeight:
         if one.of not in sliders or one.kind not in ("translation", "joint"):
             return one
         return InverseWeight("mass", sliders[one.of])
 
-    return replace(law, weights=tuple(tuple(map(weighed, row)) for row in law.weights))
+    return _with_weights(law, weighed)
 
 
 def only_slides(tree: Tree, body: Body) -> bool:
@@ -121,13 +119,16 @@ def _has_own_frame(body: Body) -> bool:
 def _weighed_at_position(tree: Tree, _: Constraint, law: ConstraintLaw) -> ConstraintLaw:
     """The law whose bodies without any mass weigh at their positions in their parents, taken in their own frames."""
     empty = {body.name for body in tree.bodies if body.inertia is None and body.is_massless and body.pose}
-    if law.weights is None:
-        return law
 
     def weighed(one: InverseWeight) -> InverseWeight:
         return InverseWeight("position", one.of) if one.kind == "translation" and one.of in empty else one
 
-    return replace(law, weights=tuple(tuple(map(weighed, row)) for row in law.weights))
+    return _with_weights(law, weighed)
+
+
+def _with_weights(law: ConstraintLaw, weighed: Callable[[InverseWeight], InverseWeight]) -> ConstraintLaw:
+    """The law with another inverse weight in place of each; itself where it has none."""
+    return law if law.weights is None else replace(law, weights=tuple(tuple(map(weighed, row)) for row in law.weights))
 
 
 def _is_in_place(pose: Pose) -> bool:
