@@ -277,14 +277,15 @@ def _left_of_zero(pair: Pair) -> str:
 def _representative(states: States, comparison: Comparison, pair: Pair) -> Representative | None:
     """The state of a death; else the simplest state with the verdict that hypothesis found; else one, where the worst has another."""
     if pair.failed_at is not None:
-        return Representative(state=pair.failed_at, backward_error=None)
+        return Representative(state=pair.failed_at, backward_error=None, is_alone=True)
     found, index, worst = pair.found, GRAVEST, states.as_json(LARGEST)
+    is_alone = bool(comparison.verdicts[GRAVEST] != comparison.verdicts[LARGEST])
     if found is not None and found.simplest_failure is not None and found.comparison.verdicts[found.simplest_failure] == pair.verdict:
         states, comparison, index = found.states, found.comparison, found.simplest_failure
-    elif comparison.verdicts[GRAVEST] == comparison.verdicts[LARGEST]:
+    elif not is_alone:
         return None
     error, state = float(comparison.backward_error[index]), states.as_json(index)
-    return None if state == worst else Representative(state=state, backward_error=None if math.isnan(error) else error)
+    return None if state == worst else Representative(state=state, backward_error=None if math.isnan(error) else error, is_alone=is_alone)
 
 
 Pairs = Sequence[Pair]

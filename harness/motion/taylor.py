@@ -234,14 +234,15 @@ class Taylor:
             # Without energies it is not known which forces are conservative, and no work is counted.
             power = system.energies(q, v, heyoka.time)["power"][0] if self.mechanism.energy_programs else heyoka.expression(0.0)
             rates = [*system.rates(q, v, heyoka.time), power]
-            self._compiled[chart] = heyoka.taylor_adaptive(
+            self._compiled[chart] = integrator = heyoka.taylor_adaptive(
                 list(zip([*q, *v, work], rates, strict=True)),
                 np.zeros(len(rates), dtype=self._type),
-                pars=self._parameters,
                 fp_type=self._type,
                 high_accuracy=True,
                 # Unrolled, wider types run no faster and compile up to thirty times as long.
                 compact_mode=system.is_long or self._type is not np.float64,
                 **({"tol": self._type(self._tolerance)} if self._tolerance else {}),
             )
+            # It has those up to the highest that occurs: none of balls between impacts, whose masses move nothing.
+            integrator.pars[:] = self._parameters[: len(integrator.pars)]
         return self._compiled[chart]

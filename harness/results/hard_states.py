@@ -172,8 +172,8 @@ def worst_cases(records: Iterable[Record], most: int = 10) -> list[RankedCase]:
     cases = []
     for record in (one for one in records if not one.is_further):
         state, error, replay = record.worst_state, record.backward_error, record.replay
-        if record.verdict == Verdict.ERROR and (shown := record.representative) is not None:
-            # Worse than any number.
+        if (shown := record.representative) is not None and shown.is_alone:
+            # The largest error may be that of an answer that agrees, beside one without a number, or one that is explained.
             state, error, replay = shown.state, shown.backward_error, shown.replay
         if state is not None:
             about = {"system": record.system, "subject": record.subject, "verdict": record.verdict, "statement": record.message}

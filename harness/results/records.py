@@ -39,11 +39,13 @@ class Representative:
         state: {"q": (nq,), "v": (nv,), "tau": (nv,)}.
         backward_error: there [units of data roundoff]; None where there is none.
         replay: shell command that computes it again.
+        is_alone: whether the state with the worst backward error has a milder verdict.
     """
 
     state: dict[str, list[float]]
     backward_error: float | None
     replay: str = ""
+    is_alone: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -87,7 +87,7 @@ def test_a_record_tells_quantiles_of_the_sample_and_the_worst_of_all_answers() -
     assert record.worst_state == states.as_json(int(np.nanargmax(every.backward_error)))
     gravest = int(np.nanargmax(np.where(every.verdicts == "disagrees", every.backward_error, np.nan)))
     assert record.representative is not None and record.representative.state == states.as_json(gravest)
-    assert record.representative.backward_error == every.backward_error[gravest]
+    assert record.representative.backward_error == every.backward_error[gravest] and record.representative.is_alone
 
 
 def test_a_record_without_a_sample_is_of_all_answers() -> None:

@@ -187,6 +187,14 @@ def test_free_body_keeps_its_angular_momentum_across_charts() -> None:
     assert not np.allclose(found.q[:, 3], 1.0)
 
 
+def test_what_no_force_moves_has_no_parameter_and_goes_on_as_it_began() -> None:
+    """Between impacts the masses of Newton's cradle stand in no acceleration; heyoka refuses parameters that do not occur."""
+    times, q, v = np.linspace(0.0, 2.0, 5), np.array([0.5, 0.1, 0.2]), np.array([-1.0, 0.25, 2.0])
+    found = Taylor(mechanism_named("newtons_cradle")).solve(q, v, times)
+    np.testing.assert_allclose(found.q, q + times[:, None] * v, rtol=1e-15)
+    np.testing.assert_array_equal(found.v, np.tile(v, (5, 1)))
+
+
 def test_displacements_turn_back_and_do_not_see_the_sign_of_a_quaternion() -> None:
     mechanism = mechanism_named("free_body")
     states = generic_sample(mechanism, 64, seed=11)

@@ -176,7 +176,7 @@ def record_of(system: str, subject: str, verdict: str, error: float | None, stat
 
 
 def test_the_ranking_puts_the_gravest_and_worst_first_once_per_system() -> None:
-    dead = Representative(state=FOUND.state, backward_error=None, replay="harness check e --state there")
+    dead = Representative(state=FOUND.state, backward_error=None, replay="harness check e --state there", is_alone=True)
     records = [
         record_of("a", "mujoco/mjcf", "unstable", 2e6),
         record_of("b", "mujoco/mjcf", "disagrees", 70.0),
@@ -194,6 +194,17 @@ def test_the_ranking_puts_the_gravest_and_worst_first_once_per_system() -> None:
     assert (c.reproducer, c.replay, c.backward_error) == ("", "harness check c", 1e6)
     assert [case.system for case in worst_cases(records, most=1)] == ["e", "a"]
     assert worst_cases(reversed(records)) == ranking
+
+
+def test_a_case_is_at_a_state_that_has_its_verdict() -> None:
+    """The largest error of a pendulum with limits is where none pushes, so that the answer there agrees."""
+    explained = Representative(state={"q": [1.3], "v": [0.0], "tau": [0.0]}, backward_error=0.7, replay="there", is_alone=True)
+    record = record_of("a", "pinocchio/mjcf", "explained", 1.2)
+    [case] = worst_cases([replace(record, representative=explained)])
+    assert (case.state, case.backward_error, case.replay) == (explained.state, 0.7, "there")
+    # A simpler state than the worst, which has the verdict too, hides no larger error.
+    [case] = worst_cases([replace(record, representative=replace(explained, is_alone=False))])
+    assert (case.state, case.backward_error, case.replay) == (FOUND.state, 1.2, "harness check a")
 
 
 def test_plain_data_is_what_the_file_holds() -> None:
