@@ -20,7 +20,7 @@ from harness.arrays import Array
 from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.truth.compare import Comparison
-from harness.truth.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, on_manifold, special_values
+from harness.truth.sampling import ANGLES, HUGE_ANGLES, SIMPLE_ROTATIONS, beside_half_turns, on_manifold, special_values
 
 # Orders of magnitude over which numbers near zero are drawn, and by which a neighbour may be moved.
 DECADES_DRAWN = 8.0
@@ -60,7 +60,7 @@ def states_of(mechanism: Mechanism, rows: Array) -> States:
 def unit_quaternions(quaternions: Array) -> Array:
     """``quaternions``, (n, 4), at unit length; no turn in place of a zero."""
     length = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    return np.asarray(np.where(length > 0, quaternions / np.where(length > 0, length, 1.0), SIMPLE_ROTATIONS[0]))
+    return beside_half_turns(np.where(length > 0, quaternions / np.where(length > 0, length, 1.0), SIMPLE_ROTATIONS[0]))
 
 
 class Variation:

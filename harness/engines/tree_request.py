@@ -92,7 +92,7 @@ def aid_of(tree: Tree, joints: Sequence[AskedJoint]) -> Aid:
         joint, columns = by_name[asked.name], list(asked.velocities)
         armature[columns] = float(joint.armature)
         damping[columns] = float(joint.damping)
-        if joint.stiffness and len(asked.positions) == 1:
+        if joint.stiffness and joint.kind.is_single:
             spring = JointSpring(joint.name, float(joint.stiffness), in_radians(joint, "spring_reference"), asked.line)
             springs.append((spring, asked.positions[0], asked.velocities[0]))
     forces = JointForces(damping, tuple(springs))

@@ -58,10 +58,13 @@ class PointSpring:
 ForceElement = JointSpring | JointDamper | PointSpring
 
 
-def joint_forces(joints: Iterable[Joint]) -> Iterator[JointSpring | JointDamper]:
-    """The springs and dampers in joints, joint by joint."""
+def joint_forces(joints: Iterable[Joint]) -> Iterator[JointSpring | JointDamper | Unread]:
+    """The springs and dampers in joints, joint by joint; springs of joints without axis unexpressed."""
     for joint in joints:
-        if joint.stiffness:
+        if joint.stiffness and joint.kind.has_attitude:
+            what = f'<joint name="{joint.name}"> stiffness="{float(joint.stiffness):g}" is a spring in a {joint.kind} joint'
+            yield Unread(joint.places["stiffness"], what, "remove it")
+        elif joint.stiffness:
             yield JointSpring(joint.name, float(joint.stiffness), in_radians(joint, "spring_reference"), joint.places["stiffness"].line)
         if joint.damping:
             yield JointDamper(joint.name, float(joint.damping), joint.places["damping"].line)

@@ -16,6 +16,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from harness.files.given import Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Coupling, Joint, Spring, Tree
@@ -23,7 +25,7 @@ from harness.programs.derivatives import along
 from harness.programs.program import upper_triangle
 from harness.programs.terms import Matrix, Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Spatial, power, spatial
-from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, placed
+from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, of_quaternion, placed, quaternion_of, rotation_vector
 from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
 
 if TYPE_CHECKING:
@@ -311,10 +313,7 @@ def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vect
         for column in node.columns if joint.damping else ():
             rate = multiplier * coordinates.velocities[column]
             found[column] = found[column] - multiplier * (builder.number(joint.damping) * rate)
-        if joint.stiffness and joint.kind.is_single:
-            (column,) = node.columns
-            position, rest = position_and_rest(nodes, joint)
-            stretch = position - rest
+        for column, stretch in zip(node.columns, stretched(nodes, joint), strict=True) if joint.stiffness else ():
             found[column] = found[column] - multiplier * (builder.number(joint.stiffness) * stretch)
     for coupling in nodes.tree.couplings:
         total, rest, rate, columns = coupled(nodes, coupling)
@@ -330,6 +329,25 @@ def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vect
 def position_and_rest(nodes: Kinematics, joint: Joint) -> tuple[Term, Term]:
     """The position of a hinge or slide, and that in which its spring is relaxed."""
     return nodes.coordinates.position(joint), angle(nodes.builder, joint.spring_reference, joint.in_degrees)
+
+
+def stretched(nodes: Kinematics, joint: Joint) -> Vector:
+    """The position of a joint against that in which its spring is relaxed, along each of its velocities [m or rad].
+
+    Of a ball joint that is its zero, of a free one where the file has its body start; a rotation is a vector along its axis.
+    """
+    builder, coordinates = nodes.builder, nodes.coordinates
+    if joint.kind.is_single:
+        position, rest = position_and_rest(nodes, joint)
+        return vector([position - rest])
+    start = next(body.start for body in nodes.tree.bodies if joint in body.joints)
+    at_rest, positions = placed(builder, start), coordinates.positions[joint.name]
+    is_turned, turn = any(one.rotation for one in start), of_quaternion(positions[-4:])
+    rotation = rotation_vector(quaternion_of(at_rest.turn.T @ turn) if is_turned else positions[-4:])
+    if not joint.kind.linear:
+        return rotation
+    shift = positions[:3] + -at_rest.shift
+    return np.concatenate([turn.T @ shift if coordinates.is_in_body else shift, rotation])
 
 
 def coupled(nodes: Kinematics, coupling: Coupling) -> tuple[Term, Term, Term, list[tuple[int, Term]]]:

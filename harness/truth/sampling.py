@@ -252,7 +252,7 @@ def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
     # Unit quaternions to rounding: none, half and quarter turns about the axes, and any other.
     simple = [tuple(quaternion) for quaternion in SIMPLE_ROTATIONS.tolist()]
     components = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda quaternion: math.hypot(*quaternion) > 0.01)
-    others = components.map(lambda quaternion: tuple(component / math.hypot(*quaternion) for component in quaternion))
+    others = components.map(lambda quaternion: tuple(beside_half_turns(np.array([quaternion]) / math.hypot(*quaternion))[0].tolist()))
     rotations = st.one_of(st.sampled_from(simple[:4]), st.sampled_from(simple[4:]), others)
 
     ranges = mechanism.position_ranges
@@ -264,6 +264,16 @@ def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
     rates, forces = ([bounded(bounds) for bounds in ranges] for ranges in (mechanism.rate_ranges, mechanism.force_ranges))
     times = bounded(TIMES) if mechanism.feels_time else st.just(0.0)
     return st.tuples(configuration, st.tuples(*rates), st.tuples(*forces), times).map(lambda state: States.at(*state))
+
+
+def beside_half_turns(quaternions: Array) -> Array:
+    """Unit quaternions (n, 4), with the other sign where a real part below rounding is negative.
+
+    The rotation is the same, and the vector along its axis is on that side of half a turn to which its angle is rounded: a spring in a ball
+    joint jumps there.
+    """
+    real = quaternions[:, :1]
+    return np.where((real < 0) & (real > -np.finfo(np.float64).eps), -quaternions, quaternions)
 
 
 def special_values(huge: Sequence[float] = ()) -> list[float]:

@@ -187,8 +187,6 @@ class _MjcfReader:
             friction_softness=attributes.softness(element, "friction"),
             place=place,
         )
-        if joint.stiffness and not kind.has_axis:
-            attributes.leave_unread(element, "stiffness", joint.stiffness, f"is a spring in a {kind} joint", "remove it")
         time, ratio = attributes.numbers(element, "springdamper", (0, 0))
         if time or ratio:
             if min(time, ratio) <= 0:

@@ -15,8 +15,10 @@ from harness.files.given import ORIGIN, Axes, Direction, Given, Placement, Pose,
 from harness.files.given import Vector as Numbers
 from harness.programs.kernels import BallKernel
 from harness.programs.program import StraightLineProgram, without_unused
-from harness.programs.terms import Builder, Matrix, Number, Term, Vector, cos, cross, matrix, sin, sqrt, vector
+from harness.programs.terms import Builder, Matrix, Number, Term, Vector, cos, cross, length, matrix, sin, sqrt, vector
 
+# Of an angle of a quarter, until its tangent is below 0.0246; and of the series of the arctangent of that, in the square.
+_HALVINGS, _TERMS = 5, 20
 _HALF_TURN = ((1, 0, 0), (0, -1, 0), (0, 0, -1))
 
 
@@ -157,6 +159,34 @@ def of_quaternion(quaternion: Vector) -> Matrix:
         products[i] = products[i] - size
         rows.append([int(i == j) + (scale * products[j] + across[i, j]) for j in range(3)])
     return matrix(rows)
+
+
+def rotation_vector(quaternion: Vector) -> Vector:
+    """The vector along the axis of a rotation by a quaternion of any length, as long as its angle [rad], which is in (-pi, pi].
+
+    With t = tan(angle / 4) along the axis it is 4 t atan(|t|) / |t|, which has derivatives at no rotation too: by the series of the
+    arctangent, once halving the angle has made its argument small. What that leaves out is below 2^-210 of the vector.
+    """
+    real, rest = quaternion[0], quaternion[1:]
+    builder = real.builder
+    one, two = builder.number(1), builder.number(2)
+    # That of the real part, and 1 of zero: the two angles add to half a turn forwards or backwards.
+    sign = (builder.add("atan2", real, builder.number(-1)) + builder.add("atan2", real, one)) / builder.add("pi")
+    quarter = (sign / (sign * real + length(quaternion))) * rest
+    squared, factor = quarter @ quarter, builder.number(4)
+    for _ in range(_HALVINGS):
+        root = one + sqrt(one + squared)
+        squared, factor = squared / (root * root), factor * (two / root)
+    series = builder.number(0)
+    for power in reversed(range(_TERMS)):
+        series = builder.number(Fraction(1, 2 * power + 1)) - squared * series
+    return (factor * series) * quarter
+
+
+def quaternion_of(turn: Matrix) -> Vector:
+    """A quaternion of a rotation by less than half a turn."""
+    one = turn[0, 0].builder.number(1)
+    return vector([one + turn[0, 0] + turn[1, 1] + turn[2, 2], *(turn[k, j] - turn[j, k] for j, k in ((1, 2), (2, 0), (0, 1)))])
 
 
 def angle(builder: FileBuilder, value: Fraction, in_degrees: bool) -> Term:

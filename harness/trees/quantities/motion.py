@@ -26,7 +26,7 @@ from harness.programs.terms import Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Spatial, spatial
 from harness.trees.bodies.spatial import FileProgram
 from harness.trees.nodes import kinematics
-from harness.trees.recursion import coupled, position_and_rest
+from harness.trees.recursion import coupled, position_and_rest, stretched
 from harness.trees.world_motion import World, in_world, root
 
 
@@ -241,28 +241,34 @@ def _potential(world: World) -> tuple[Term, Term]:
             found = found - lump.mass * (gravity @ position)
             weight = lump.mass * length(gravity)
             size = size + weight * (length(one.position) + length(lump.centre))
-    for stiffness, stretch, parts in _springs(world):
-        found = found + half * (stiffness * (stretch * stretch))
+    for stiffness, squared, parts in _springs(world):
+        found = found + half * (stiffness * squared)
         reach = sum((size_of(part) for part in parts), builder.zero)
         size = size + stiffness * (reach * reach)
     return found, size
 
 
 def _springs(world: World) -> Iterator[tuple[Term, Term, list[Term]]]:
-    """Stiffness of each spring, its extension, and the lengths of which that is the difference."""
+    """Stiffness of each spring, the square of its extension, and the lengths or angles of which that is the difference."""
     nodes, builder = world.kinematics, world.kinematics.builder
     for node in nodes.nodes:
-        if node.joint.stiffness and node.joint.kind.is_single:
-            position, rest = position_and_rest(nodes, node.joint)
-            yield builder.number(node.joint.stiffness), position - rest, [position, rest]
+        if not node.joint.stiffness:
+            continue
+        stretch, parts = stretched(nodes, node.joint), list[Term]()
+        if node.joint.kind.is_single:
+            parts += position_and_rest(nodes, node.joint)
+        else:
+            # The way from the origin to where the body started is no longer than that to where it is, and from there.
+            parts += [*stretch, *nodes.coordinates.positions[node.joint.name][:-4]]
+        yield builder.number(node.joint.stiffness), stretch @ stretch, parts
     for coupling in nodes.tree.couplings:
         total, rest, _, _ = coupled(nodes, coupling)
-        yield builder.number(coupling.stiffness), total - rest, [total, rest]
+        yield builder.number(coupling.stiffness), (total - rest) * (total - rest), [total, rest]
     for spring in nodes.tree.springs:
         first, second = (world.end(body, pose)[2] for body, pose in spring.ends)
         distance, free = length(second + -first), builder.number(spring.free_length)
         reaches = [length(first), length(second)]
-        yield builder.number(spring.stiffness), distance - free, [*reaches, free]
+        yield builder.number(spring.stiffness), (distance - free) * (distance - free), [*reaches, free]
 
 
 # Frames of bodies.

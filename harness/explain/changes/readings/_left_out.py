@@ -16,6 +16,7 @@ from harness.trees.robot import Robot
 
 # Remedies of several engines.
 ADD_DAMPING, ADD_SPRINGS, ADD_POINT_SPRINGS = "add -d v to tau", "add -k (q - q0) to tau", "add J' f of each spring to tau"
+ADD_TURNING_SPRINGS = "add -k times the position, and the rotation vector, from where they are relaxed to tau"
 ADD_TENDONS = "add coef times the force of the tendon to tau of each of its joints"
 ADD_ROTORS = "add the rotor inertias to the diagonal of M, and solve with that"
 ADD_TO_TARGET = "give gear^2 times both to the joint or tendon that the actuator drives"
@@ -34,7 +35,12 @@ _AXES = (vector((1, 0, 0)), vector((0, 1, 0)), vector((0, 0, 1)))
 
 
 dampers = law("joint damping", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, damping=_NOTHING))
-springs = law("springs", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, stiffness=_NOTHING))
+springs = law("springs", "joints", supplied=True, each=with_joints)(
+    lambda joint: replace(joint, stiffness=_NOTHING) if joint.kind.has_axis else joint
+)
+springs_without_axis = law("springs of joints without axis", "joints", each=with_joints)(
+    lambda joint: joint if joint.kind.has_axis else replace(joint, stiffness=_NOTHING)
+)
 rotors = law("rotor inertias", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, armature=_NOTHING))
 mimics = law("mimic joints", "joints", supplied=True, each=with_joints)(freed)
 point_springs = law("tendons", "tendons", supplied=True)(lambda robot: replace(robot.tree, springs=()))

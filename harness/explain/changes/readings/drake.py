@@ -133,6 +133,11 @@ READINGS = readings_of(
                 "add a RevoluteSpring or PrismaticSpring to the plant for each",
                 f"{_MANUAL}: <springStiffness> is unknown, and stiffness of an MJCF's joint is not supported",
             ),
+            _left_out.springs_without_axis: (
+                "Drake's parser passes over the springs of joints, with a warning",
+                _left_out.ADD_TURNING_SPRINGS,
+                f"{_MANUAL}: stiffness of an MJCF's joint is not supported",
+            ),
             _possible: (
                 (
                     "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "

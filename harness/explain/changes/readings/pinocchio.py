@@ -67,6 +67,11 @@ READINGS = readings_of(
                 _left_out.ADD_SPRINGS,
                 f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which does not read stiffness, {_NO_FORCE}",
             ),
+            _left_out.springs_without_axis: (
+                "Pinocchio applies no springs",
+                _left_out.ADD_TURNING_SPRINGS,
+                f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which does not read stiffness, {_NO_FORCE}",
+            ),
             _left_out.point_springs: (
                 "Pinocchio has no springs between points, and no tendons",
                 _left_out.ADD_POINT_SPRINGS,
