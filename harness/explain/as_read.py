@@ -233,7 +233,7 @@ def why_refused(robot: Robot, refusal: str) -> list[str]:
         return impossible
     place, numbers = named.place, "no inertia"
     if (inertia := named.inertia) is not None:
-        place, numbers = inertia.places["moments"], f"{_numbers((inertia.mass,))} kg, {_numbers(inertia.moments)} kg m^2"
+        place, numbers = inertia.place_of("moments"), f"{_numbers((inertia.mass,))} kg, {_numbers(inertia.moments)} kg m^2"
     return [f"{place.within(robot.path)}: {named.name}: {numbers}", *impossible]
 
 

@@ -257,7 +257,7 @@ def _velocities(one: Joint | BoundTendon) -> int:
 
 
 def _of(one: Joint | BoundTendon, kind: str, says: DryFriction | Limit, softness: SolverParameters) -> Constraint:
-    place = one.places["friction_loss" if isinstance(says, DryFriction) else "limits"]
+    place = one.place_of("friction_loss" if isinstance(says, DryFriction) else "limits")
     time, ratio = map(float, softness.solref)
     complaint = one_sign((time, ratio))
     why_not = f"has solref {time:g} {ratio:g}, which {complaint}" if complaint else ""

@@ -63,11 +63,11 @@ def joint_forces(joints: Iterable[Joint]) -> Iterator[JointSpring | JointDamper 
     for joint in joints:
         if joint.stiffness and joint.kind.has_attitude:
             what = f'<joint name="{joint.name}"> stiffness="{float(joint.stiffness):g}" is a spring in a {joint.kind} joint'
-            yield Unread(joint.places["stiffness"], what, "remove it")
+            yield Unread(joint.place_of("stiffness"), what, "remove it")
         elif joint.stiffness:
-            yield JointSpring(joint.name, float(joint.stiffness), in_radians(joint, "spring_reference"), joint.places["stiffness"].line)
+            yield JointSpring(joint.name, float(joint.stiffness), in_radians(joint, "spring_reference"), joint.place_of("stiffness").line)
         if joint.damping:
-            yield JointDamper(joint.name, float(joint.damping), joint.places["damping"].line)
+            yield JointDamper(joint.name, float(joint.damping), joint.place_of("damping").line)
 
 
 def in_radians(joint: Joint, name: str) -> float:

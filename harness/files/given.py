@@ -98,13 +98,19 @@ class Placed:
     @property
     def places(self) -> Mapping[str, Place]:
         """The place of each quantity, by the name of its field; that of the element where the file does not give the quantity."""
-        found = {}
-        for one in fields(self):  # type: ignore[arg-type]
-            given = next(numbers_in(getattr(self, one.name)), None)
-            place = self.place if given is None else given.place
-            if place is not None:
-                found[one.name] = place
-        return found
+        known = ((one.name, self._place_of(one.name)) for one in fields(self))  # type: ignore[arg-type]
+        return {name: place for name, place in known if place is not None}
+
+    def place_of(self, quantity: str) -> Place:
+        """One of ``places`` by itself, without those of the other quantities; raises KeyError where there is none."""
+        place = self._place_of(quantity)
+        if place is None:
+            raise KeyError(quantity)
+        return place
+
+    def _place_of(self, quantity: str) -> Place | None:
+        given = next(numbers_in(getattr(self, quantity)), None)
+        return self.place if given is None else given.place
 
 
 def numbers_in(value: object) -> Iterator[Given]:

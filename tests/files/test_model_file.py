@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from harness.engines import load_engine
 from harness.errors import InvalidModel
 from harness.files.document.xml import MAXIMUM_BYTES, MAXIMUM_DEPTH, MAXIMUM_ELEMENTS
-from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, parse_model, read_model
-from harness.files.text.scan import find_elements
+from harness.files.given import every_number_in
+from harness.files.model_file import JointDamper, JointSpring, ModelFile, PointSpring, meaning_of, parse_model, read_model
+from harness.files.text.scan import find_elements, find_numbers, with_values
 from harness.library import Library
 
 SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
@@ -689,3 +690,17 @@ def test_the_version_of_an_xml_declaration_says_nothing(version: str, read: Read
     text = MJCF.replace('version="1.0"', f'version="{version}"')
     model, plain = read(text, "mjcf"), read(MJCF, "mjcf")
     assert model.text == text and model.joint_lines == plain.joint_lines and model.force_elements == plain.force_elements
+
+
+@pytest.mark.parametrize("model_format", ["mjcf", "urdf"])
+def test_a_file_with_one_number_changed_has_the_other_numbers_of_the_file(model_format: str) -> None:
+    """A diagnosis reads it a thousand times: the numbers are made once, each at its own place, defaults among them."""
+    model = read_model(Library.built_in().model_path("double_pendulum", model_format), model_format)
+    tag, name = ("inertial", "mass") if model_format == "mjcf" else ("mass", "value")
+    number = next(one for one in find_numbers(model.text, model_format) if (one.element, one.attribute) == (tag, name))
+    changed = model.with_text(with_values(model.text, {number: 2 * number.value}))
+    pairs = list(zip(*(every_number_in(meaning_of(one).tree) for one in (model, changed)), strict=True))
+    assert [one.key for one, _ in pairs] == [other.key for _, other in pairs]
+    assert [(float(one), float(other)) for one, other in pairs if one != other] == [(number.value, 2 * number.value)]
+    # Those that stand for nothing in the file, as the gravity of a URDF, are made anew.
+    assert len(pairs) > 20 and sum(one is not other for one, other in pairs) <= len(pairs) / 10

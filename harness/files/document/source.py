@@ -255,23 +255,28 @@ class Source:
 
     def default(self, element: etree._Element, attribute: str, values: Sequence[float], start: int = 0) -> tuple[Given, ...]:
         """The numbers that hold for ``element`` where the file gives none, from number ``start`` on."""
-        place = self._places[element]
-        return tuple(Given(value, place, attribute, index) for index, value in enumerate(values[start:], start))
+        return _given(self._places[element], attribute, tuple(values[start:]), start)
 
     def read(self, element: etree._Element, attribute: str, text: str, rule: Numbers) -> tuple[Given, ...]:
         """The numbers that ``text`` holds, as those of an attribute of ``element``."""
-        place = self._places[element]
         try:
             values = rule.read(text)
         except ValueError as error:
             shown = f' {attribute}="{shorten(text)}"' if attribute else ""
             self.refuse(element, f"<{literal_tag(element)}{shown}> {error}")
-        return tuple(Given(value, place, attribute, index) for index, value in enumerate(values))
+        return _given(self._places[element], attribute, values)
 
     def number(self, element: etree._Element, attribute: str, default: float | None, check: Check | None = None) -> Given:
         """``numbers`` of one."""
         (value,) = self.numbers(element, attribute, None if default is None else (default,), check, 1)
         return value
+
+
+# A diagnosis reads a file a thousand times with one number changed; most numbers of an MJCF are defaults, which stand in no attribute.
+@functools.lru_cache(maxsize=4096)
+def _given(place: Place, attribute: str, values: tuple[float, ...], start: int = 0) -> tuple[Given, ...]:
+    """The numbers of an attribute from number ``start`` on."""
+    return tuple(Given(value, place, attribute, index) for index, value in enumerate(values, start))
 
 
 def read_any(path: Path, expected: str) -> Document:
@@ -313,18 +318,21 @@ def refuse_irregular_files(source: Source) -> None:
     Raises:
         InvalidModel: at the line of the element.
     """
-    folders = _folders(source)
-    for element in source.root.iter("*"):
-        for attribute, text in element.attrib.items():
-            if _NAMING.fullmatch(attribute) is None:
-                continue
-            kinds = {path: _kind(path) for path in _places(text, folders)}
-            # Readers differ in where they look; a directory beside the file that they find is none of their business.
-            is_found = any(path.is_file() for path in kinds)
-            for path, kind in kinds.items():
-                if kind and not (is_found and path.is_dir()):
-                    what = f'<{literal_tag(element)} {attribute}="{shorten(text)}">'
-                    source.refuse(element, f"{what}: {path} is {kind}; expected a regular file")
+    naming = [
+        (element, attribute, text)
+        for element in source.root.iter("*")
+        for attribute, text in element.attrib.items()
+        if _NAMING.fullmatch(attribute)
+    ]
+    folders = _folders(source) if naming else []
+    for element, attribute, text in naming:
+        kinds = {path: _kind(path) for path in _places(text, folders)}
+        # Readers differ in where they look; a directory beside the file that they find is none of their business.
+        is_found = any(path.is_file() for path in kinds)
+        for path, kind in kinds.items():
+            if kind and not (is_found and path.is_dir()):
+                what = f'<{literal_tag(element)} {attribute}="{shorten(text)}">'
+                source.refuse(element, f"{what}: {path} is {kind}; expected a regular file")
 
 
 def _kind(path: Path) -> str:

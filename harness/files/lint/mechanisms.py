@@ -86,8 +86,7 @@ def _check_bodies(document: Document, reading: Meaning) -> None:
                 problem = f"moves but has no <inertial>; add one with {_LACKS_INERTIAL[reading.format]}"
                 document.refuse(element, f"{describe(element)} {problem}")
             continue
-        places = body.inertia.places
-        mass, moments = places["mass"], places["moments"]
+        mass, moments = map(body.inertia.place_of, ("mass", "moments"))
         inertial = elements[moments.element]
         if reading.format == "mjcf" and not {"diaginertia", "fullinertia"} & set(inertial.attrib):
             problem = "has neither diaginertia nor fullinertia; expected one of them"

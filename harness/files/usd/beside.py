@@ -72,9 +72,9 @@ class BesideTree:
         yield from ((ACTUATORS, one.place) for one in self.actuators if one.place is not None)
         for joint in (joint for body in self.bodies for joint in body.joints):
             if joint.limits is not None:
-                yield LIMITS, joint.places["limits"]
+                yield LIMITS, joint.place_of("limits")
             if joint.friction_loss:
-                yield FRICTION, joint.places["friction_loss"]
+                yield FRICTION, joint.place_of("friction_loss")
         yield from ((_ONE_SIDED, prim.place) for prim in self.moving if self.joints.one_sided(prim))
         yield from ((_WEAKER, prim.at(name)) for prim, name in self.joints.weaker)
         for prim in self.prims.values():
