@@ -23,6 +23,8 @@ class Joint(Placed):
             That of a planar joint is square to its plane.
         reference: position [m, rad, or degrees] at which the body stands where its pose says.
         armature: inertia [kg m^2 or kg] that a rotor adds to the joint's own.
+        rotors_in_body: of a free joint, whether the inertia that it adds to its linear velocity is of the components along the body's axes,
+            which turn, and not of those along its parent's.
         compensated_by_actuators: whether what compensates gravity on this joint is a force of actuators, which act or do not.
         follows: name of the joint that it mimics, "" for one that moves by itself; its position is ``multiplier`` times that of
             the other, and ``offset`` [m or rad].
@@ -42,6 +44,7 @@ class Joint(Placed):
     reference: Fraction = Fraction(0)
     in_degrees: bool = False
     armature: Fraction = Fraction(0)
+    rotors_in_body: bool = False
     compensated_by_actuators: bool = False
     follows: str = ""
     multiplier: Fraction = Fraction(1)

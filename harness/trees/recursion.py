@@ -137,7 +137,25 @@ def _velocity_terms(nodes: Kinematics, velocities: Sequence[Spatial]) -> Vector:
         moment, momentum = node.rigid.momentum((angular, linear))
         gyroscopic = spatial(cross(angular, moment) + cross(linear, momentum), cross(angular, momentum))
         forces.append(node.rigid.momentum(accelerations[-1]) + gyroscopic)
-    return generalised(nodes, forces)
+    return generalised(nodes, forces) + of_turning_rotors(nodes)
+
+
+def of_turning_rotors(nodes: Kinematics) -> Vector:
+    """Velocity terms of the rotors of free joints, whose inertia is of components of the linear velocity along other axes than v has.
+
+    Where the axes of v turn at w in those of u, the force J u' is J (v' + w x v) along the axes of v.
+    """
+    builder, coordinates = nodes.builder, nodes.coordinates
+    found = builder.zeros(nodes.nv)
+    for node in nodes.nodes:
+        joint = node.joint
+        if joint.kind != JointKind.FREE or not joint.armature or joint.rotors_in_body is coordinates.is_in_body:
+            continue
+        linear, spin = np.split(coordinates.velocities[node.columns], 2)
+        if joint.rotors_in_body:
+            spin = -(of_quaternion(coordinates.positions[joint.name][-4:]) @ spin)
+        found[node.columns[:3]] = builder.number(joint.armature) * cross(spin, linear)
+    return found
 
 
 def _upward(nodes: Kinematics) -> list[Spatial]:

@@ -46,6 +46,7 @@ FILES = {
         "reference of a slide from a default class", '<default><default class="c"><joint ref="20"/></default></default>',
         body("a", 'name="j1" axis="1 0 0"', SLIDE), "",
     ),
+    "rotors of a free joint": ("rotors of free joints", COMPILER, body("a", 'name="j1" type="free" armature="0.3"', SECOND), ""),
     "type of a childclass": (
         "class beside a childclass",
         '<default><default class="c"><joint damping="0"/></default><default class="k"><joint type="slide"/></default></default>',

@@ -22,7 +22,7 @@ from harness.trees.bodies.rigid import Lump, Spatial, joined, power, spatial
 from harness.trees.bodies.spatial import Frame
 from harness.trees.nodes import composite_inertias, joints_by_themselves
 from harness.trees.quantities.motion import Block, TreeMotion, size_of
-from harness.trees.recursion import forces_of_joints
+from harness.trees.recursion import forces_of_joints, of_turning_rotors
 from harness.trees.rows import rows_in, rows_of
 from harness.trees.world_motion import (
     Parts,
@@ -62,8 +62,10 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
             force = slope * (inertia * spin)
             values[column] = values[column] + force
             sizes[column] = sizes[column] + size_of(force)
+    turning = of_turning_rotors(nodes)
     for column, name in enumerate(motion.columns):
-        size = sizes[column] + size_of(of_joints[column])
+        size = sizes[column] + size_of(of_joints[column]) + size_of(turning[column])
+        values[column] = values[column] + turning[column]
         yield Block(f"generalised force on {name}", (values[column] - of_joints[column],), size)
 
 
@@ -79,18 +81,19 @@ def power_of_forces(motion: TreeMotion) -> Iterator[Block]:
 def bias(motion: TreeMotion) -> Iterator[Block]:
     """Velocity terms and gravity: what inverse dynamics without springs, dampers and accelerations ask for."""
     still = motion.kinematics.builder.zeros(motion.kinematics.nv)
-    return _forces_of(motion, parts_of_motion(motion, still), "bias force")
+    return _forces_of(motion, parts_of_motion(motion, still), "bias force", of_turning_rotors(motion.kinematics))
 
 
 def gravity(motion: TreeMotion) -> Iterator[Block]:
     """Forces that hold the tree at rest against its weight."""
-    return _forces_of(motion, weights(motion), "gravity force")
+    return _forces_of(motion, weights(motion), "gravity force", motion.kinematics.builder.zeros(motion.kinematics.nv))
 
 
-def _forces_of(motion: TreeMotion, parts: Parts, kind: str) -> Iterator[Block]:
+def _forces_of(motion: TreeMotion, parts: Parts, kind: str, further: Vector) -> Iterator[Block]:
+    """Those of ``parts``, and ``further`` ones."""
     values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
-    for name, value, size in zip(motion.columns, values, sizes, strict=True):
-        yield Block(f"{kind} on {name}", (value,), size)
+    for name, value, size, more in zip(motion.columns, values, sizes, further, strict=True):
+        yield Block(f"{kind} on {name}", (value + more,), size + size_of(more))
 
 
 def generalised(world: World, numbers: Iterable[int], parts: Parts, that_cancel: Parts) -> tuple[Vector, Vector]:

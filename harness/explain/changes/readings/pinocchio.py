@@ -48,6 +48,16 @@ def _is_unaligned(joint: Joint) -> bool:
     return all(math.dist(axis, along) > _ALIGNED * shorter for along in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
 
 
+@law(
+    "rotors of free joints",
+    "joints",
+    after=("rotor inertias", "rotor inertia beside a childclass", "class beside a childclass", "frames"),
+    each=with_joints,
+)
+def _along_the_body(joint: Joint) -> Joint:
+    return replace(joint, rotors_in_body=True) if joint.kind == JointKind.FREE and joint.armature else joint
+
+
 READINGS = readings_of(
     "pinocchio",
     {
@@ -131,6 +141,16 @@ READINGS = readings_of(
                 "Pinocchio's computeKineticEnergy leaves out the armature of a hinge about another axis than 1 0 0, 0 1 0 or 0 0 1",
                 "add armature v^2 / 2 of each of them",
                 "Pinocchio 4.1, multibody/joint/joint-revolute-unaligned.hxx, whose calc sets data.v and not data.joint_v",
+            ),
+        },
+        _MJCF: {
+            _along_the_body: (
+                (
+                    "Pinocchio adds the armature of a free joint to the accelerations of its velocity's components along the axes of the "
+                    "body, which turn, and not along those of the world"
+                ),
+                'write <freejoint/>, or armature="0" on the free joint, which has no rotor',
+                "Pinocchio 4.1, multibody/joint/joint-free-flyer.hpp: its velocity is along the axes of the body, as armature is in aba",
             ),
         },
     },
