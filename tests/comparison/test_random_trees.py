@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from comparison.robots import meant_by
 
+from harness.comparison.case import AskedEngine
+from harness.comparison.robot_library import engine_of
 from harness.comparison.switched_on import judge_switched_on
+from harness.explain.meant import Meant, worst
 from harness.results.switched_on import SwitchedOnRecord, switched_on_text
+from harness.truth.compare import compare
 from harness.verdict import AGREEMENT, Verdict
 
 BRANCHES = """<mujoco>
@@ -33,12 +37,27 @@ BRANCHES = """<mujoco>
 """
 # Of the parents of a new body: so many of the last ones.
 NEAREST = 6
+# MuJoCo factorises M, so that trees with kappa_s of 1e5 take up to 160 data roundoffs of it where nothing touches, and as many of it where
+# something does. These are the largest of a few states each, which differ by the roundings of a processor.
+SPREAD = 4
+
+
+def meant_in(folder: Path, text: str) -> Meant:
+    path = folder / "tree.xml"
+    path.write_text(text)
+    return meant_by(path)
 
 
 def held_by(folder: Path, text: str) -> SwitchedOnRecord:
-    path = folder / "tree.xml"
-    path.write_text(text)
-    return judge_switched_on(meant_by(path), "mujoco")
+    return judge_switched_on(meant_in(folder, text), "mujoco")
+
+
+def lost_by_factors(meant: Meant) -> float:
+    """The largest backward error of MuJoCo with nothing that touches."""
+    answers = AskedEngine(meant, engine_of("mujoco")).with_those([])
+    lost = worst(compare(meant.truth, answers.of(meant.robot.joints), factorises=True))
+    assert lost is not None
+    return lost
 
 
 def random_tree(bodies: int, seed: int, jacobian: str, beside: float = 0.05) -> str:
@@ -84,7 +103,10 @@ def test_a_wrong_factor_of_the_solver_is_told_with_what_to_set(tmp_path: Path) -
 @pytest.mark.parametrize("jacobian", ["dense", "sparse"])
 @pytest.mark.parametrize(("bodies", "seed"), [(10, 1), (12, 50), (20, 4), (40, 2), (80, 3), (150, 5)])
 def test_random_trees_touch_as_documented(bodies: int, seed: int, jacobian: str, tmp_path: Path) -> None:
-    record = held_by(tmp_path, random_tree(bodies, seed, jacobian))
+    meant = meant_in(tmp_path, random_tree(bodies, seed, jacobian))
+    record = judge_switched_on(meant, "mujoco")
     assert record.explained and record.touching, switched_on_text(record)
-    assert record.verdict == Verdict.AGREES or record.fault
+    if not record.fault:
+        assert record.verdict in {Verdict.AGREES, Verdict.UNSTABLE} and record.backward_error is not None
+        assert record.backward_error <= max(AGREEMENT, SPREAD * lost_by_factors(meant))
     assert not record.fault or (jacobian, mujoco.__version__) == ("sparse", "4.0.0")
