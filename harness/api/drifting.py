@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from harness import workers as processes
 from harness.drifts.control import read_control
-from harness.drifts.plan import DriftSettings, MovingSide
+from harness.drifts.plan import DriftSettings, sides_of
 from harness.drifts.study import DriftStudy, drift_here
 from harness.engines.moving import Control
 from harness.results.drift import DriftRecord, Drifts
@@ -88,14 +88,9 @@ def drift(
         >>> found.ranked[0].name
         'integrator'
     """
-    texts = (by, by) if isinstance(by, str) else tuple(by)
-    paths = (Path(first), Path(first if second is None else second))
     timing = moved.get("delay", (0.0, 0.0)), moved.get("decimation", (1, 1))
-    one, other = (
-        replace(MovingSide(path).by(text), delay=late, decimation=steps)
-        for path, text, late, steps in zip(paths, texts, *timing, strict=True)
-    )
-    settings = DriftSettings((one, other), moved.get("seconds", 1.0), None, moved.get("start", {}), moved.get("seed", 0))
+    sides = sides_of((Path(first), None if second is None else Path(second)), (by,) if isinstance(by, str) else by, *timing)
+    settings = DriftSettings(sides, moved.get("seconds", 1.0), None, moved.get("start", {}), moved.get("seed", 0))
     if callable(control):
         return _found(drift_here(replace(settings, control=Control.calling(control))))
     study = DriftStudy(replace(settings, control=None if control is None else read_control(Path(control))))

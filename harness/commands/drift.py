@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -99,18 +99,15 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
     """
     from harness.drifts.control import is_table, read_control
     from harness.drifts.measured import MeasuredSettings
-    from harness.drifts.plan import DriftSettings, MovingSide
+    from harness.drifts.plan import DriftSettings, sides_of
     from harness.drifts.study import DriftStudy, MeasuredStudy
     from harness.report.drift import drift_sections
 
+    if is_table(asked.first):
+        raise click.UsageError(f"{asked.first} is a table; give the model first, and the log as B")
     if len(asked.by) > 2:
         raise click.UsageError("--by is given once for both sides, or twice")
-    paths = (asked.first, asked.second or asked.first)
-    by = (asked.by * 2)[:2] or ("mujoco",) * 2
-    sides = [MovingSide(path).by(text) for path, text in zip(paths, by, strict=True)]
-    first, second = (
-        replace(side, delay=delay, decimation=steps) for side, delay, steps in zip(sides, asked.delay, asked.decimation, strict=True)
-    )
+    first, second = sides_of((asked.first, asked.second), asked.by or ("mujoco",), asked.delay, asked.decimation)
     control = None if asked.control is None else read_control(asked.control)
     study: DriftStudy | MeasuredStudy
     if asked.second is not None and is_table(asked.second):
@@ -118,7 +115,9 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
             raise click.UsageError("a measured log has no engine, start, delay, decimation or picture of its own; leave them out for B")
         study = MeasuredStudy(MeasuredSettings(first, asked.second, control, asked.seconds))
     else:
-        study = DriftStudy(DriftSettings((first, second), asked.seconds or 1.0, control, _start(asked.start), bracket.seed))
+        study = DriftStudy(
+            DriftSettings((first, second), 1.0 if asked.seconds is None else asked.seconds, control, _start(asked.start), bracket.seed)
+        )
     bracket.begin(1, "drift")
     found = tell(bracket, study, drift_sections, lambda found: found.summary)
     if asked.picture is not None and found.drifts:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,12 +48,17 @@ def read_table(path: Path, noun: str, of: str) -> tuple[tuple[str, ...], Array, 
         columns = _READERS[path.suffix.lower()](path)
     except FileNotFoundError as error:
         raise InvalidRequest(f"{path}: there is no such table of {noun}") from error
-    except (OSError, ValueError) as error:
+    except InvalidRequest:
+        raise
+    except Exception as error:
+        # What libraries raise of a file that is damaged is of many kinds.
         raise InvalidRequest(f"{path}: cannot be read as a table of numbers: {error}") from error
     if TIME not in columns or len(columns) < 2:
         raise InvalidRequest(f"{path} has the columns {', '.join(columns) or 'none'}; expected {TIME} and one for each {of}")
     times = columns.pop(TIME)
-    if times.ndim != 1 or not len(times) or any(column.shape != times.shape for column in columns.values()):
+    if times.ndim == 1 and not len(times):
+        raise InvalidRequest(f"{path} has no row; expected one for each time")
+    if times.ndim != 1 or any(column.shape != times.shape for column in columns.values()):
         raise InvalidRequest(f"{path} has columns of several lengths; expected one number in each for each time")
     if not all(np.isfinite(column).all() for column in (times, *columns.values())):
         raise InvalidRequest(f"{path} holds a number that is not finite")
@@ -63,8 +69,12 @@ def read_table(path: Path, noun: str, of: str) -> tuple[tuple[str, ...], Array, 
 
 
 def _csv(path: Path) -> dict[str, Array]:
-    with path.open(newline="", encoding="utf-8") as file:
+    with path.open(newline="", encoding="utf-8-sig") as file:
         header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]
+    if len(header) == 1 and (other := next((sign for sign in ";\t|" if sign in header[0]), "")):
+        raise ValueError(f"the header has no comma, but {other!r}; expected columns apart by commas, and points in numbers")
+    if twice := next((name for name in header if header.count(name) > 1), ""):
+        raise ValueError(f"two columns are called {twice!r}; leave out one")
     if any(len(row) != len(header) for row in rows):
         raise ValueError(f"a row has another number of cells than the header, which has {len(header)}")
     values = np.array(rows, dtype=np.float64).reshape(len(rows), len(header))
@@ -73,7 +83,7 @@ def _csv(path: Path) -> dict[str, Array]:
 
 def _npz(path: Path) -> dict[str, Array]:
     with np.load(path, allow_pickle=False) as file:
-        return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
+        return {name: _real(name, file[name]) for name in file.files}
 
 
 def _parquet(path: Path) -> dict[str, Array]:
@@ -82,7 +92,13 @@ def _parquet(path: Path) -> dict[str, Array]:
     except ImportError as error:
         raise InvalidRequest(f"{path}: Parquet is read by pyarrow, which is not installed; install it, or write a CSV") from error
     table = parquet.read_table(path)
-    return {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in table.column_names}
+    return {name: _real(name, table[name].to_numpy()) for name in table.column_names}
+
+
+def _real(name: str, values: Any) -> Array:
+    if np.iscomplexobj(values):
+        raise ValueError(f"column {name!r} holds complex numbers")
+    return np.asarray(values, dtype=np.float64)
 
 
 # By what names of files end in.

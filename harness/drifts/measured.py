@@ -18,10 +18,10 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.drifts.control import read_table
-from harness.drifts.lines import FileLines
-from harness.drifts.plan import MovingSide
+from harness.drifts.plan import MovingSide, acting, columns_of
 from harness.engines.moving import Control, HeldNumbers, MotionsRequest, Moved, NamedNumber, SimulatedFile
 from harness.errors import InvalidRequest
+from harness.explain.changes.held import HeldFile
 from harness.results.cause import DriftCause
 from harness.results.measured import MeasuredNumber, MeasuredRecord
 
@@ -32,6 +32,8 @@ _ITERATIONS, _FACTORS = 6, (0.5, 0.75, 1.5, 2.0)
 _FIRST_ROWS = 5
 # Change of a number by which its effect is computed, relative, and of a velocity [m/s or rad/s]; cosine from which on effects are parallel.
 _CHANGE, _VELOCITY_CHANGE, PARALLEL = 1e-2, 1e-4, 0.98
+# Parts of the gap that are one for what is told first.
+_AS_MUCH = 1e-3
 DELAY = NamedNumber(DriftCause.DELAY, "", "control delay [s]", 0.0, ("", ""), {}, least=0.0)
 
 
@@ -55,7 +57,7 @@ class _Model:
     """The model that moves: a request for one motion of the unchanged file, and all about the log.
 
     Attributes:
-        columns: of the joints of the log, in v. measured: (k, joints) positions of the log at the recorded steps.
+        columns: of the joints of the log, in v. measured: (k, joints) positions of the log at the recorded steps. first: at its first row.
     """
 
     held: HeldNumbers
@@ -64,6 +66,7 @@ class _Model:
     columns: tuple[int, ...]
     places: tuple[int, ...]
     measured: Array
+    first: Array
 
 
 def measured_drift(settings: MeasuredSettings, move: Callable[[MotionsRequest], Moved], held: HeldNumbers) -> MeasuredRecord:
@@ -79,7 +82,7 @@ def measured_drift(settings: MeasuredSettings, move: Callable[[MotionsRequest], 
     whiten = _whitening(base.mass, model.columns)
     from_start = _beside(np.array([whiten(moved[:, model.places] - base.q[0][:, model.places]) for moved in _started(model, move)]))
     gap = from_start(whiten(model.measured - base.q[0][:, model.places]))
-    way = whiten(model.measured - model.measured[:1])
+    way = whiten(model.measured - model.first)
     count, numbers = 1 + len(model.columns), [*held.named, *([DELAY] if model.request.control.names else [])]
 
     def positions(changed: Sequence[tuple[NamedNumber, float]]) -> Array:
@@ -90,16 +93,16 @@ def measured_drift(settings: MeasuredSettings, move: Callable[[MotionsRequest], 
         return np.array([from_start(whiten(track[:, model.places] - base.q[0][:, model.places])) for track in tracks])
 
     fits = _fitted(numbers, gap, positions, _smallest(model))
-    best = sorted(fits, key=lambda fit: -fit.explained)
-    lines = FileLines(settings.side.path)
+    best = _likeliest_first(sorted(fits, key=lambda fit: -fit.explained))
+    file = HeldFile(settings.side.path)
     return MeasuredRecord(
         path=settings.side.path.name,
         log=settings.log.name,
         mover=f"{settings.side.engine}, {held.integrator}, steps of {held.length:g} s",
-        joints=[name for place, name in enumerate(held.joints) if place in _joint_places(held, model.places)],
+        joints=[name for name, (place, _) in columns_of(held.joints).items() if place.start in model.places],
         seconds=model.motion.counts[-1] * held.length,
         gap=float(np.linalg.norm(gap) / np.linalg.norm(way)) if way.any() else float("inf"),
-        numbers=tuple(_told(fit, best, lines) for fit in best) if gap.any() else (),
+        numbers=tuple(_told(fit, best, file) for fit in best) if gap.any() else (),
         motions=count,
     )
 
@@ -109,10 +112,8 @@ def _model(settings: MeasuredSettings, held: HeldNumbers) -> _Model:
     if unknown := [name for name in names if name not in held.joints or held.joints[name].sizes != (1, 1)]:
         expected = ", ".join(name for name, kind in held.joints.items() if kind.sizes == (1, 1))
         raise InvalidRequest(f"{settings.log} has the column {unknown[0]!r}, which is no hinge or slide of the model; expected {expected}")
-    places, columns, q_place, v_place = {}, {}, 0, 0
-    for name, kind in held.joints.items():
-        places[name], columns[name] = q_place, v_place
-        q_place, v_place = q_place + kind.sizes[0], v_place + kind.sizes[1]
+    own = columns_of(held.joints)
+    places, columns = (tuple(own[name][part].start for name in names) for part in range(2))
     began, times = times[0], times - times[0]
     last = times[-1] if settings.seconds is None else min(times[-1], settings.seconds)
     counts = sorted({round(time / held.length) for time in times[times <= last * (1 + 1e-9)]} - {0})
@@ -122,17 +123,16 @@ def _model(settings: MeasuredSettings, held: HeldNumbers) -> _Model:
     grid = np.array(kept) * held.length
     measured = np.column_stack([np.interp(grid, times, values[:, column]) for column in range(len(names))])
     q, v = held.q.copy(), held.v.copy()
-    for column, name in enumerate(names):
-        q[places[name]] = values[0, column]
-        v[columns[name]] = _first_velocity(times, values[:, column])
+    q[list(places)] = values[0]
+    v[list(columns)] = [_first_velocity(times, positions) for positions in values.T]
     control = settings.control or Control.constant(held.control)
     if control.function is None:
         # Both tables are of one clock.
         control = replace(control, times=control.times - began)
-    control = control.of_actuators(list(held.control), held.servos)
+    control = acting(control, list(held.control), held.servos, kept[-1] * held.length)
     motion = SimulatedFile(settings.side.file, {}, settings.side.timing(held.length), tuple(kept))
     request = MotionsRequest((), tuple(held.joints), q, v, control)
-    return _Model(held, request, motion, tuple(columns[name] for name in names), tuple(places[name] for name in names), measured)
+    return _Model(held, request, motion, columns, places, measured, values[0])
 
 
 def _first_velocity(times: Array, positions: Array) -> float:
@@ -140,12 +140,6 @@ def _first_velocity(times: Array, positions: Array) -> float:
     few = slice(1, _FIRST_ROWS)
     t, moved = times[few], positions[few] - positions[0]
     return float(np.linalg.lstsq(np.column_stack([t, t**2]), moved)[0][0]) if len(t) > 1 else float(moved[0] / t[0])
-
-
-def _joint_places(held: HeldNumbers, places: Sequence[int]) -> set[int]:
-    """Numbers of joints by the places of their positions."""
-    starts = np.cumsum([0, *(kind.sizes[0] for kind in held.joints.values())]).tolist()
-    return {starts.index(place) for place in places}
 
 
 def _whitening(mass: Array, columns: Sequence[int]) -> Callable[[Array], Array]:
@@ -251,11 +245,25 @@ def _along(one: Array, other: Array) -> float:
     return float(one @ other / (np.linalg.norm(one) * np.linalg.norm(other)))
 
 
-def _told(fit: _Fit, fits: Sequence[_Fit], lines: FileLines) -> MeasuredNumber:
+def _are_alike(one: _Fit, other: _Fit) -> bool:
+    """True where the log does not tell two numbers apart."""
+    return abs(one.explained - other.explained) <= 1 - PARALLEL**2 and abs(_along(one.effect, other.effect)) >= PARALLEL
+
+
+def _likeliest_first(fits: list[_Fit]) -> list[_Fit]:
+    """The same, of those that explain as much as the first the one before all others that changes least relative to itself."""
+
+    def change(fit: _Fit) -> float:
+        return abs(fit.value / fit.number.value - 1) if fit.number.value else np.inf
+
+    likeliest = min((fit for fit in fits if fits[0].explained - fit.explained <= _AS_MUCH), key=change, default=None)
+    return sorted(fits, key=lambda fit: fit is not likeliest)
+
+
+def _told(fit: _Fit, fits: Sequence[_Fit], file: HeldFile) -> MeasuredNumber:
     array, owner = fit.number.key
-    place = lines.written(array.partition("_")[0], owner, array)[0] if array else ""
-    others = (other for other in fits if other is not fit and abs(other.explained - fit.explained) <= 1 - PARALLEL**2)
-    alike = [other for other in others if abs(_along(fit.effect, other.effect)) >= PARALLEL]
+    place = file.says(array, owner)[0].told(file.path) if array else ""
+    alike = [other for other in fits if other is not fit and _are_alike(fit, other)]
     return MeasuredNumber(
         cause=fit.number.cause,
         owner=fit.number.owner,

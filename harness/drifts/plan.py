@@ -33,6 +33,9 @@ class MovingSide:
     Attributes:
         engine: its name, or NAME@VERSION of an environment. integrator, length: "" and None for those of the file.
         delay: until a control acts [s]. decimation: steps from one control to the next.
+
+    Raises:
+        InvalidRequest: one of the last two is none.
     """
 
     path: Path
@@ -41,6 +44,11 @@ class MovingSide:
     length: float | None = None
     delay: float = 0.0
     decimation: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.delay < math.inf or self.decimation != max(1, int(self.decimation)):
+            timing = f"a delay of {self.delay:g} s and a decimation of {self.decimation:g}"
+            raise InvalidRequest(f"{timing}: expected 0 s or more, and a whole number of steps from 1 on")
 
     def by(self, text: str) -> MovingSide:
         """The same by whom a text says; raises as ``MovedBy.parsed``."""
@@ -52,6 +60,23 @@ class MovingSide:
 
     def timing(self, length: float) -> Timing:
         return Timing(self.decimation * length if self.decimation > 1 else 0.0, self.delay)
+
+
+def sides_of(
+    paths: tuple[Path, Path | None], by: Sequence[str], delay: Sequence[float] = (0.0, 0.0), decimation: Sequence[int] = (1, 1)
+) -> tuple[MovingSide, MovingSide]:
+    """Both sides, the second of the same file where it has no path; ``by`` says who moves both, or each.
+
+    Raises:
+        InvalidRequest: as ``MovingSide``, or there are not two of each.
+    """
+    if not by or max(len(by), len(delay), len(decimation)) > len(paths) or min(len(delay), len(decimation)) < len(paths):
+        raise InvalidRequest("a drift has two sides: expected one or two who move them, and two delays and decimations")
+    first, second = (
+        replace(MovingSide(path or paths[0]).by(text), delay=late, decimation=steps)
+        for path, text, late, steps in zip(paths, (*by, *by)[: len(paths)], delay, decimation, strict=True)
+    )
+    return first, second
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +112,7 @@ class Plan:
         request: what all have in common. kinds: of the joints. times: recorded [s]. causes: that differ, in the order of the bits.
         motions: of the first side's engine, each with the numbers of the second side for the chosen causes. own: of the second side.
         rounded: of both sides, rounded anew. orders: sampled ones; none where all subsets are moved.
+        uncontrolled: actuators of both sides that a table of controls has no column of.
     """
 
     request: MotionsRequest
@@ -98,6 +124,7 @@ class Plan:
     rounded: tuple[Sequence[SimulatedFile], Sequence[SimulatedFile]]
     orders: Sequence[tuple[int, ...]]
     differing: Mapping[DriftCause, Sequence[NumberKey]]
+    uncontrolled: tuple[str, ...] = ()
 
 
 def aligned(numbers: HeldNumbers, to: HeldNumbers) -> HeldNumbers:
@@ -148,9 +175,10 @@ def plan_of(settings: DriftSettings, held: HeldSides) -> Plan:
     own = SimulatedFile(second.file, {}, timings[1], counts[1])
     rounded = tuple([replace(one, rounding=seed + settings.seed) for seed in ROUNDINGS] for one in (motions[0], own))
     control = settings.control or Control.constant({name: held.first.control[name] for name in _driven(held)})
-    control = control.of_actuators(_driven(held), held.first.servos)
+    control = acting(control, _driven(held), held.first.servos, float(times[-1]))
+    uncontrolled = tuple(name for name in _driven(held) if name not in control.names)
     request = MotionsRequest((), tuple(held.first.joints), q, v, control)
-    return Plan(request, kinds, times, causes, motions, own, (rounded[0], rounded[1]), orders, differing)
+    return Plan(request, kinds, times, causes, motions, own, (rounded[0], rounded[1]), orders, differing, uncontrolled)
 
 
 def told_places(times: Array) -> list[int]:
@@ -175,16 +203,36 @@ def _start(settings: DriftSettings, held: HeldNumbers) -> tuple[Array, Array]:
     q, v = held.q.copy(), held.v.copy()
     if unknown := [name for name in settings.start if name not in held.joints]:
         raise InvalidRequest(f"the start has joint {unknown[0]!r}; expected some of {', '.join(held.joints)}")
-    positions = velocities = 0
-    for name, kind in held.joints.items():
-        nq, nv = kind.sizes
+    for name, (positions, velocities) in columns_of(held.joints).items():
         if name in settings.start:
             given = [np.atleast_1d(np.array(part, dtype=np.float64)) for part in settings.start[name]]
+            nq, nv = held.joints[name].sizes
             if [part.shape for part in given] != [(nq,), (nv,)] or not all(np.isfinite(part).all() for part in given):
                 raise InvalidRequest(f"the start of joint {name!r} is {settings.start[name]}; expected {nq} positions and {nv} velocities")
-            q[positions : positions + nq], v[velocities : velocities + nv] = given
-        positions, velocities = positions + nq, velocities + nv
+            q[positions], v[velocities] = given
     return q, v
+
+
+def columns_of(joints: Mapping[str, JointKind]) -> dict[str, tuple[slice, slice]]:
+    """The places of each joint in q and in v."""
+    found, q, v = {}, 0, 0
+    for name, kind in joints.items():
+        nq, nv = kind.sizes
+        found[name] = slice(q, q + nq), slice(v, v + nv)
+        q, v = q + nq, v + nv
+    return found
+
+
+def acting(control: Control, actuators: Sequence[str], servos: Mapping[str, str], end: float) -> Control:
+    """A control of these actuators for a motion until ``end`` [s].
+
+    Raises:
+        InvalidRequest: it is of others, or begins behind that.
+    """
+    if control.function is None and control.times[0] >= end:
+        begins = f"the control begins at {control.times[0]:g} s, behind the end of the motion at {end:g} s"
+        raise InvalidRequest(f"{begins}; let its first time be 0 s, or give more --seconds")
+    return control.of_actuators(actuators, servos)
 
 
 def _driven(held: HeldSides) -> list[str]:
@@ -220,6 +268,8 @@ def _times(seconds: float, lengths: tuple[float, float]) -> Array:
     Raises:
         InvalidRequest: there is none within ``seconds``.
     """
+    if not 0 < seconds < math.inf:
+        raise InvalidRequest(f"a motion of {seconds:g} s; expected more than 0 s, and an end")
     one, other = (Fraction(repr(length)) for length in lengths)
     period = Fraction(math.lcm(one.numerator * other.denominator, other.numerator * one.denominator), one.denominator * other.denominator)
     most = int(Fraction(repr(seconds)) / period + Fraction(1, 10**9))

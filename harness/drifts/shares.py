@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from harness.drifts.plan import Plan
 from harness.engines.coordinates import multiplied
 from harness.files.joint_kinds import JointKind
 from harness.results.cause import DriftCause
-from harness.results.drift import ENGINE, FELT_ROUNDING, CauseShare, DriftRecord, DriftSide, SideDifference
+from harness.results.drift import BROKEN, ENGINE, FELT_ROUNDING, CauseShare, DriftRecord, DriftSide, SideDifference
 
 # A recorded motion: q (k, nq) and v (k, nv).
 Track = tuple[Array, Array]
@@ -61,6 +62,7 @@ def drift_of(
     for name, terms in _terms(plan, at, gap).items():
         # (terms, k, 2): scalar products of what an exchange does, or the orders of a pair do, with the gap.
         along_gap = np.array([[norm.product(*each) for norm, *each in zip(norms, term, gap, strict=True)] for _, term in terms])
+        along_gap = along_gap.reshape(len(terms), size, 2)
         weights = np.array([weight for weight, _ in terms])
         parts, wholes = _ratio(along_gap, products), _ratio(along_gap[:, clear].sum(axis=1), products[clear].sum(axis=0))
         mean, whole = np.tensordot(weights, parts, 1), weights @ wholes
@@ -79,9 +81,11 @@ def drift_of(
                 differences=tuple(differences.get(DriftCause(name), ())) if name != ENGINE else (),
             )
         )
+    sounds = [_sound(track) for track in (origin, own)]
+    broken = [float(plan.times[sound]) if sound < len(plan.times) else None for sound in sounds]
     return DriftRecord(
-        first=sides[0],
-        second=sides[1],
+        first=replace(sides[0], broken=broken[0]),
+        second=replace(sides[1], broken=broken[1]),
         joints=list(plan.request.joints),
         times=plan.times[:size].tolist(),
         told=[place for place in told if place < size],
@@ -94,6 +98,7 @@ def drift_of(
         motions=len(motions),
         left_out=len(tracks) - len(kept),
         orders=len(plan.orders),
+        uncontrolled=plan.uncontrolled,
     )
 
 
@@ -154,7 +159,8 @@ def _terms(plan: Plan, at: Mapping[Chosen, Array], gap: Array) -> dict[str, list
 
 def _sound(track: Track) -> int:
     """Number of recorded times before the motion breaks down."""
-    broken = np.flatnonzero(~np.isfinite(np.hstack(track)).all(axis=1))
+    # What is not finite is not less.
+    broken = np.flatnonzero(~(np.abs(np.hstack(track)) < BROKEN).all(axis=1))
     return int(broken[0]) if len(broken) else len(track[0])
 
 

@@ -5,7 +5,7 @@ Of the other side's numbers those are switched off that it does not apply; see `
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from harness.drifts.plan import MovingSide
 from harness.engines import Engine
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, MovedFile, NumberKey, SimulatedFile
-from harness.engines.request import AskedJoint
+from harness.engines.request import AskedJoint, in_columns
 from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidRequest
 from harness.explain.meant import request_of
@@ -56,7 +56,8 @@ def stepped(engine: Engine, request: MotionsRequest) -> Moved:
     for motion in request.motions:
         loaded, joints = _loaded(engine, motion.file)
         assert not motion.over and motion.file.length is not None
-        own = {joint.name: joint for joint in _in_order(request.joints, joints)}
+        by_name = {joint.name: joint for joint in joints}
+        own = {joint.name: joint for joint in in_columns([by_name[name] for name in request.joints])}
         positions = [place for joint in joints for place in own[joint.name].positions]
         velocities = [place for joint in joints for place in own[joint.name].velocities]
         rule = replace(_rule(engine, motion.file.integrator), length=motion.file.length)
@@ -66,17 +67,6 @@ def stepped(engine: Engine, request: MotionsRequest) -> Moved:
         tracks.append((found_q, found_v))
     found = [np.array([track[part] for track in tracks]) for part in range(2)]
     return Moved(found[0], found[1], np.empty(0))
-
-
-def _in_order(names: Sequence[str], joints: Sequence[AskedJoint]) -> list[AskedJoint]:
-    """Joints with their columns one after the other in the order of ``names``."""
-    by_name: Mapping[str, AskedJoint] = {joint.name: joint for joint in joints}
-    found, q, v = [], 0, 0
-    for name in names:
-        nq, nv = by_name[name].kind.sizes
-        found.append(replace(by_name[name], positions=tuple(range(q, q + nq)), velocities=tuple(range(v, v + nv))))
-        q, v = q + nq, v + nv
-    return found
 
 
 def _track(

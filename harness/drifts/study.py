@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 from harness.comparison.robot_library import RobotLibrary
-from harness.drifts.lines import differences_of
+from harness.drifts.lines import Told, differences_of
 from harness.drifts.measured import MeasuredSettings, measured_drift
 from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, Plan, aligned, chunks, plan_of, told_places
 from harness.drifts.shares import Track, drift_of
@@ -19,6 +19,8 @@ from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, Simulated
 from harness.engines.request import Refused
 from harness.environments import split_name
 from harness.errors import InvalidInput, InvalidRequest, not_installed
+from harness.explain.changes import Change
+from harness.results.cause import DriftCause
 from harness.results.comparison import names_apart
 from harness.results.drift import DriftRecord, Drifts, DriftSide
 from harness.results.measured import MeasuredRecord
@@ -107,6 +109,16 @@ class PreparedDrift:
     plan: Plan
     versions: tuple[str, str]
 
+    @cached_property
+    def _told(self) -> dict[DriftCause, list[Told]]:
+        return differences_of(self.settings.sides, self.held, self.plan)
+
+    @property
+    def changes(self) -> dict[DriftCause, list[Change]]:
+        """The changes of the second side's files to what those of the first say, by cause; none where no attribute alone says it."""
+        found = {cause: [change for _, change in told if change is not None] for cause, told in self._told.items()}
+        return {cause: own for cause, own in found.items() if own}
+
     def requests(self, most: int) -> list[tuple[str, MotionsRequest]]:
         """The engines with what each is asked for; the first motion is that of the first side."""
         (first, second), plan = self.settings.sides, self.plan
@@ -118,7 +130,7 @@ class PreparedDrift:
 
     def drift(self, answers: Sequence[Moved]) -> DriftRecord:
         """The record, of the answers to ``requests``."""
-        plan, sides = self.plan, self.settings.sides
+        plan = self.plan
         tracks: list[Track] = [(q, v) for answer in answers for q, v in zip(answer.q, answer.v, strict=True)]
         count, rounded = len(plan.motions), len(plan.rounded[0])
         return drift_of(
@@ -127,7 +139,7 @@ class PreparedDrift:
             tracks[count + rounded],
             (tracks[count : count + rounded], tracks[count + rounded + 1 :]),
             answers[0].mass,
-            (self._sides(), differences_of(sides, self.held, plan), told_places(plan.times)),
+            (self._sides(), {cause: [one for one, _ in told] for cause, told in self._told.items()}, told_places(plan.times)),
         )
 
     def _sides(self) -> tuple[DriftSide, DriftSide]:
@@ -145,6 +157,7 @@ class PreparedDrift:
                 length=held.length,
                 period=timing.period,
                 delay=timing.delay,
+                note=held.note,
             )
             found.append(made)
         return found[0], found[1]

@@ -104,6 +104,7 @@ class HeldNumbers:
         words: of an array that holds values of an enumeration, their names.
         control: of each actuator, by the same. servos: of each joint whose position one actuator alone is given, that.
         named: numbers that may be wrong, each with one value. idle: those that bear on nothing as long as others are 0.
+        note: what the engine left out of the file to read it; "" for nothing.
     """
 
     by_cause: Mapping[DriftCause, Numbers]
@@ -119,6 +120,7 @@ class HeldNumbers:
     servos: Mapping[str, str] = field(default_factory=dict)
     named: Sequence[NamedNumber] = ()
     idle: frozenset[NumberKey] = frozenset()
+    note: str = ""
 
     def __getitem__(self, cause: DriftCause) -> Numbers:
         return self.by_cause.get(cause, {})

@@ -22,7 +22,8 @@ def drift_sections(found: Drifts, detail: Detail = Detail.BRIEF) -> Iterator[Sec
         how = f"{counted(drift.orders, 'sampled order')} of the causes" if drift.orders else "every subset of the causes"
         note = f"{counted(drift.motions, 'motion')}, with {how} exchanged; positions in the kinetic-energy norm."
         broken = f"Motions between both sides that break down, left out with all orders through them: {drift.left_out}."
-        notes = [note, broken] if drift.left_out else [note]
+        given = f"Actuators without a column in the control are given 0: {', '.join(drift.uncontrolled)}."
+        notes = [note, *([broken] if drift.left_out else []), *([given] if drift.uncontrolled else [])]
         yield Section("What the gap in positions is made of", [table, *notes, *filter(None, [others])])
         lines = drift.lines
         if detail == Detail.BRIEF and len(lines) > _MOST_LINES:

@@ -9,13 +9,15 @@ from harness.results.cause import DriftCause
 from harness.results.detail import Detail, telling
 from harness.results.measured import MeasuredRecord
 from harness.results.run import StudyResult
-from harness.results.table import Column, Table, counted, first_of, grouped, number_text
+from harness.results.table import Column, Table, counted, first_of, grouped, joined, number_text
 
 ENGINE = "the engine itself"
 # A cause with less of the gap is not named in the sentence, and so many are at most.
 NAMED, MOST_NAMED = 0.05, 3
 # Rounding from this part of the gap on leaves no share to be claimed.
 FELT_ROUNDING = 0.01
+# mjMAXVAL, beyond which MuJoCo takes a state for unstable; so does a drift, whoever moves.
+BROKEN = 1e10
 _MOST_OWNERS = 3
 # Causes that are off as a whole, by the names of their switches.
 _SWITCHED = {"actuation": "actuators", "contact": "contacts"}
@@ -29,6 +31,8 @@ class DriftSide:
     Attributes:
         path: of the file. label: what tells it from the other, as the name of its file. engine, version, integrator: who moves it.
         length: of a step [s]. period: between two controls [s], 0 for each step. delay: until a control acts [s].
+        note: what the engine left out of the file to read it; "" for nothing.
+        broken: the time at which the motion has broken down, a number of its state not finite or beyond ``BROKEN``; None where it has not.
     """
 
     path: str
@@ -39,12 +43,14 @@ class DriftSide:
     length: float
     period: float
     delay: float
+    note: str = ""
+    broken: float | None = None
 
     @property
     def title(self) -> str:
         timing = [f"control each {self.period:g} s"] * (self.period > 0) + [f"{self.delay:g} s late"] * (self.delay > 0)
         by = f"{self.engine} {self.version}, {self.integrator}, steps of {self.length:g} s"
-        return f"{self.label}: {self.path} by {', '.join([by, *timing])}"
+        return f"{self.label}: {self.path} by {', '.join(filter(None, [by, *timing, self.note]))}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +61,8 @@ class SideDifference:
         owner: of the numbers, as "actuator elbow"; "" for the whole model. what: the attribute of the file, or the engine's array.
         first, second: values, as the files write them or as they were compiled. first_place, second_place: as "line 12"; "" for none.
         is_absent: of which side the value is nothing: 0, none, or switched off; of the first and of the second.
-        remedy: what is set in the second for it to move as the first, as 'kv="5.13"'; "" where no line of a file says it.
+        remedy: what is set in the second for it to move as the first, as 'kv="5.13"', or taken out of it where ``is_removed``; "" where no
+            attribute alone says it. remedy_place: the line of its element.
     """
 
     owner: str
@@ -66,6 +73,8 @@ class SideDifference:
     second_place: str = ""
     is_absent: tuple[bool, bool] = (False, False)
     remedy: str = ""
+    remedy_place: str = ""
+    is_removed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +107,7 @@ class DriftRecord:
         of_positions, of_velocities: sizes of the gap, in the kinetic-energy norm of the first side.
         moved: how far that is from its start. rounding: what accumulated rounding makes of ``of_positions``.
         horizon: the time from which that is at least ``FELT_ROUNDING`` of the gap to the end, None where it is not at the end.
+        uncontrolled: actuators of both sides that the control says nothing of, which are given 0.
         motions: how many were simulated. left_out: how many of these break down, with all orders of causes that come through them.
         orders: how many were sampled; 0 where all subsets were moved.
     """
@@ -116,6 +126,7 @@ class DriftRecord:
     motions: int
     left_out: int = 0
     orders: int = 0
+    uncontrolled: tuple[str, ...] = ()
 
     @property
     def ranked(self) -> list[CauseShare]:
@@ -131,10 +142,13 @@ class DriftRecord:
     def sentence(self) -> str:
         """The causes of the gap, and what to set."""
         one, other = self.first.label, self.second.label
+        if not self.times:
+            return f"{self._broken} No share is claimed: give fewer --seconds, or shorter steps."
         if not any(self.of_positions) and not any(self.of_velocities):
-            return f"{one} and {other} move alike to the last digit for {self.times[-1]:g} s."
+            return " ".join(filter(None, [self._alike(), self._broken]))
         if all(share.whole is None for share in self.shares):
-            return f"{one} and {other} differ by no more than rounding makes of two equal runs; no share is claimed."
+            rounded = f"{one} and {other} differ by no more than rounding makes of two equal runs; no share is claimed."
+            return " ".join(filter(None, [rounded, self._broken]))
         named = [share for share in self.ranked if (share.whole or 0.0) >= NAMED][:MOST_NAMED] or self.ranked[:1]
         over = f"of the gap over {self.explained:g} s"
         told = [_clause(share, (one, other), "" if place else over) for place, share in enumerate(named)]
@@ -145,6 +159,20 @@ class DriftRecord:
         if self.horizon is not None:
             part = _words(FELT_ROUNDING)
             told.append(f"From {self.horizon:g} s on rounding alone would make {part} of the gap; no share is claimed there.")
+        return " ".join([*told, *filter(None, [self._broken])])
+
+    def _alike(self) -> str:
+        """A sentence where there is no gap: nothing moves, or nothing that differs is felt."""
+        one, other = self.first.label, self.second.label
+        if not any(self.moved):
+            return f"Nothing moves in {one} and {other} for {self.times[-1]:g} s; give a --control, or another --start."
+        unfelt = joined([share.name for share in self.shares if share.differences])
+        differing = f"; they differ in {unfelt}, which this motion does not feel" if unfelt else ""
+        return f"{one} and {other} move alike to the last digit for {self.times[-1]:g} s{differing}."
+
+    @property
+    def _broken(self) -> str:
+        told = (f"{side.label} breaks down by {side.broken:g} s." for side in (self.first, self.second) if side.broken is not None)
         return " ".join(told)
 
     def table(self, detail: Detail = Detail.BRIEF) -> tuple[Table, str]:
@@ -191,9 +219,18 @@ def _clause(share: CauseShare, labels: tuple[str, str], over: str) -> str:
     else:
         what = f"{other} has {'other' if share.name in _PLURAL else 'another'} {share.name} than {one}"
     where = f" ({_where(differences, labels)})" if differences else ""
-    remedies = list(dict.fromkeys(difference.remedy for difference in differences if difference.remedy))
-    remedy = f" Set {first_of(remedies, _MOST_OWNERS)} in {other}." if remedies else ""
-    return f"{what}: {size}{where}.{remedy}"
+    return f"{what}: {size}{where}.{_remedies(differences, other)}"
+
+
+def _remedies(differences: tuple[SideDifference, ...], other: str) -> str:
+    """The words by which the second side gets what the first one has, each with its lines where there are several."""
+    told = ""
+    for is_removed, verb, into in ((False, "Set", "in"), (True, "Remove", "from")):
+        places = grouped((one.remedy, one.remedy_place) for one in differences if one.remedy and one.is_removed == is_removed)
+        lines = {remedy: first_of(list(dict.fromkeys(own)), _MOST_OWNERS) for remedy, own in places.items()}
+        words = [f"{remedy} ({line})" if len(lines) > 1 else remedy for remedy, line in lines.items()]
+        told += f" {verb} {first_of(words, _MOST_OWNERS)} {into} {other}." if words else ""
+    return told
 
 
 def _where(differences: tuple[SideDifference, ...], labels: tuple[str, str]) -> str:

@@ -28,6 +28,7 @@ svg.drift .gap { fill: none; stroke: var(--ink); stroke-width: 1.6px; }
 
 def draw_drift(drift: DriftRecord) -> Drawing:
     """The parts of the gap in positions by cause, those that take from it below zero; its size as a line; grey where none is claimed."""
+    end = float(drift.times[-1]) if drift.times else 1.0
     times, gap = np.array([0.0, *drift.times]), np.array([0.0, *drift.of_positions])
     stacked = list(_stacked(drift, gap))
     values = np.concatenate([gap, *(band for _, low, high, _ in stacked for band in (low, high))])
@@ -35,7 +36,7 @@ def draw_drift(drift: DriftRecord) -> Drawing:
     right, bottom = _WIDTH - _KEYS, _HEIGHT - _BOTTOM
 
     def across(time: float) -> float:
-        return _LEFT + time / float(times[-1]) * (right - _LEFT)
+        return _LEFT + time / end * (right - _LEFT)
 
     def up(value: float) -> float:
         return bottom - (value - low) / (high - low) * (bottom - _TOP)
@@ -47,7 +48,7 @@ def draw_drift(drift: DriftRecord) -> Drawing:
     for value in round_numbers(low, high):
         parts.append(f'<path class="grid" d="M{_LEFT:g} {up(value):.1f}H{right:g}"/>')
         parts.append(f'<text text-anchor="end" x="{_LEFT - 6:g}" y="{up(value) + 4:.1f}">{value:.3g}</text>')
-    for value in round_numbers(0.0, float(times[-1])):
+    for value in round_numbers(0.0, end):
         parts.append(f'<text text-anchor="middle" x="{across(value):.1f}" y="{bottom + 16:g}">{value:g}</text>')
     for place, (name, lower, upper, colour) in enumerate(stacked):
         known = times[: len(lower)]

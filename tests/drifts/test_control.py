@@ -62,6 +62,10 @@ def test_an_npz_is_the_same_table(tmp_path: Path) -> None:
         ("c.csv", "time,drive\n0,nan\n", "holds a number that is not finite"),
         ("c.csv", "time,drive\n0,fast\n", "cannot be read as a table of numbers"),
         ("c.csv", "", "has the columns none"),
+        ("c.csv", "time,drive\n", "has no row; expected one for each time"),
+        ("c.csv", "time;drive\n0;1\n", "the header has no comma, but ';'; expected columns apart by commas"),
+        ("c.csv", "time,drive,drive\n0,1,2\n", "two columns are called 'drive'; leave out one"),
+        ("c.npz", "", "cannot be read as a table of numbers"),
         ("c.txt", "", "expected a table of controls, .csv, .npz, .parquet, or a policy, .onnx"),
     ],
 )
@@ -69,6 +73,43 @@ def test_what_is_no_table_is_refused(tmp_path: Path, name: str, text: str, said:
     (tmp_path / name).write_text(text)
     with pytest.raises(InvalidRequest, match=said.replace(".", r"\.")):
         read_control(tmp_path / name)
+
+
+def test_complex_numbers_are_no_controls(tmp_path: Path) -> None:
+    np.savez(tmp_path / "c.npz", time=[0.0, 1.0], drive=[1j, 2.0])
+    with pytest.raises(InvalidRequest, match="column 'drive' holds complex numbers"):
+        read_control(tmp_path / "c.npz")
+
+
+def test_a_table_as_spreadsheets_write_it_begins_with_a_mark(tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_bytes(b"\xef\xbb\xbf" + ROWS.encode())
+    assert read_control(tmp_path / "c.csv").names == ("drive", "twist")
+
+
+def test_a_table_that_begins_behind_the_motion_is_refused(cart: Path, tmp_path: Path) -> None:
+    """As one by the clock of a robot, whose first row would hold all the time."""
+    (tmp_path / "c.csv").write_text("time,drive\n1700000000,1\n1700000001,2\n")
+    with pytest.raises(InvalidRequest, match=r"the control begins at 1\.7e\+09 s, behind the end of the motion at 0\.1 s"):
+        harness.drift(cart, by=("mujoco/Euler", "mujoco/RK4"), control=tmp_path / "c.csv", seconds=0.1)
+
+
+def test_actuators_that_a_table_leaves_out_are_told(cart: Path, tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_text("time,drive\n0,1\n")
+    found = harness.drift(cart, by=("mujoco/Euler", "mujoco/RK4"), control=tmp_path / "c.csv", seconds=0.1)
+    assert found.uncontrolled == ("twist",) and "Actuators without a column in the control are given 0: twist." in repr(found)
+    assert harness.drift(cart, by=("mujoco/Euler", "mujoco/RK4"), seconds=0.1).uncontrolled == ()
+
+
+@pytest.mark.parametrize("name", ["delay", "decimation", "seconds", "by"])
+def test_timing_that_is_none_is_refused(cart: Path, name: str) -> None:
+    for wrong in {
+        "delay": [(0.0, np.nan), (-1.0, 0.0), (0.0, np.inf), (0.0,)],
+        "decimation": [(0, 1), (1, 1.5)],
+        "seconds": [np.nan, -1.0, 0.0, np.inf],
+        "by": [(), ("mujoco",) * 3],
+    }[name]:
+        with pytest.raises(InvalidRequest, match="expected"):
+            harness.drift(cart, **{name: wrong})  # type: ignore[arg-type]
 
 
 def test_a_table_that_is_not_there_is_refused(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def test_a_user_reads_the_cause_first(folder: Path) -> None:
     assert done.returncode == 0, done.stderr
     first = done.stdout.splitlines()[0]
     assert first.startswith("b.xml has another gear than a.xml: 100 % of the gap over 0.1 s (b.xml line 19: gear ")
-    assert first.endswith('Set gear="1.5", gear="1.2" in b.xml.')
+    assert first.endswith('Set gear="1.5" (line 19), gear="1.2" (line 20) in b.xml.')
     document = json.loads((folder / "found.json").read_text())
     assert document["summary"] == first
     [found] = document["drifts"]
@@ -283,3 +283,54 @@ def test_a_file_in_which_nothing_moves_is_refused(folder: Path) -> None:
     (folder / "a.xml").write_text("<mujoco><worldbody><body><geom size='1'/></body></worldbody></mujoco>")
     with pytest.raises(InvalidRequest, match=r"a\.xml has no joint that moves"):
         drift_here(DriftSettings(sides(folder, "a.xml", "a.xml"), 0.1))
+
+
+def test_a_side_that_breaks_down_is_told(tmp_path: Path) -> None:
+    """The servo is unstable at this step, at once or later; its state is finite for a while."""
+    (tmp_path / "a.xml").write_text(WRIST)
+    (tmp_path / "b.xml").write_text(WRIST.replace(' forcerange="-3.5 3.5"', ""))
+    found = drift_here(DriftSettings(sides(tmp_path), 0.4))
+    assert found.first.broken is None and found.second.broken is not None and found.second.broken < 0.4
+    assert found.times[-1] < found.second.broken
+    assert found.sentence.endswith(f" b.xml breaks down by {found.second.broken:g} s.")
+    late = drift_here(DriftSettings(sides(tmp_path), 40.0))
+    assert late.times == [] and late.second.broken == pytest.approx(0.8)
+    assert late.sentence == "b.xml breaks down by 0.8 s. No share is claimed: give fewer --seconds, or shorter steps."
+    alike = drift_here(DriftSettings(sides(tmp_path, "b.xml", "b.xml"), 0.4))
+    assert alike.sentence.endswith(f"A breaks down by {found.second.broken:g} s. B breaks down by {found.second.broken:g} s.")
+    done = harness("drift", "a.xml", "b.xml", "--seconds", "40", "--picture", "gap.svg", cwd=tmp_path)
+    assert done.returncode == 0 and done.stdout.splitlines()[0] == late.sentence, done.stderr
+
+
+def test_a_motion_that_feels_nothing_of_what_differs_says_so(tmp_path: Path) -> None:
+    text = """<mujoco><worldbody><body><joint name="pin" axis="0 1 0"/><geom size="0.1" pos="0 0 -0.5"/></body></worldbody>
+      <actuator><motor joint="pin" gear="{gear}"/></actuator><keyframe><key qpos="{start}"/></keyframe></mujoco>"""
+    for start, said in (
+        ("0", "Nothing moves in a.xml and b.xml for 0.1 s; give a --control, or another --start."),
+        ("1", "a.xml and b.xml move alike to the last digit for 0.1 s; they differ in gear, which this motion does not feel."),
+    ):
+        for name, gear in (("a.xml", 1), ("b.xml", 2)):
+            (tmp_path / name).write_text(text.format(gear=gear, start=start))
+        assert drift_here(DriftSettings(sides(tmp_path), 0.1)).sentence == said
+
+
+MESHED = """<robot name="arm"><link name="base"/><link name="rod">
+<inertial><origin xyz="0 0 -0.2"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><mesh filename="package://arm/meshes/rod.stl"/></geometry></collision></link>
+<joint name="pin" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/><dynamics damping="{damping}"/></joint>
+</robot>"""
+
+
+def test_meshes_that_are_not_found_are_left_out_and_told(tmp_path: Path) -> None:
+    for name, damping in (("a.urdf", 0.1), ("b.urdf", 0.3)):
+        (tmp_path / name).write_text(MESHED.format(damping=damping))
+    found = drift_here(DriftSettings(sides(tmp_path, "a.urdf", "b.urdf"), 0.1, start={"pin": ([1.0], [0.0])}))
+    assert found.ranked[0].name == DriftCause.DAMPING and 'Set damping="0.1" in b.urdf.' in found.sentence
+    assert all("rod.stl" in side.title and side.title.endswith("their contacts are left out") for side in (found.first, found.second))
+
+
+def test_a_table_is_no_first_side(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(CART)
+    (tmp_path / "log.csv").write_text("time,pin\n0,0\n")
+    done = harness("drift", "log.csv", "a.xml", cwd=tmp_path)
+    assert done.returncode == 2 and "log.csv is a table; give the model first" in done.stderr

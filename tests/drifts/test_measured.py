@@ -96,6 +96,8 @@ def test_what_a_log_does_not_tell_apart_is_told_together(tmp_path: Path) -> None
     assert rod.name in rotor.alike and rotor.name in rod.alike
     assert rotor.fitted - rotor.value == pytest.approx(rod.fitted - rod.value, rel=0.02) == pytest.approx(0.02, rel=0.05)
     assert "The log does not tell it from" in record.sentence
+    # Twice the armature is likelier than six times the moment of inertia.
+    assert record.numbers[0] is rotor
 
 
 @pytest.mark.ci
@@ -125,6 +127,13 @@ def test_a_log_of_some_joints_and_no_gap(tmp_path: Path) -> None:
     record = measured_from(MeasuredSettings(MovingSide(tmp_path / "hopper.xml"), tmp_path / "log.csv"), here=True)
     assert record.joints == ["rail"] and record.gap < 1e-2 and record.seconds == pytest.approx(0.058)
     assert all(0.0 <= one.explained <= 1.0 and math.isfinite(one.fitted) for one in record.numbers)
+
+
+def test_the_way_of_a_log_is_from_its_first_row(tmp_path: Path) -> None:
+    (tmp_path / "model.xml").write_text(PENDULUM)
+    (tmp_path / "log.csv").write_text("time,pin\n0,1\n0.01,1.1\n")
+    record = measured_from(MeasuredSettings(MovingSide(tmp_path / "model.xml"), tmp_path / "log.csv"), here=True)
+    assert math.isfinite(record.gap) and record.gap == pytest.approx(0.0, abs=1.1)
 
 
 @pytest.mark.parametrize(

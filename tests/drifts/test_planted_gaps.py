@@ -12,7 +12,7 @@ import pytest
 from drifting import INTEGRATORS, ROBOTS, SCALED, SMALL, SMALLEST, planted
 
 from harness.drifts.plan import DriftSettings, MovingSide
-from harness.drifts.study import drift_here
+from harness.drifts.study import drift_here, prepare
 from harness.engines.moving import Control
 from harness.results.cause import DriftCause
 from harness.results.drift import ENGINE, DriftRecord
@@ -145,3 +145,32 @@ def test_every_subset_is_moved_once(tmp_path: Path) -> None:
     found = drift(tmp_path, "cart", [DriftCause.GEAR], (DriftCause.ARMATURE, DriftCause.DAMPING), seconds=0.02)
     # Beside the eight subsets of three causes, the second side's own motion, and three of each side that are rounded anew.
     assert (found.motions, found.orders) == (2**3 + 1 + 2 * 3, 0)
+
+
+def hold_mended(folder: Path, robot: str, causes: Collection[DriftCause]) -> None:
+    """Make the changes of a file with other numbers one after the other, and see that nothing of the gap is left."""
+    first, second = folder / "a.xml", folder / "b.xml"
+    first.write_text(ROBOTS[robot])
+    second.write_text(planted(robot, causes))
+    settings = DriftSettings((MovingSide(first), MovingSide(second)), 0.1, waves(robot))
+    changes = prepare(settings, here=True).changes
+    assert changes.keys() == set(causes)
+    for cause in causes:
+        # Each is found anew in what the last one has made.
+        for _ in changes[cause]:
+            change = prepare(settings, here=True).changes[cause][0]
+            assert change.kind == cause and change.path == second
+            second.write_text(change.text(0.0))
+    left = drift_here(settings)
+    assert not any(left.of_positions) and not any(left.of_velocities) and [share.name for share in left.shares] == [ENGINE]
+
+
+@pytest.mark.parametrize(("robot", "causes"), [("cart", [DriftCause.DAMPING, DriftCause.INTEGRATOR]), ("hopper", [DriftCause.GAIN])])
+def test_what_is_to_be_set_ends_the_gap(tmp_path: Path, robot: str, causes: list[DriftCause]) -> None:
+    hold_mended(tmp_path, robot, causes)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_every_cause_of_a_file_is_set_by_its_changes(tmp_path: Path, robot: str) -> None:
+    hold_mended(tmp_path, robot, [cause for cause in plants(robot) if cause != DriftCause.DELAY])

@@ -1,13 +1,15 @@
 """Changes: what may be wrong with a model, or with what a reader makes of it, declared by name.
 
 ``readings`` are changes of a tree that engines' readers make, ``mistakes`` those that authors of files make, and ``numbers`` every single
-number. A mistake and a number are written into the text of a file as a ``Change``.
+number. ``held`` are numbers that an engine holds of one file otherwise than of another. All but the first are written into the text of a
+file as a ``Change``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from harness.files.text.scan import TextPlace
@@ -28,6 +30,7 @@ class Change:
         start: the value at which ``text`` is the file as it is, or closest to it; None for a change without a free value.
         scale: a natural size of the value, above 0, for steps and for relative changes.
         through: from an engine to one that makes the mistake itself; None where the text has it.
+        path: of the file that ``text`` is of, where a model has several; None for that of the model.
     """
 
     kind: str
@@ -37,6 +40,7 @@ class Change:
     start: float | None = None
     scale: float = 1.0
     through: Callable[[Any], Any] | None = None
+    path: Path | None = None
 
     @property
     def place(self) -> TextPlace:

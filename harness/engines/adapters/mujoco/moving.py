@@ -16,7 +16,7 @@ from harness.arrays import Array
 from harness.engines.adapters.mujoco.causes import idle_numbers, lay_over, numbers_by_cause, rules, switches_of, words
 from harness.engines.adapters.mujoco.measured import named_numbers, servos_of
 from harness.engines.adapters.mujoco.model import sizes_of
-from harness.engines.adapters.mujoco.robot import plain_model, refusals
+from harness.engines.adapters.mujoco.robot import POINT, plain_model, refusals
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix, inputs_of
 from harness.engines.moving import Control, HeldNumbers, MotionsRequest, Moved, MovedFile, SimulatedFile
 from harness.engines.request import Refused, Request
@@ -28,7 +28,7 @@ _HALF_ULP = 2.0**-53
 
 def held_numbers(file: MovedFile) -> HeldNumbers:
     """See ``harness.engines.Engine``."""
-    model = compiled_file(file)
+    model, note = _compiled(file)
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -48,12 +48,14 @@ def held_numbers(file: MovedFile) -> HeldNumbers:
         servos_of(model),
         named_numbers(model),
         idle_numbers(model),
+        note,
     )
 
 
 def moved(request: MotionsRequest) -> Moved:
     """See ``harness.engines.Engine``."""
-    compiled = {file: compiled_file(file) for file in dict.fromkeys(motion.file for motion in request.motions)}
+    compiling = compiled_file if request.as_it_stands else _without_its_meshes
+    compiled = {file: compiling(file) for file in dict.fromkeys(motion.file for motion in request.motions)}
     found: list[tuple[Array, Array]] = []
     mass: Array = np.empty(0)
     for motion in request.motions:
@@ -143,11 +145,28 @@ def _round(model: Any, data: Any, generator: np.random.Generator) -> None:
 
 
 def compiled_file(file: MovedFile) -> Any:
-    """The ``MjModel`` of a file. Raises Refused where MuJoCo does not read the file, or has no such integrator."""
+    """The ``MjModel`` of a file.
+
+    Raises:
+        Refused: MuJoCo does not read the file, its meshes among it, or has no such integrator.
+    """
+    model, note = _compiled(file)
+    if note:
+        raise Refused(note)
+    return model
+
+
+def _without_its_meshes(file: MovedFile) -> Any:
+    return _compiled(file)[0]
+
+
+def _compiled(file: MovedFile) -> tuple[Any, str]:
+    """The ``MjModel`` of a file, and "" or that it is without meshes which are not found; geoms of these touch nothing."""
     with refusals():
         model, notes = plain_model(Request(path=file.path, format=file.format, joints=(), moving=()))
     if notes:
-        raise Refused(notes[0])
+        points = model.geom_rbound == POINT
+        model.geom_contype[points] = model.geom_conaffinity[points] = 0
     if file.integrator:
         known = {word.lower(): number for number, word in words()["opt_integrator"].items()}
         if file.integrator.lower() not in known:
@@ -155,7 +174,7 @@ def compiled_file(file: MovedFile) -> Any:
         model.opt.integrator = known[file.integrator.lower()]
     if file.length is not None:
         model.opt.timestep = file.length
-    return model
+    return model, f"{notes[0]}; their contacts are left out" if notes else ""
 
 
 def _name(model: Any, number: int) -> str:

@@ -41,7 +41,7 @@ from harness.files.rules import StepRule
 # What MuJoCo says where a file of an asset is missing or cannot be read.
 _MISSING = re.compile("opening file|resource|decoder|unknown mesh|mesh file|STL|OBJ|texture|asset", re.IGNORECASE)
 # Radius of a geom that stands for one of a mesh [m].
-_POINT = 1e-3
+POINT = 1e-3
 # Joints that MuJoCo's reader makes of one, in a row: a planar joint becomes NAME_TX, NAME_TY and NAME_RZ.
 _PARTS = {JointKind.PLANAR: 3}
 
@@ -125,7 +125,7 @@ def _without_files(spec: Any) -> Any:
     shapes = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF, mujoco.mjtGeom.mjGEOM_HFIELD)
     for geom in spec.geoms:
         if geom.type in shapes or geom.meshname:
-            geom.type, geom.size, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [_POINT, 0.0, 0.0], 0.0
+            geom.type, geom.size, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [POINT, 0.0, 0.0], 0.0
             geom.meshname = geom.hfieldname = ""
     for material in spec.materials:
         for role in range(len(material.textures)):
