@@ -170,12 +170,13 @@ def with_verdict(
     if case.departures:
         compared = compare(case.computed, answers.of(joints), factorises=True)
         record = replace(record, explained=is_held(compared), backward_error=worst(compared), departures=[*case.departures.values()])
+    wrong = np.flatnonzero([not is_held(compared[[state]]) for state in range(len(at.states))])
     for ending in () if record.explained else caller.endings:
-        # What a solver leaves that stops early has no number of the file for its cause.
+        # What a solver leaves that stops early has no number of the file for its cause. Where it did not, going on may cost digits.
         answers = asked.with_those(case.judged, at, solver=ending.solver)
         compared = compare(case.computed, answers.of(joints), factorises=True)
-        if is_held(compared):
-            return replace(record, explained=True, to_the_end=worst(compared), remedy=ending.remedy, fault=ending.fault)
+        if is_held(ended := compared[wrong]):
+            return replace(record, explained=True, to_the_end=worst(ended), remedy=ending.remedy, fault=ending.fault)
     if not record.explained and (share := case.stops_as_documented(answers, compared)) is not None and caller.stops is not None:
         return replace(record, explained=True, left=share, remedy=caller.stops.remedy)
     return record if record.explained or not names else replace(record, rest=case.left(answers, compared))

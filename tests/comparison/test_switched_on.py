@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
 from support import call_engines_here
 
+from harness.comparison.case import AskedEngine
 from harness.comparison.switched_on import judge_switched_on, pose, with_verdict
 from harness.engines.adapters.mujoco import acting as adapter
+from harness.engines.request import EngineAnswers
 from harness.explain import file_case
 from harness.explain.documented import documented
 from harness.explain.meant import Meant, driven
@@ -241,6 +245,26 @@ def test_a_wrong_answer_makes_the_comparison_red_and_is_printed() -> None:
 
 
 FIRM = FILES / "firm.xml"
+
+
+@pytest.mark.parametrize("is_held_apart", [True, False])
+def test_a_solver_need_go_on_only_where_it_stopped_early(is_held_apart: bool) -> None:
+    """One that goes on at states where it has ended already loses digits there, as beside rows without weight."""
+    record, posed = pose(meant_by(FIRM), "mujoco")
+    assert posed is not None and len(posed.case.at.states) > 2
+    joints, (ending, *_) = posed.case.at.robot.joints, posed.case.caller.endings
+    ended = posed.asked.with_those(posed.case.judged, posed.case.at, solver=ending.solver)
+
+    def off_at(states: list[int]) -> EngineAnswers:
+        factors = np.where(np.isin(np.arange(len(posed.case.at.states)), states), 1 + 1e-8, 1.0)[:, None]
+        return replace(ended, accelerations={name: factors * ended.accelerations[name] for name in joints})
+
+    class Asked:
+        def with_those(self, *_: Any, **__: Any) -> EngineAnswers:
+            return off_at([1] if is_held_apart else [0])
+
+    found = with_verdict(record, posed.case, cast(AskedEngine, Asked()), off_at([0]), names=False)
+    assert found.explained is is_held_apart and (found.to_the_end is not None) is is_held_apart
 
 
 def test_a_solver_that_stops_early_is_told_with_what_to_set() -> None:

@@ -6,6 +6,7 @@ import random
 import re
 from pathlib import Path
 
+import mujoco
 import pytest
 
 from harness.errors import InvalidModel
@@ -123,6 +124,18 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
     (tmp_path / "other.xml").write_text('<mujocoinclude>\n<include file="robot.xml"/></mujocoinclude>')
     found = refusal(tmp_path, MJCF.replace("<worldbody>", '<include file="other.xml"/><worldbody>'))
     assert (found.path.name, found.line) == ("other.xml", 2)
+
+
+def test_a_backslash_between_folders_is_a_slash_as_mujoco_has_it(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "other.xml").write_text('<mujocoinclude><option gravity="0 0 -2"/></mujocoinclude>')
+    path = tmp_path / "robot.xml"
+    path.write_text(MJCF.replace("<worldbody>", '<include file="parts\\other.xml"/><worldbody>'))
+    assert (
+        [float(part) for part in read_robot(path).tree.gravity]
+        == mujoco.MjModel.from_xml_path(str(path)).opt.gravity.tolist()
+        == [0, 0, -2]
+    )
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:

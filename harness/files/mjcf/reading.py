@@ -1,9 +1,9 @@
 """From an MJCF to its tree of bodies.
 
-A file is included once, and looked for from the folder of the main file, as MuJoCo does. A replica becomes a ``<frame>`` of its own,
-in the frame of the one before; its names end with its number. MuJoCo 4.0.0 departs from that documentation where replicas turn about
-several axes: it multiplies the angles by the number of the replica. Bodies and joints without names get names from their place, which no
-author's name can be.
+A file is included once, and looked for from the folder of the main file, as MuJoCo does, which takes a backslash for a slash. A replica
+becomes a ``<frame>`` of its own, in the frame of the one before; its names end with its number. MuJoCo 4.0.0 departs from that
+documentation where replicas turn about several axes: it multiplies the angles by the number of the replica. Bodies and joints without names
+get names from their place, which no author's name can be.
 
 Source: MuJoCo documentation, XML reference, ``include``, ``replicate``, ``body``, ``inertial``, ``joint``, ``frame``, ``compiler`` and
 ``option/flag``;
@@ -248,7 +248,8 @@ def put_included(source: Source) -> None:
         name = element.get("file")
         if not name:
             source.refuse(element, "<include> has no file; add its name")
-        file = path.parent / name
+        # Either slash stands between folders, on every system.
+        file = path.parent / name.replace("\\", "/")
         if file.resolve() in seen:
             source.refuse(element, f'<include file="{shorten(name)}"> stands for the second time, or in itself; include a file once')
         if len(seen) > MOST_FILES:
