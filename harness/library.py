@@ -39,7 +39,9 @@ class Stance(StrEnum):
     AIDED = "aided"
 
 
+# Formats of models of mechanisms, and of all files that engines read.
 MODEL_SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
+FILE_FORMATS = (*MODEL_SUFFIXES, "usd")
 # Endings by which a name is that of a file, be it there or not.
 STAGE_SUFFIXES = (".usda", ".usd", ".usdc", ".usdz")
 FILE_SUFFIXES = (*MODEL_SUFFIXES.values(), ".mjcf", *STAGE_SUFFIXES)

@@ -23,7 +23,7 @@ from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile, document_of
 from harness.files.rules import ConstraintLaw, StepRule
 from harness.files.touching import ConeKind
-from harness.library import MODEL_SUFFIXES
+from harness.library import FILE_FORMATS
 
 if TYPE_CHECKING:
     from harness.engines import Model
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from harness.programs.mechanisms.mechanism import Mechanism
 
 EQUATIONS = "equations"
-FORMATS = (*MODEL_SUFFIXES, EQUATIONS)
+FORMATS = (*FILE_FORMATS, EQUATIONS)
 # Joints in a message.
 MOST_NAMED = 4
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -65,7 +65,7 @@ class Engine:
     Attributes:
         title: the name of the program as its authors write it; "" where it is the engine's own.
         requires: importable module and distribution name of the program behind it.
-        formats: model formats it reads, "mjcf" or "urdf"; "equations" where it takes the ``Mechanism``. The first is its
+        formats: of files that it reads, "mjcf", "urdf" or "usd"; "equations" where it takes the ``Mechanism``. The first is its
             native one. What a reader of another passes over, the engine file supplies from the same file or refuses.
         optional: whether not everybody installs it: where it is installed nowhere, it is asked by name alone.
         is_asked_by_name: whether it is asked by name alone wherever it is installed, as another call of a program that is asked anyway.

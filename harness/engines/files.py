@@ -27,7 +27,7 @@ from harness.engines.engine import (
     load_keeping_arithmetic,
     run_engine_file,
 )
-from harness.environments import Environment, environment_of, find_environments, split_name
+from harness.environments import NEWEST, Environment, environment_of, find_environments, split_name
 from harness.errors import InvalidModel, InvalidRequest
 from harness.files.model_file import ModelFile
 from harness.library import MODEL_SUFFIXES, Library, nearest
@@ -89,11 +89,11 @@ class EngineFile(Description):
         return f"{self.requires[1]} {version} is older than {min(known)}, the oldest whose {model_format or 'readers'} the harness knows"
 
     def requirements(self, version: str) -> list[str]:
-        """Packages that a version of the program needs beside those that it requires itself; "" is the newest, which needs nothing."""
+        """Packages that a version of the program needs beside those that it requires itself; "" is the newest."""
         # Imported late: an environment's interpreter imports this module and has no such package.
         from packaging.specifiers import SpecifierSet
 
-        return [one for versions, those in self.companions.items() if version and version in SpecifierSet(versions) for one in those]
+        return [one for versions, those in self.companions.items() if (version or NEWEST) in SpecifierSet(versions) for one in those]
 
 
 def _folders_of(library: Library) -> list[Path]:

@@ -38,6 +38,7 @@ class AskedJoint:
         follows: name of the joint that it mimics, "" for one that moves by itself: its position is ``multiplier`` times that of the
             other, and ``offset`` [m or rad].
         line: of the file, 0 for one that is none of its own. carrier: name of the joint before it in the tree, "" for none.
+        body: name of the body that has it. tag: of its element; of a prim, its path.
     """
 
     name: str
@@ -51,6 +52,8 @@ class AskedJoint:
     offset: float = 0.0
     line: int = 0
     carrier: str = ""
+    body: str = ""
+    tag: str = ""
 
     @property
     def is_unnamed(self) -> bool:
@@ -193,7 +196,7 @@ class Request:
     """One file for an engine to load.
 
     Attributes:
-        format: "urdf" or "mjcf". joints: of the file, in its order. moving: names of those that move by themselves, in the order of
+        format: "urdf", "mjcf" or "usd". joints: of the file, in its order. moving: names of those that move by themselves, in the order of
             what is asked of an aided engine.
         text: what the file holds; None to read it where it lies, beside its meshes.
         floating_base: name of the free joint to be put under a URDF's root, "" for none.

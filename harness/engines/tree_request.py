@@ -26,12 +26,13 @@ _OF_THE_WORLD: Frame = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 def asked_joints(tree: Tree, names: Sequence[str] | None = None) -> tuple[AskedJoint, ...]:
     """The joints of a tree in the order of the file, or of ``names``, with their columns in q and in v."""
     by_name, frames, before = {joint.name: joint for joint in tree.joints}, _frames_of_free_joints(tree), tree.joints_before
+    bodies = {joint.name: body.name for body in tree.bodies for joint in body.joints}
     found = []
     for joint in (by_name[name] for name in names) if names is not None else tree.joints:
         turn, shift = frames.get(joint.name, _OF_THE_WORLD)
-        line = joint.place.line if joint.place else 0
+        line, tag = (joint.place.line, joint.place.tag) if joint.place else (0, "")
         coupled = joint.follows, float(joint.multiplier), float(joint.offset)
-        found.append(AskedJoint(joint.name, joint.kind, (), (), turn, shift, *coupled, line, before[joint.name]))
+        found.append(AskedJoint(joint.name, joint.kind, (), (), turn, shift, *coupled, line, before[joint.name], bodies[joint.name], tag))
     return in_columns(found)
 
 

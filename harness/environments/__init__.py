@@ -34,6 +34,8 @@ from harness.storage import cache_directory, write_atomically
 
 _DESCRIPTION = "environment.json"
 AT = "@"
+# Newer than any version.
+NEWEST = "99999"
 # What engine files are read with, beside the engine.
 REQUIREMENTS = ("numpy", "lxml", "msgspec")
 # Settings of pip that say where packages come from. uv has the same options and does not read pip's files.

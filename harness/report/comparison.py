@@ -222,7 +222,7 @@ def rest(found: FilesComparison, whole: bool = True) -> list[str]:
     if not whole:
         return [*_unexplained(found)]
     names = names_apart(file.path for file in found.files)
-    said = {"refused": "refuses", "undecided": "is not judged on", "nothing left": "reads nothing that moves from"}
+    said = {"refused": "refuses", "undecided": "is not judged on", "nothing left": "reads another robot from"}
     silent = [one for one in found.subjects if one.explained and one.outcome in said]
     lines = [
         f"no answer: {one.subject}, {one.kind}, {said[one.outcome]} {names[one.path]}" + (f"; {one.marked}" if one.expected else "")

@@ -124,7 +124,7 @@ def _reason(subject: SubjectRecord, file: FileRecord) -> _Reason | None:
     if subject.verdict == Verdict.UNSUPPORTED:
         return _Reason(f"{program} refuses the file: {message}{_mend(file)}")
     if subject.left_nothing:
-        return _Reason(f"{program} reads nothing that moves: {_short(subject.left_nothing)}")
+        return _Reason(f"{program} reads another robot: {_short(subject.left_nothing)}")
     if subject.verdict == Verdict.ERROR:
         return _Reason(f"{program} fails on the file: {message}{_mend(file)}")
     if subject.verdict == Verdict.UNDECIDED:

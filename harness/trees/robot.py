@@ -61,7 +61,7 @@ class Robot:
     """One file and what it means.
 
     Attributes:
-        format: "urdf" or "mjcf", as its root element says.
+        format: "urdf", "mjcf" or "usd".
         joints: names of the joints that move by themselves, in the order of the file.
         total_mass: of all bodies but the world [kg].
         floating_base: name of the free joint that was put under the root of a URDF; "" for none.

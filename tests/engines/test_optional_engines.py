@@ -26,7 +26,7 @@ from harness.files.model_file import read_model
 from harness.hard import touching
 from harness.hard.touching import SETTINGS
 from harness.lagrange.derivation import load_mechanism
-from harness.library import Library
+from harness.library import FILE_FORMATS, Library
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.records import ACCELERATIONS
 from harness.results.rigid import RigidDistance
@@ -42,7 +42,8 @@ DERIVATIVES = ("forward_dynamics_derivatives", "inverse_dynamics_derivatives")
 OPTIONAL = sorted(
     name for name, file in describe_engines(BUILT_IN, Workers).items() if file.optional and "@" not in name and file.formats != (EQUATIONS,)
 )
-IN_FLOAT32 = {"mjx_float32", "mujoco_warp", "newton"}
+IN_FLOAT32 = {"mjx_float32", "mujoco_warp", "newton", "physx"}
+OF_ROBOTS_ALONE = {"physx"}
 # A pendulum of 2 m in float32, or with gravity that is off by 1e-5, of which float32 could not lose so much.
 FLOAT32 = """
 import numpy as np
@@ -94,7 +95,7 @@ def test_an_optional_engine_has_an_extra_and_declares_what_is_needed(name: str) 
     extras = {re.split("[<>=]", one)[0] for those in project["optional-dependencies"].values() for one in those}
     engine = load_engine(BUILT_IN, name)
     assert engine.requires[1] in extras
-    assert set(engine.formats) <= {"urdf", "mjcf"}
+    assert set(engine.formats) <= set(FILE_FORMATS)
     assert engine.unit_roundoff == (2.0**-24 if name in IN_FLOAT32 else UNIT_ROUNDOFF)
 
 
@@ -169,7 +170,7 @@ def test_idyntree_agrees_in_an_environment_of_its_own(environment: Callable[[str
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", OPTIONAL)
+@pytest.mark.parametrize("name", sorted({*OPTIONAL} - OF_ROBOTS_ALONE))
 def test_the_catalogue_is_as_expected_in_an_environment_of_its_own(name: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
     records = check_in_its_environment(name, [], environment(name), tmp_path)
     assert sum(one["verdict"] == "agrees" for one in records) > len(records) / 3

@@ -580,6 +580,16 @@ def test_a_stage_is_read_with_its_layers_and_in_binary(tmp_path: Path) -> None:
     assert [path.name for path in find_files([str(tmp_path)])] == ["arm.usdz", "over.usda"]
 
 
+def test_a_reference_within_a_layer_is_no_file(tmp_path: Path) -> None:
+    """As converters write materials and parts that they use twice."""
+    part = 'class "link" {{ float physics:mass = {mass} }}\n'
+    text = changed("        float physics:mass = 17.4\n", "", ARM).replace(
+        'def Xform "upper" (prepend apiSchemas', 'def Xform "upper" (prepend references = </link>\n    prepend apiSchemas'
+    )
+    (upper, _) = robot(tmp_path, text + part.format(mass="17.4;")).tree.bodies
+    assert upper.inertia is not None and upper.inertia.mass == 17.4
+
+
 LAYER = '''\
 #usda 1.0
 (

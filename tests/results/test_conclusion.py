@@ -82,7 +82,7 @@ SENTENCES = {
     ),
     "nothing left": (
         [subject("pinocchio", "Pinocchio", "disagrees", left_nothing="it drops every joint")],
-        "no engine gives an answer that can be judged. Pinocchio reads nothing that moves: it drops every joint.",
+        "no engine gives an answer that can be judged. Pinocchio reads another robot: it drops every joint.",
     ),
     "digits lost": (
         [AGREES, subject("pinocchio", "Pinocchio", "unstable", lost_digits="at 3 of 64 states", relative_error=1e-9)],

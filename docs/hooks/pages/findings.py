@@ -18,8 +18,8 @@ from pages.made import DOCS, REPOSITORY, Made, fenced, linked, literal, table
 
 SECTION = "Findings"
 EXAMPLES = DOCS / "examples"
-SUFFIXES = {"urdf": ".urdf", "mjcf": ".xml"}
-LANGUAGES = {".urdf": "xml", ".xml": "xml"}
+SUFFIXES = {"urdf": ".urdf", "mjcf": ".xml", "usd": ".usda"}
+LANGUAGES = {".urdf": "xml", ".xml": "xml", ".usda": "text"}
 # Where issues of the harness's own are written, and what else is known of an engine.
 UPSTREAM = REPOSITORY / "harness" / "report" / "upstream.toml"
 KNOWN = REPOSITORY / "harness" / "report" / "known_findings.toml"

@@ -12,8 +12,7 @@ from fractions import Fraction
 
 from packaging.specifiers import SpecifierSet
 
-from harness.environments import split_name
-from harness.explain.changes.readings import NEWEST
+from harness.environments import NEWEST, split_name
 from harness.files.equalities import AnyRows, Constraint, DryFriction, Limit, Linkage, Polygon, Sum, TendonLinkage
 from harness.files.given import Given, Pose
 from harness.files.joint_kinds import JointKind

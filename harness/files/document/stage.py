@@ -194,7 +194,8 @@ def _refuse_irregular_layers(usd: Any, path: Path) -> None:
             layer = usd.Sdf.Layer.FindOrOpen(str(one))
         except usd.Tf.ErrorException as error:
             raise _unreadable(one, message_of(error)) from None
-        for name in layer.GetCompositionAssetDependencies() if layer else ():
+        # A reference into the same layer names none.
+        for name in filter(None, layer.GetCompositionAssetDependencies() if layer else ()):
             other = Path(layer.ComputeAbsolutePath(name))
             if other.resolve() in seen or not other.exists():
                 continue
@@ -244,7 +245,7 @@ class _Reader:
                 raise InvalidModel(self._path, None, f"<{shorten(path)}> is prim {len(prims)}; no robot needs so many, or so deep ones")
             one = self._prim(prim, path, len(prims) + 1)
             prims.append(one)
-            element = etree.SubElement(root, "prim", name=one.path)
+            element = etree.SubElement(root, "prim", name=one.path, schemas=" ".join(one.schemas))
             elements[element] = one.place.line
         return UsdDocument(self._path, "", root, elements, prims=tuple(prims), layer=self._metadata())
 

@@ -21,7 +21,7 @@ from lxml import etree
 from packaging.specifiers import SpecifierSet
 
 from harness.arrays import Array
-from harness.environments import split_name
+from harness.environments import NEWEST, split_name
 from harness.files.document.source import Source, read_any
 from harness.files.given import Given, Place, Pose
 from harness.files.mjcf.reading import put_included
@@ -34,8 +34,6 @@ from harness.trees.robot import Robot
 
 # Places of xx, yy, zz, xy, xz, yz in a matrix.
 _ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-# Newer than any version.
-NEWEST = "99999"
 _PARTS = ("bodies", "joints", "inertia", "solids", "springs", "couplings", "actuators", "force_limits", "place")
 
 

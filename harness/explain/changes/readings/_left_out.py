@@ -47,6 +47,8 @@ point_springs = law("tendons", "tendons", supplied=True)(lambda robot: replace(r
 gravity_compensation = law("gravity compensation", "bodies", each=with_bodies)(lambda body: replace(body, gravity_compensation=_NOTHING))
 actuators = law("actuators", "actuators")(lambda robot: replace(robot.tree, actuators=(), force_limits=()))
 
+total_mass = law("settotalmass", "files")(lambda robot: replace(robot.tree, total_mass=None))
+
 
 @law("tendons on joints", "tendons")
 def linear_tendons(robot: Robot) -> Tree:

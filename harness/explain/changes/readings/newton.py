@@ -86,9 +86,6 @@ def _bare_floats(joint: Joint) -> Joint:
     return replace(joint, damping=_NOTHING, armature=_NOTHING) if joint.kind == JointKind.FREE else joint
 
 
-_unscaled = law("settotalmass", "files")(lambda robot: replace(robot.tree, total_mass=None))
-
-
 READINGS = readings_of(
     "newton",
     {
@@ -172,7 +169,7 @@ READINGS = readings_of(
                 "give each of these joints a body of its own",
                 f"{_IMPORTER}, parse_body: linear_axes, angular_axes and joint_pos[0]",
             ),
-            _unscaled: (
+            _left_out.total_mass: (
                 "Newton's importer of MJCF passes over <compiler settotalmass>",
                 "write the scaled masses and inertias into each <inertial>",
                 f"{_IMPORTER}, parse_mjcf, which does not read it",

@@ -230,9 +230,6 @@ def _without_masses_of_classes(solid: Solid) -> Solid:
     return replace(solid, mass=None) if is_of_class else solid
 
 
-_unscaled = law("settotalmass", "files")(lambda robot: replace(robot.tree, total_mass=None))
-
-
 @law("further trees", "bodies")
 def _of_the_first_tree(robot: Robot) -> Tree:
     return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
@@ -342,7 +339,7 @@ READINGS = readings_of(
                 "give each body a name of its own",
                 f"{_GRAPH}, parseJointAndBody: bodyName = parentName + Bis; mapOfBodies.insert, which keeps the first",
             ),
-            _unscaled: (
+            _left_out.total_mass: (
                 "Pinocchio's MJCF reader passes over <compiler settotalmass>",
                 "write the scaled masses and inertias into each <inertial>",
                 f"{_GRAPH}, parseCompiler, which does not read it",

@@ -1,0 +1,105 @@
+"""PhysX on robots in USD: the layer by which it is aided, and its answers in an environment of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from engines.test_optional_engines import found_by
+from pxr import Usd, UsdPhysics
+from stages import random_stage
+
+from harness.comparison.judgement import judge
+from harness.comparison.robot_library import ask_engine
+from harness.engines.adapters.physx.anchors import write_anchored
+from harness.engines.request import EngineAnswers
+from harness.explain.meant import columns_of, for_engine, meant, question_of, read_as, request_of
+from harness.files.joint_kinds import JointKind
+from harness.library import Stance
+from harness.trees.robot import read_robot
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "docs" / "examples").glob("*.usda"))
+SINGLE_PRECISION = 2.0**-24
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "robot.usda"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_layer_over_a_stage_is_the_same_robot(seed: int, tmp_path: Path) -> None:
+    """Where bodies stand on the world, between the joints of one, or float: the accelerations of the file are those of the layer."""
+    path, over = written(tmp_path, random_stage(seed)), tmp_path / "over.usda"
+    robot = read_robot(path)
+    floating = [joint.tag for joint in request_of(robot, Stance.AIDED).joints if joint.kind == JointKind.FREE]
+    write_anchored(path, over, floating, has_gravity=True)
+    one = meant(robot, 8, 0)
+    other = read_as(one, read_robot(over))
+    found = other.truth.high[:, columns_of(other.joints, robot.joints)]
+    np.testing.assert_allclose(found, one.truth.high, rtol=1e-5, atol=1e-5 * np.abs(one.truth.high).max())
+    stage = Usd.Stage.Open(str(over))
+    roots = [prim for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)]
+    assert [prim.IsA(UsdPhysics.FixedJoint) for prim in roots] == [not floating]
+    joints = [UsdPhysics.Joint(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.Joint)]
+    inbound = [str(target) for joint in joints for target in joint.GetBody1Rel().GetTargets()]
+    assert len(inbound) == len(set(inbound)), "a link hangs by one joint"
+
+
+def test_gravity_that_a_file_switches_off_is_off_in_the_layer(tmp_path: Path) -> None:
+    text = random_stage(1).replace("float physics:gravityMagnitude", "bool newton:gravityEnabled = 0; float physics:gravityMagnitude")
+    path, over = written(tmp_path, text.replace('"scene"', '"scene" (apiSchemas = ["NewtonSceneAPI"])')), tmp_path / "over.usda"
+    write_anchored(path, over, [], has_gravity=False)
+    stage = Usd.Stage.Open(str(over))
+    scene = UsdPhysics.Scene(stage.GetPrimAtPath("/scene"))
+    assert scene.GetGravityMagnitudeAttr().Get() == 0.0 and not scene.GetPrim().GetMetadata("apiSchemas").ApplyOperations([])
+
+
+def judged(robot: Any, answers: EngineAnswers, states: int) -> Any:
+    return judge(meant(robot, states, 0), answers, "physx", Stance.AIDED)
+
+
+def answers_of(robot: Any, asked: Any, states: int) -> EngineAnswers:
+    """Those of PhysX on the file of ``asked``, at the states of ``robot``."""
+    question = question_of(for_engine(meant(robot, states, 0), SINGLE_PRECISION), Stance.AIDED)
+    return ask_engine("physx", replace(question, request=replace(question.request, path=asked)))
+
+
+@pytest.fixture
+def here(environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(environment("physx")))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("example", [path for path in EXAMPLES if path.stem != "roots-on-bodies"], ids=lambda path: path.stem)
+def test_an_example_is_what_physx_makes_of_it(example: Path, environment: Callable[[str], Path], tmp_path: Path) -> None:
+    found = found_by(environment("physx"), tmp_path, "compare", str(example), "--subject", "physx/usd")
+    plain, aided = found["subjects"]
+    readings = [*plain["readings"], *(reading for one in found["switched_on"] for reading in one["readings"])]
+    assert plain["explained"] and aided["explained"] and f"physx-{example.stem}" in [reading["page"] for reading in readings]
+    assert plain["left"] is None or plain["left"] < 64
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(25))
+def test_physx_agrees_with_random_trees(seed: int, here: None, tmp_path: Path) -> None:
+    """4,000 states of each."""
+    robot = read_robot(written(tmp_path, random_stage(seed)))
+    record = judged(robot, answers_of(robot, robot.path, 4000), 4000)
+    assert record.verdict == "agrees", (record.backward_error, record.message, record.rest)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("factor", [1.0, 1.0001])
+def test_physx_feels_an_inertia_that_is_off_by_a_ten_thousandth(factor: float, here: None, tmp_path: Path) -> None:
+    text = Path(EXAMPLES[0].with_name("joints-to-the-world.usda")).read_text()
+    robot = read_robot(written(tmp_path, text))
+    other = tmp_path / "other.usda"
+    other.write_text(text.replace("0.01, 0.06, 0.06", f"0.01, {0.06 * factor!r}, 0.06"))
+    record = judged(robot, answers_of(robot, other, 400), 400)
+    assert (record.verdict == "agrees") == (factor == 1.0), record.backward_error
