@@ -21,7 +21,7 @@ from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, S
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from harness.errors import InvalidEngine, InvalidInput, is_out_of_memory, message_of
+from harness.errors import InvalidEngine, InvalidInput, InvalidRequest, is_out_of_memory, message_of
 from harness.workers import Outcome, Task, Workers
 from harness.workers.tasks import MORE_MEMORY
 
@@ -150,6 +150,13 @@ class Study:
             self.report(outcome.exception)
             return str(outcome.exception)
         return "" if outcome.exception is None else sentence(outcome.exception)
+
+    def fails(self, outcome: Outcome) -> bool:
+        """True for a task that gave no value; why is a problem then, whatever it was, for nothing else is left to do."""
+        failure, exception = self.failure(outcome), outcome.exception
+        if failure and not isinstance(exception, InvalidInput):
+            self.report(exception if isinstance(exception, InvalidRequest) else InvalidRequest(failure))
+        return bool(failure)
 
     def report(self, problem: Exception) -> None:
         """Add a problem that is not known yet."""

@@ -17,7 +17,7 @@ from harness.engines import NotOffered, installed_version, runs_elsewhere
 from harness.engines.moving import MovedBy
 from harness.engines.request import Refused
 from harness.engines.tree_request import asked_joints
-from harness.errors import InvalidModel, InvalidRequest
+from harness.errors import InvalidRequest
 from harness.explain.as_read import read_by
 from harness.explain.meant import request_of
 from harness.files.document.source import read_any
@@ -33,7 +33,7 @@ from harness.study import Inquiry, Part, Study, ask, call
 from harness.trees.mechanism import mechanism_of
 from harness.trees.recursion import step_forces
 from harness.trees.robot import Robot
-from harness.workers import Outcome, Task
+from harness.workers import Task
 
 # Of two step lengths, relative: those that are multiples in decimals are so in float64 but for a rounding.
 _ALIKE = 1e-12
@@ -112,24 +112,18 @@ class GapStudy(Study):
     def _gap(self) -> Inquiry[None]:
         """Both motions from one start, and what their gap is due to."""
         prepared = yield from ask(call, _prepare, self.settings)
-        if self._fails(prepared):
+        if self.fails(prepared):
             return
         cases, names, start = prepared.value
         ends = yield [Task(None, call, (_move, case, *start, names)) for case in cases]
         for by, end in zip(self.settings.by, ends, strict=True):
-            if not self._fails(end):
+            if not self.fails(end):
                 yield Part(f"motion of {by.engine}", Gaps())
         if any(end.value is None for end in ends):
             return
         found = yield from ask(call, _gap, cases, start, names, [end.value for end in ends])
-        if not self._fails(found):
+        if not self.fails(found):
             yield self.kept("shares", Gaps(gaps=[found.value]))
-
-    def _fails(self, outcome: Outcome) -> bool:
-        failure = self.failure(outcome)
-        if failure and not isinstance(outcome.exception, InvalidModel):
-            self.report(InvalidRequest(str(outcome.exception) if isinstance(outcome.exception, InvalidRequest) else failure))
-        return bool(failure)
 
 
 # Tasks for worker processes.

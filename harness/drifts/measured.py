@@ -32,6 +32,8 @@ _ITERATIONS, _FACTORS = 6, (0.5, 0.75, 1.5, 2.0)
 _FIRST_ROWS = 5
 # Change of a number by which its effect is computed, relative, and of a velocity [m/s or rad/s]; cosine from which on effects are parallel.
 _CHANGE, _VELOCITY_CHANGE, PARALLEL = 1e-2, 1e-4, 0.98
+# A gap that is less than this part of the way is what rounding and the velocities at the start leave.
+_NO_GAP = 1e-12
 # Parts of the gap that are one for what is told first.
 _AS_MUCH = 1e-3
 DELAY = NamedNumber(DriftCause.DELAY, "", "control delay [s]", 0.0, ("", ""), {}, least=0.0)
@@ -92,7 +94,8 @@ def measured_drift(settings: MeasuredSettings, move: Callable[[MotionsRequest], 
         tracks = _all(move, model.request, motions)
         return np.array([from_start(whiten(track[:, model.places] - base.q[0][:, model.places])) for track in tracks])
 
-    fits = _fitted(numbers, gap, positions, _smallest(model))
+    is_gap = bool(np.linalg.norm(gap) > _NO_GAP * np.linalg.norm(way))
+    fits = _fitted(numbers, gap, positions, _smallest(model)) if is_gap else []
     best = _likeliest_first(sorted(fits, key=lambda fit: -fit.explained))
     file = HeldFile(settings.side.path)
     return MeasuredRecord(
@@ -102,7 +105,7 @@ def measured_drift(settings: MeasuredSettings, move: Callable[[MotionsRequest], 
         joints=[name for name, (place, _) in columns_of(held.joints).items() if place.start in model.places],
         seconds=model.motion.counts[-1] * held.length,
         gap=float(np.linalg.norm(gap) / np.linalg.norm(way)) if way.any() else float("inf"),
-        numbers=tuple(_told(fit, best, file) for fit in best) if gap.any() else (),
+        numbers=tuple(_told(fit, best, file) for fit in best),
         motions=count,
     )
 
@@ -199,8 +202,6 @@ def _fitted(
     change: Callable[[NamedNumber], float],
 ) -> list[_Fit]:
     """The numbers that explain most along their effects, each at the value at which its motion is nearest."""
-    if not gap.any():
-        return []
     first = positions([(number, number.value + change(number)) for number in numbers])
     fits = [
         _Fit(number, number.value, moved / change(number), 0.0)

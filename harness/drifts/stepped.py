@@ -47,7 +47,7 @@ def without_what_is_not_applied(engine: Engine, side: MovingSide, numbers: HeldN
             changed[cause][numbers.switches[cause]] = np.zeros(1)
     rule = _rule(engine, side.integrator)
     changed[DriftCause.INTEGRATOR] |= numbers.rules[rule.name]
-    return replace(numbers, by_cause=changed, integrator=f"{rule.name} of one's own")
+    return replace(numbers, by_cause=changed, integrator=f"{rule.name} of one's own", note="")
 
 
 def stepped(engine: Engine, request: MotionsRequest) -> Moved:

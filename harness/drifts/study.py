@@ -18,14 +18,14 @@ from harness.engines import Engine, NotOffered, installed_version, load_engine
 from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, SimulatedFile
 from harness.engines.request import Refused
 from harness.environments import split_name
-from harness.errors import InvalidInput, InvalidRequest, not_installed
+from harness.errors import InvalidRequest, not_installed
 from harness.explain.changes import Change
 from harness.results.cause import DriftCause
 from harness.results.comparison import names_apart
 from harness.results.drift import DriftRecord, Drifts, DriftSide
 from harness.results.measured import MeasuredRecord
 from harness.study import Inquiry, Part, Study, ask, call
-from harness.workers import Outcome, Task
+from harness.workers import Task
 
 # Motions of a task: a request to another process costs what a step does.
 _OF_A_TASK = 64
@@ -44,12 +44,6 @@ class _DriftOfOne(Study):
     def _drift(self) -> Inquiry[None]:
         """Find the drift."""
 
-    def _fails(self, outcome: Outcome) -> bool:
-        failure = self.failure(outcome)
-        if failure and not isinstance(outcome.exception, InvalidInput):
-            self.report(outcome.exception if isinstance(outcome.exception, InvalidRequest) else InvalidRequest(failure))
-        return bool(failure)
-
 
 class DriftStudy(_DriftOfOne):
     """The gap between two motions, and what it is due to."""
@@ -62,13 +56,13 @@ class DriftStudy(_DriftOfOne):
 
     def _drift(self) -> Inquiry[None]:
         prepared = yield from ask(call, prepare, self.settings)
-        if self._fails(prepared):
+        if self.fails(prepared):
             return
         made: PreparedDrift = prepared.value
         yield Part("what both sides hold", Drifts())
         outcomes = yield [Task(None, call, (moved, engine, request)) for engine, request in made.requests(_OF_A_TASK)]
         # Each is told once, whatever the number of tasks that it stopped.
-        failed = [self._fails(outcome) for outcome in outcomes]
+        failed = [self.fails(outcome) for outcome in outcomes]
         if any(failed):
             return
         yield Part("motions", Drifts())
@@ -86,7 +80,7 @@ class MeasuredStudy(_DriftOfOne):
 
     def _drift(self) -> Inquiry[None]:
         found = yield from ask(call, measured_from, self.settings)
-        if not self._fails(found):
+        if not self.fails(found):
             yield self.kept("numbers", Drifts(measured=[found.value]))
 
 

@@ -207,7 +207,7 @@ def _clause(share: CauseShare, labels: tuple[str, str], over: str) -> str:
     differences = (*switched, *(one for one in differences if one not in switched))
     name = _SWITCHED.get(switched[0].what, share.name) if switched else share.name
     if share.name == ENGINE:
-        return f"What no number of the files says is left to the engines: {size}."
+        return f"{size} is left to the engines; no number of the files explains it."
     alone = [difference for difference in differences if {difference.first, difference.second} == {"present", "absent"}]
     if alone and share.name == DriftCause.TREE:
         lacking = other if alone[0].second == "absent" else one

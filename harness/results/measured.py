@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from harness.results.detail import Detail, telling
@@ -59,6 +60,8 @@ class MeasuredRecord:
     def sentence(self) -> str:
         """The number that would explain most of the gap."""
         size = f"{self.log} is {number_text(float(f'{self.gap:.2g}'))} of its way from the motion of {self.path} over {self.seconds:g} s"
+        if math.isinf(self.gap):
+            size = f"{self.log} stands still over {self.seconds:g} s, and the motion of {self.path} does not"
         best = self.numbers[0] if self.numbers else None
         if best is None or best.explained < PROPOSED:
             return f"{size}. No number of the file explains {PROPOSED:.0%} of that alone.".replace("%", " %")
