@@ -22,6 +22,7 @@ Hold engines, model files, or your own program against that truth:
     harness.compare("double_pendulum", q, v, accelerations)  # backward errors and verdicts of anybody's answers
     harness.compare("robot.urdf", "robot.xml")               # engines on a robot's files, readings, and what differs
     harness.drift("isaac.xml", "mine.xml", control=f)        # why a controlled robot moves otherwise in the second file
+    harness.drift_from_log("robot.xml", "measured.csv")      # which number of the file would explain a log
 
 Write a mechanism down with ``System`` over the time ``TIME``; ball and free joints take an ``Attitude``, loops and
 rolling a ``Constraint``, motors and servos an ``Actuator``, surfaces that may touch a ``Contact``. ``harness.load(SYSTEM)`` needs no files.
@@ -37,7 +38,7 @@ from harness.version import __version__
 
 if TYPE_CHECKING:
     from harness.api import check, compare, diagnose, load, mechanisms
-    from harness.api.drifting import drift
+    from harness.api.drifting import drift, drift_from_log
     from harness.lagrange.actuator import Actuator
     from harness.lagrange.constraint import Constraint, Contact
     from harness.lagrange.euler_angles import Attitude, body_rates, rotation
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "harness.api": ("check", "compare", "diagnose", "load", "mechanisms"),
-    "harness.api.drifting": ("drift",),
+    "harness.api.drifting": ("drift", "drift_from_log"),
     "harness.lagrange.actuator": ("Actuator",),
     "harness.lagrange.constraint": ("Constraint", "Contact"),
     "harness.lagrange.euler_angles": ("Attitude", "body_rates", "rotation"),
@@ -74,6 +75,7 @@ __all__ = [
     "compare",
     "diagnose",
     "drift",
+    "drift_from_log",
     "load",
     "mechanisms",
     "rotation",

@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from harness import workers as processes
-from harness.drifts.control import read_control
-from harness.drifts.plan import DriftSettings, sides_of
-from harness.drifts.study import DriftStudy, drift_here
+from harness.drifts.control import is_table, read_control
+from harness.drifts.measured import MeasuredSettings
+from harness.drifts.plan import DriftSettings, MovingSide, sides_of
+from harness.drifts.study import DriftStudy, drift_here, measured_from
 from harness.engines.moving import Control
+from harness.errors import InvalidRequest
 from harness.results.drift import DriftRecord, Drifts
+from harness.results.measured import MeasuredRecord
 from harness.study import complete
 
 if TYPE_CHECKING:
@@ -40,6 +43,16 @@ class FoundDrift(DriftRecord):
 
     def _repr_html_(self) -> str:
         return f"<p>{self.sentence}</p>{self.plot().svg}"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class FoundLog(MeasuredRecord):
+    """A log beside a model, which prints as ``harness drift`` does."""
+
+    def __repr__(self) -> str:
+        from harness.report.drift import drift_sections
+
+        return "\n\n".join(map(str, drift_sections(Drifts(measured=[self]))))
 
 
 class MovedAlike(TypedDict, total=False):
@@ -80,6 +93,7 @@ def drift(
     Raises:
         harness.errors.InvalidInput: a file cannot be read.
         harness.errors.InvalidRequest: sides of other joints, no such engine, control or start, or a file that an engine refuses.
+        TypeError: an argument that is none.
 
     Examples:
         >>> import harness
@@ -88,6 +102,10 @@ def drift(
         >>> found.ranked[0].name
         'integrator'
     """
+    if unknown := moved.keys() - MovedAlike.__annotations__.keys():
+        raise TypeError(f"drift has no argument {sorted(unknown)[0]!r}; expected some of {', '.join(MovedAlike.__annotations__)}")
+    if second is not None and is_table(Path(second)):
+        raise InvalidRequest(f"{second} is a table; a log is held against a model by harness.drift_from_log")
     timing = moved.get("delay", (0.0, 0.0)), moved.get("decimation", (1, 1))
     sides = sides_of((Path(first), None if second is None else Path(second)), (by,) if isinstance(by, str) else by, *timing)
     settings = DriftSettings(sides, moved.get("seconds", 1.0), None, moved.get("start", {}), moved.get("seed", 0))
@@ -99,6 +117,34 @@ def drift(
     for problem in study.problems:
         raise problem
     return _found(found.drifts[0])
+
+
+def drift_from_log(
+    model: str | Path,
+    log: str | Path,
+    *,
+    by: str = "mujoco",
+    control: ControlFunction | str | Path | None = None,
+    seconds: float | None = None,
+    delay: float = 0.0,
+) -> FoundLog:
+    """The numbers of a model, each alone, that would explain a log of measured joint positions, and those that it does not tell apart.
+
+    Args:
+        log: a table with a column ``time`` [s] and one for each hinge or slide that was measured. control: as of ``drift``; what was
+            sent while it was measured, by the same clock. seconds: how long both are held against each other, None for all of the log.
+        by: who moves the model, as of ``drift``. delay: until a control acts in it [s].
+
+    Raises:
+        harness.errors.InvalidInput: the model cannot be read.
+        harness.errors.InvalidRequest: as ``drift``, or the log is none of this model.
+    """
+    side = replace(MovingSide(Path(model)).by(by), delay=delay)
+    if callable(control):
+        sent: Control | None = Control.calling(control)
+    else:
+        sent = None if control is None else read_control(Path(control))
+    return FoundLog(**vars(measured_from(MeasuredSettings(side, Path(log), sent, seconds), here=callable(control))))
 
 
 def _found(drift: DriftRecord) -> FoundDrift:

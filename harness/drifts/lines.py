@@ -88,9 +88,12 @@ def _difference(
         says = [text if prefix not in ("opt", "flag") else "" for text in texts]
         texts = [f"{text}, compiled as {own}" if text and text != own else own for text, own in zip(says, compiled, strict=True)]
     written = [own.attribute for own in said if own.text]
+    if len(set(written)) > 1:
+        # Each file has another attribute for it.
+        texts = [f"{own.attribute} {text}" for own, text in zip(said, texts, strict=True)]
     difference = SideDifference(
         owner=_named(array, owner),
-        what=(written or [said[0].attribute])[0],
+        what="" if len(set(written)) > 1 else (written or [said[0].attribute])[0],
         first=texts[0],
         second=texts[1],
         first_place=said[0].told(sides[0].path),

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -205,12 +206,19 @@ def _start(settings: DriftSettings, held: HeldNumbers) -> tuple[Array, Array]:
         raise InvalidRequest(f"the start has joint {unknown[0]!r}; expected some of {', '.join(held.joints)}")
     for name, (positions, velocities) in columns_of(held.joints).items():
         if name in settings.start:
-            given = [np.atleast_1d(np.array(part, dtype=np.float64)) for part in settings.start[name]]
-            nq, nv = held.joints[name].sizes
+            given, (nq, nv) = _given(settings.start[name]), held.joints[name].sizes
             if [part.shape for part in given] != [(nq,), (nv,)] or not all(np.isfinite(part).all() for part in given):
                 raise InvalidRequest(f"the start of joint {name!r} is {settings.start[name]}; expected {nq} positions and {nv} velocities")
             q[positions], v[velocities] = given
     return q, v
+
+
+def _given(start: Any) -> list[Array]:
+    """The two parts of a start; none of what is no pair of numbers or lists."""
+    try:
+        return [np.atleast_1d(np.array(part, dtype=np.float64)) for part in start]
+    except (TypeError, ValueError):
+        return []
 
 
 def columns_of(joints: Mapping[str, JointKind]) -> dict[str, tuple[slice, slice]]:

@@ -58,7 +58,8 @@ class SideDifference:
     """A difference between the sides, of one cause.
 
     Attributes:
-        owner: of the numbers, as "actuator elbow"; "" for the whole model. what: the attribute of the file, or the engine's array.
+        owner: of the numbers, as "actuator elbow"; "" for the whole model. what: the attribute of the files, or the engine's array; ""
+            where each has another, which its value names.
         first, second: values, as the files write them or as they were compiled. first_place, second_place: as "line 12"; "" for none.
         is_absent: of which side the value is nothing: 0, none, or switched off; of the first and of the second.
         remedy: what is set in the second for it to move as the first, as 'kv="5.13"', or taken out of it where ``is_removed``; "" where no
@@ -236,7 +237,7 @@ def _remedies(differences: tuple[SideDifference, ...], other: str) -> str:
 def _where(differences: tuple[SideDifference, ...], labels: tuple[str, str]) -> str:
     first = differences[0]
     both = [
-        f"{label}{f' {place}' if place else ''}: {first.what} {value}"
+        f"{label}{f' {place}' if place else ''}: {f'{first.what} {value}'.lstrip()}"
         for label, place, value in ((labels[1], first.second_place, first.second), (labels[0], first.first_place, first.first))
     ]
     more = len(differences) - 1

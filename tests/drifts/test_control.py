@@ -112,6 +112,11 @@ def test_timing_that_is_none_is_refused(cart: Path, name: str) -> None:
             harness.drift(cart, **{name: wrong})  # type: ignore[arg-type]
 
 
+def test_an_argument_that_is_none_is_refused(cart: Path) -> None:
+    with pytest.raises(TypeError, match="drift has no argument 'second_s'; expected some of seconds, start"):
+        harness.drift(cart, second_s=1.0)  # type: ignore[call-arg]
+
+
 def test_a_table_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidRequest, match="there is no such table of controls"):
         read_control(tmp_path / "none.csv")

@@ -201,6 +201,8 @@ REFUSED = {
     "other joints": (("b.xml", CART.replace('"pin"', '"hinge"')), {}, "a.xml alone moves joint 'pin'"),
     "other kinds": (("b.xml", CART.replace('name="pin"', 'name="pin" type="slide"')), {}, "joint 'pin' is of another kind in b.xml"),
     "no such start": (("b.xml", CART), {"start": {"wrist": ([0.0], [0.0])}}, "the start has joint 'wrist'"),
+    "no pair": (("b.xml", CART), {"start": {"pin": 1.0}}, "the start of joint 'pin' is 1.0; expected 1 positions and 1 velocities"),
+    "no numbers": (("b.xml", CART), {"start": {"pin": ("up", 0.0)}}, "the start of joint 'pin' is .*; expected 1 positions"),
     "no length": (("b.xml", CART.replace("0.004", "0.003")), {"seconds": 0.005}, "do not end together within 0.005 s; expected 0.012 s"),
     "no model": (("b.xml", CART.replace("mass=", "weight=")), {}, "mujoco does not move .*b.xml: .*weight"),
 }

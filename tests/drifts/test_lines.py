@@ -66,6 +66,9 @@ def test_a_change_writes_what_the_first_file_says(tmp_path: Path, name: str) -> 
     made = prepared(tmp_path, one, other)
     [change] = made.changes[cause]
     assert (change.kind, change.place.attribute, change.place.line, change.place.found) == (cause, attribute, line, found)
+    if name == "one of another name":
+        said = '(b.xml line 18: dampratio 2; a.xml line 18: kv 4). Set kv="4" in b.xml.'
+        assert drift_here(made.settings).sentence.endswith(said)
     (tmp_path / "b.xml").write_text(change.text(0.0))
     left = drift_here(made.settings)
     assert not any(left.of_positions) and not any(share.differences for share in left.shares)

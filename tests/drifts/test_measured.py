@@ -13,6 +13,7 @@ import pytest
 from drifting import ARM, HOPPER
 from support import harness
 
+import harness as api
 from harness.drifts.measured import DELAY, MeasuredSettings
 from harness.drifts.plan import MovingSide
 from harness.drifts.study import measured_from
@@ -127,6 +128,17 @@ def test_a_log_of_some_joints_and_no_gap(tmp_path: Path) -> None:
     record = measured_from(MeasuredSettings(MovingSide(tmp_path / "hopper.xml"), tmp_path / "log.csv"), here=True)
     assert record.joints == ["rail"] and record.gap < 1e-2 and record.seconds == pytest.approx(0.058)
     assert all(0.0 <= one.explained <= 1.0 and math.isfinite(one.fitted) for one in record.numbers)
+
+
+def test_a_log_in_python(tmp_path: Path) -> None:
+    record = found(tmp_path, PENDULUM, PENDULUM.replace('damping="0.1"', 'damping="0.3"'), ["drive"], seconds=0.4)
+    np.savez(tmp_path / "sent.npz", time=np.arange(0.0, 0.4, 0.002), drive=control_of(["drive"], 0.4).values[:, 0])
+    for control in (tmp_path / "sent.npz", lambda t, q, v: [0.6 * math.sin(2 * t)]):
+        again = api.drift_from_log(tmp_path / "model.xml", tmp_path / "log.csv", control=control)
+        assert (again.numbers[0].what, again.joints) == ("damping", ["pin"]) and again.sentence in repr(again)
+    assert record.numbers[0].fitted == pytest.approx(again.numbers[0].fitted, rel=1e-3)
+    with pytest.raises(InvalidRequest, match=r"log\.csv is a table; a log is held against a model by harness\.drift_from_log"):
+        api.drift(tmp_path / "model.xml", tmp_path / "log.csv")
 
 
 def test_the_way_of_a_log_is_from_its_first_row(tmp_path: Path) -> None:
