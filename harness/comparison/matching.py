@@ -149,7 +149,8 @@ def _of_moving(coupling: Coupling, joints: Mapping[str, Joint], still: Mapping[s
     if constant:
         relaxed = (multiple * position(name, "spring_reference") for name, multiple in kept)
         rest = (sum(relaxed, Fraction(0)) if rest is None else rest) - constant
-    return replace(coupling, joints=kept, rest=rest)
+    slack_to = None if coupling.slack_to is None else coupling.slack_to - constant
+    return replace(coupling, joints=kept, rest=rest, slack_to=slack_to)
 
 
 def renamed_to(robot: Robot, names: Mapping[str, str]) -> Robot:

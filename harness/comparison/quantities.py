@@ -221,7 +221,7 @@ def _with_share(name: str, share: Fraction, body: Body) -> Body:
 
 
 _Force = Spring | Coupling
-_OF_FORCES = ("stiffness", "damping", "free_length", "rest", "armature")
+_OF_FORCES = ("stiffness", "damping", "free_length", "rest", "slack_to", "armature")
 
 
 def _differences_of_springs(first: Meant, second: Robot) -> Iterator[FileDifference]:

@@ -148,7 +148,8 @@ class Coupling(Placed):
 
     Attributes:
         joints: (name, multiple) of hinges and slides.
-        rest: the sum [m or rad] at which the spring is relaxed; None for that of the joints' ``spring_reference``.
+        rest: the sum [m or rad] at which the spring is relaxed; None for that of the joints' ``spring_reference``. slack_to: it is, up to
+            that sum; None for a spring that is never slack.
         armature: inertia [kg m^2 or kg]. gear: damper and inertia turn so many times as fast as the sum, and count gear^2 times.
         of_actuator: whether an actuator brings them. in_joint: whether that to a joint, and not to a tendon.
     """
@@ -160,6 +161,7 @@ class Coupling(Placed):
     place: Place | None = None
     armature: Fraction = Fraction(0)
     gear: Fraction = Fraction(1)
+    slack_to: Fraction | None = None
     of_actuator: bool = False
     in_joint: bool = False
 
@@ -168,7 +170,8 @@ class Coupling(Placed):
 class Spring(Placed):
     """A spring and damper between two points, each a body's name and a frame in that body, whose origin the point is.
 
-    ``stiffness`` [N/m] acts on the length beyond ``free_length`` [m], ``damping`` [N s/m] on its rate.
+    ``stiffness`` [N/m] acts on the length beyond ``free_length`` [m], ``damping`` [N s/m] on its rate. A spring is slack from there up to
+    the length ``slack_to`` [m], if any, from which on it acts on the length beyond that.
     """
 
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
@@ -176,6 +179,7 @@ class Spring(Placed):
     stiffness: Fraction
     damping: Fraction
     place: Place | None = None
+    slack_to: Fraction | None = None
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +26,7 @@ from harness.programs.derivatives import along
 from harness.programs.program import upper_triangle
 from harness.programs.terms import Matrix, Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Spatial, power, spatial
-from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, of_quaternion, placed, quaternion_of, rotation_vector
+from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, of_quaternion, placed, quaternion_of, rotation_vector, sign_of
 from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
 
 if TYPE_CHECKING:
@@ -315,8 +316,20 @@ def tension_between(builder: FileBuilder, spring: Spring, ends: Sequence[tuple[V
     between = second + -first
     distance = length(between)
     along = between / distance
-    line = Line(builder.number(spring.stiffness), builder.number(spring.damping), along @ (rate_of_second + -rate_of_first))
-    return line.tension(distance - spring.free_length), along, line
+    stretch, share = taut(distance, builder.number(spring.free_length), spring.slack_to)
+    line = Line(share * builder.number(spring.stiffness), builder.number(spring.damping), along @ (rate_of_second + -rate_of_first))
+    return line.tension(stretch), along, line
+
+
+def taut(length_now: Term, rest: Term, slack_to: Fraction | None) -> tuple[Term, Term]:
+    """The stretch of a spring of a length, which is slack from ``rest`` to ``slack_to``, and 1 where it acts, 0 where it is slack."""
+    if slack_to is None:
+        return length_now - rest, length_now.builder.number(1)
+    one, half = length_now.builder.number(1), length_now.builder.number(Fraction(1, 2))
+    beyond, short = length_now - length_now.builder.number(slack_to), rest - length_now
+    # Both are 1 at their ends, where half an ulp more has the larger derivative.
+    is_long, is_short = (half * (one + sign_of(part)) for part in (beyond, short))
+    return is_long * beyond - is_short * short, is_long + is_short
 
 
 def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vector:
@@ -335,8 +348,9 @@ def forces_of_joints(nodes: Kinematics, lines: list[Line] | None = None) -> Vect
             found[column] = found[column] - multiplier * (builder.number(joint.stiffness) * stretch)
     for coupling in nodes.tree.couplings:
         total, rest, rate, columns = coupled(nodes, coupling)
-        line = Line(builder.number(coupling.stiffness), nodes.of_gear(coupling, coupling.damping), rate)
-        tension = line.tension(total - rest)
+        stretch, share = taut(total, rest, coupling.slack_to)
+        line = Line(share * builder.number(coupling.stiffness), nodes.of_gear(coupling, coupling.damping), rate)
+        tension = line.tension(stretch)
         for column, slope in columns:
             found[column] = found[column] - slope * tension
         if lines is not None and not coupling.in_joint:

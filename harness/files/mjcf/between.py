@@ -1,8 +1,8 @@
 """Relations that an MJCF states between its bodies and joints: springs, dampers and inertias of its tendons, and its equalities.
 
-Those springs are read that run straight from one site to another, or act on a sum of joint positions; those equalities that are of points
-and frames, or couple joints, fixed tendons and tendons through sites. What acts on bodies while constraints, actuators and contacts are off
-is left unread: MuJoCo computes deformable bodies and plugins among the passive forces.
+Those springs are read that run straight from one site to another, or act on a sum of joint positions, and may be slack between two lengths;
+those equalities that are of points and frames, or couple joints, fixed tendons and tendons through sites. What acts on bodies while
+constraints, actuators and contacts are off is left unread: MuJoCo computes deformable bodies and plugins among the passive forces.
 
 Source: MuJoCo documentation, XML reference, ``tendon/spatial``, ``tendon/fixed``, ``equality``, ``option/flag``, ``deformable/flex``,
 ``extension/plugin``; MuJoCo 4.0.0.
@@ -40,6 +40,8 @@ from harness.files.tree import WORLD, Body, Coupling, Spring
 
 # Of a weld: a quaternion of zero stands for the orientation at the reference.
 _AT_REFERENCE = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+# Of a springlength: that follows from where the springs of joints are at rest.
+_AUTOMATIC = -1
 _UNWRITTEN = "is of a kind whose rows the harness does not write"
 _ALONG_PATH = "is about a tendon that runs along a path, or about none of this file"
 
@@ -92,18 +94,21 @@ class ElementsBetween:
         if not stiffness and not damping and not armature:
             return None
         lower, upper = _rest(attributes, tendon) if stiffness else (Fraction(0), Fraction(0))
-        if lower != upper:
-            what, advice = "is slack between two lengths", "write one springlength"
-        elif tendon.tag == "fixed":
+        is_automatic, slack_to = lower == upper == _AUTOMATIC, None if lower == upper else upper
+        if lower > upper:
+            self._source.refuse(
+                tendon, f"{describe(tendon)} has springlength {float(lower):g} {float(upper):g}; expected the shorter one first"
+            )
+        if tendon.tag == "fixed":
             terms = tuple(self._term(part) for part in tendon.iterchildren("joint"))
-            return Coupling(terms, stiffness, damping, None if lower < 0 else lower, place, armature)
-        elif [part.tag for part in path] != ["site", "site"]:
+            return Coupling(terms, stiffness, damping, None if is_automatic else lower, place, armature, slack_to=slack_to)
+        if [part.tag for part in path] != ["site", "site"]:
             what, advice = "does not run straight from one site to another", "lead it through two sites"
-        elif lower < 0:
+        elif is_automatic:
             what, advice = "leaves its springlength to the reader", "write it"
         else:
             first, second = (self.at(self.sites[self._source.resolve(part, "site", self.sites)]) for part in path)
-            return Spring((first, second), lower, stiffness, damping, place)
+            return Spring((first, second), lower, stiffness, damping, place, slack_to)
         self._source.unread.append(Unread(place, f"{describe(tendon)} {what}", advice))
         return None
 
@@ -255,7 +260,7 @@ def _by_name(elements: Iterable[etree._Element]) -> Elements:
 
 
 def _rest(attributes: Attributes, tendon: etree._Element) -> tuple[Given, Given]:
-    """The two lengths between which a tendon's spring is at rest; negative where those of the joints' springs are."""
+    """The two lengths between which a tendon's spring is at rest; ``_AUTOMATIC`` twice where those of the joints' springs are."""
     lower, upper = attributes.numbers(tendon, "springlength", (-1, -1))
     written = resolved(tendon, "springlength")
     return (lower, lower) if written is not None and len(written.text.split()) == 1 else (lower, upper)

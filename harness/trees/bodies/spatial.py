@@ -161,6 +161,12 @@ def of_quaternion(quaternion: Vector) -> Matrix:
     return matrix(rows)
 
 
+def sign_of(value: Term) -> Term:
+    """-1 or 1, and 1 of zero; a constant wherever it is differentiated: two angles add to half a turn forwards or backwards."""
+    builder = value.builder
+    return (builder.add("atan2", value, builder.number(-1)) + builder.add("atan2", value, builder.number(1))) / builder.add("pi")
+
+
 def rotation_vector(quaternion: Vector) -> Vector:
     """The vector along the axis of a rotation by a quaternion of any length, as long as its angle [rad], which is in (-pi, pi].
 
@@ -170,8 +176,7 @@ def rotation_vector(quaternion: Vector) -> Vector:
     real, rest = quaternion[0], quaternion[1:]
     builder = real.builder
     one, two = builder.number(1), builder.number(2)
-    # That of the real part, and 1 of zero: the two angles add to half a turn forwards or backwards.
-    sign = (builder.add("atan2", real, builder.number(-1)) + builder.add("atan2", real, one)) / builder.add("pi")
+    sign = sign_of(real)
     quarter = (sign / (sign * real + length(quaternion))) * rest
     squared, factor = quarter @ quarter, builder.number(4)
     for _ in range(_HALVINGS):

@@ -26,7 +26,7 @@ from harness.programs.terms import Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Spatial, spatial
 from harness.trees.bodies.spatial import FileProgram
 from harness.trees.nodes import kinematics
-from harness.trees.recursion import coupled, position_and_rest, stretched
+from harness.trees.recursion import coupled, position_and_rest, stretched, taut
 from harness.trees.world_motion import World, in_world, root
 
 
@@ -263,12 +263,14 @@ def _springs(world: World) -> Iterator[tuple[Term, Term, list[Term]]]:
         yield builder.number(node.joint.stiffness), stretch @ stretch, parts
     for coupling in nodes.tree.couplings:
         total, rest, _, _ = coupled(nodes, coupling)
-        yield builder.number(coupling.stiffness), (total - rest) * (total - rest), [total, rest]
+        stretch, _ = taut(total, rest, coupling.slack_to)
+        yield builder.number(coupling.stiffness), stretch * stretch, [total, rest]
     for spring in nodes.tree.springs:
         first, second = (world.end(body, pose)[2] for body, pose in spring.ends)
         distance, free = length(second + -first), builder.number(spring.free_length)
         reaches = [length(first), length(second)]
-        yield builder.number(spring.stiffness), (distance - free) * (distance - free), [*reaches, free]
+        stretch, _ = taut(distance, free, spring.slack_to)
+        yield builder.number(spring.stiffness), stretch * stretch, [*reaches, free]
 
 
 # Frames of bodies.

@@ -43,7 +43,12 @@ springs_without_axis = law("springs of joints without axis", "joints", each=with
 )
 rotors = law("rotor inertias", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, armature=_NOTHING))
 mimics = law("mimic joints", "joints", supplied=True, each=with_joints)(freed)
-point_springs = law("tendons", "tendons", supplied=True)(lambda robot: replace(robot.tree, springs=()))
+point_springs = law("tendons", "tendons", supplied=True)(
+    lambda robot: replace(robot.tree, springs=tuple(one for one in robot.tree.springs if one.slack_to is not None))
+)
+slack_springs = law("slack tendons", "tendons")(
+    lambda robot: replace(robot.tree, springs=tuple(one for one in robot.tree.springs if one.slack_to is None))
+)
 gravity_compensation = law("gravity compensation", "bodies", each=with_bodies)(lambda body: replace(body, gravity_compensation=_NOTHING))
 actuators = law("actuators", "actuators")(lambda robot: replace(robot.tree, actuators=(), force_limits=()))
 

@@ -125,6 +125,7 @@ READINGS = readings_of(
                 "add a LinearSpringDamper to the plant for each",
                 _PARSER,
             ),
+            _left_out.slack_springs: ("Drake's parser passes over tendons, with a warning", _left_out.ADD_POINT_SPRINGS, _PARSER),
             _left_out.linear_tendons: ("Drake's parser passes over tendons on joints, with a warning", _left_out.ADD_TENDONS, _PARSER),
         },
         _BOTH: {

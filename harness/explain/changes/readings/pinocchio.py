@@ -126,6 +126,11 @@ READINGS = readings_of(
                 _left_out.CARRY_WEIGHTS,
                 f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no gravcomp, {_NO_FORCE}",
             ),
+            _left_out.slack_springs: (
+                "Pinocchio has no springs between points, and no tendons",
+                _left_out.ADD_POINT_SPRINGS,
+                f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no <tendon>, {_NO_FORCE}",
+            ),
             _left_out.linear_tendons: (
                 "Pinocchio has no tendons on joints",
                 _left_out.ADD_TENDONS,
