@@ -17,7 +17,7 @@ from harness.files.tree import WORLD, Tree
 from harness.trees.bodies.spatial import FileBuilder, placed
 
 # kFrameEps of MuJoCo's compiler, of each component of a position and of a unit quaternion.
-_ALIKE = 1e-6
+ALIKE = 1e-6
 _BITS = 128
 
 
@@ -55,20 +55,20 @@ def _in_a_frame_of_the_body(tree: Tree, shape: Shape) -> Pose:
     body = next((one for one in tree.bodies if one.name == shape.body), None)
     if shape.body == WORLD or body is None:
         return shape.pose
-    own, frames = _frame(shape.pose), list[Pose]([()])
+    own, frames = frame_of(shape.pose), list[Pose]([()])
     if body.inertia is not None and not any(body.inertia.moments[3:]):
         frames.append(body.inertia.pose)
     for frame in frames:
-        position, orientation = _frame(frame)
-        if min(np.abs(own[1] - orientation).max(), np.abs(own[1] + orientation).max()) < _ALIKE:
-            if np.abs(own[0] - position).max() < _ALIKE:
+        position, orientation = frame_of(frame)
+        if min(np.abs(own[1] - orientation).max(), np.abs(own[1] + orientation).max()) < ALIKE:
+            if np.abs(own[0] - position).max() < ALIKE:
                 return frame
             if len(shape.pose) == 1 and len(frame) <= 1:
                 return (*(replace(one, rotation=()) for one in shape.pose), *(replace(one, position=ORIGIN) for one in frame))
     return shape.pose
 
 
-def _frame(pose: Pose) -> tuple[Array, Array]:
+def frame_of(pose: Pose) -> tuple[Array, Array]:
     """Position (3,) and unit quaternion (4,) of a pose."""
     builder = FileBuilder(())
     frame = placed(builder, pose)

@@ -70,6 +70,7 @@ class Reading(Law):
         versions: of the engine's program that have it, as "<3.14"; "" for all that the harness knows.
         is_misread: whether the reader accepts what it does not read as the format's documentation says, and no documentation of the engine
             tells; False for what the engine says that it leaves out or does.
+        is_of_program: whether it is what the engine computes of what its reader has read, and no reading of engines with that reader.
     """
 
     engine: str
@@ -79,6 +80,7 @@ class Reading(Law):
     source: str
     versions: str = ""
     is_misread: bool = False
+    is_of_program: bool = False
 
     @property
     def page(self) -> str:
@@ -120,9 +122,10 @@ def readings_of(
     laws: Mapping[tuple[str, ...], Mapping[Law, tuple[str, str, str]]],
     versions: str = "",
     is_misread: bool = False,
+    is_of_program: bool = False,
 ) -> tuple[Reading, ...]:
     """The laws that an engine's reader of some formats has in some versions, each with its sentence, remedy and source."""
-    about: dict[str, Any] = {"engine": engine, "versions": versions, "is_misread": is_misread}
+    about: dict[str, Any] = {"engine": engine, "versions": versions, "is_misread": is_misread, "is_of_program": is_of_program}
     return tuple(
         Reading(**vars(one), **about, formats=formats, sentence=sentence, remedy=remedy, source=source)
         for formats, of_formats in laws.items()
@@ -142,7 +145,8 @@ def find_readings(engine: str, model_format: str, reader: str = "", quantity: st
     An engine without a version, as the one beside the harness, is the newest; ``engine@version`` has what that version has.
     """
     name, version = split_name(engine)
-    own = (one for one in find_all() if one.engine in (name, reader) and model_format in one.formats and one.quantity in ("", quantity))
+    readers = [one for one in find_all() if one.engine == name or (one.engine == reader and not one.is_of_program)]
+    own = (one for one in readers if model_format in one.formats and one.quantity in ("", quantity))
     named = {one.name: one for one in own if (version or NEWEST) in SpecifierSet(one.versions, prereleases=True)}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
     return sorted((named[name] for name in order.static_order() if name in named), key=lambda reading: not reading.first)
