@@ -48,8 +48,8 @@ class Answered:
         shutil.rmtree(self._folder(unit), ignore_errors=True)
 
     def count(self) -> int:
-        """The number of outcomes of the night."""
-        return sum(path.is_file() for path in self.folder.rglob("*"))
+        """The number of outcomes of the night, without what a kill left of one that was being written."""
+        return sum(path.is_file() and not path.name.startswith(".") for path in self.folder.rglob("*"))
 
     def keep(self, unit: str, number: int, place: int, outcome: Outcome) -> None:
         """Keep outcome ``number`` of a unit, from 0 in the order in which they come; ``place`` is that of its task among the unit's.

@@ -124,6 +124,19 @@ def test_a_unit_under_way_asks_only_for_what_was_not_answered(tmp_path: Path, mo
     assert answered.count() == 0
 
 
+def test_an_answer_that_was_being_written_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kill before the file has its name: a night that goes on tells how many answers it has, and asks for that one again."""
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    answered, outcome = Answered.of(tmp_path / "history.sqlite", "mine", "today"), Outcome(Task(None, double, (1,)), value=2)
+    answered.keep("a", 0, 0, outcome)
+    with monkeypatch.context() as killed:
+        killed.setattr(Path, "replace", lambda *_: None)
+        killed.setattr(Path, "unlink", lambda *_, **__: None)
+        answered.keep("a", 1, 1, outcome)
+    assert len([path for path in tmp_path.rglob("*") if path.is_file()]) == 2
+    assert answered.count() == 1 == len(list(answered.read("a")))
+
+
 @pytest.mark.parametrize("damage", ["cut", "gone", "other question"])
 def test_answers_that_cannot_be_used_are_asked_again(damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
