@@ -130,13 +130,15 @@ class SolverSettings:
     Attributes:
         method: by the engine's own name. iterations: at most; None as the file says. tolerance: it ends where an iteration gains less, as
             the engine documents; None as the file says.
-        jacobian: "dense" or "sparse", how rows are stored; "" as the file says.
+        jacobian: "dense" or "sparse", how rows are stored; "" as the file says. line_search: iterations of the search along a line, at
+            most; None as the file says.
     """
 
     method: str
     iterations: int | None = None
     tolerance: float | None = None
     jacobian: str = ""
+    line_search: int | None = None
 
 
 @dataclass(frozen=True)

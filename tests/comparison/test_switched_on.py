@@ -267,6 +267,20 @@ def test_a_solver_need_go_on_only_where_it_stopped_early(is_held_apart: bool) ->
     assert found.explained is is_held_apart and (found.to_the_end is not None) is is_held_apart
 
 
+def test_a_search_along_a_line_that_stops_early_is_told_with_what_to_set(tmp_path: Path) -> None:
+    """Files for MJX give it few iterations, and more of Newton's method alone lead nowhere."""
+    inner = ""
+    for name, axis in (("d", "1 0 0"), ("c", "0 1 0"), ("b", "1 0 0"), ("a", "0 1 0")):
+        joint = f'<joint name="{name}" axis="{axis}" range="-20 20" frictionloss="0.5"/>'
+        inertial = '<inertial pos="0 0 -0.15" mass="1" diaginertia="0.01 0.01 0.002"/>'
+        inner = f'<body pos="0 0.1 -0.3">{joint}{inertial}{inner}</body>'
+    path = tmp_path / "chain.xml"
+    path.write_text(f'<mujoco><option iterations="3" ls_iterations="1"/><worldbody>{inner}</worldbody></mujoco>')
+    record = without_names(meant_by(path))
+    assert record.explained and record.backward_error is not None and record.backward_error > AGREEMENT
+    assert record.to_the_end is not None and record.to_the_end <= AGREEMENT and 'ls_iterations="50"' in record.remedy
+
+
 def test_a_solver_that_stops_early_is_told_with_what_to_set() -> None:
     record = held_by(FIRM)
     assert record.explained and record.backward_error is not None and record.backward_error > AGREEMENT

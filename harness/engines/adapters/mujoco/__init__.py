@@ -37,6 +37,11 @@ class MujocoEngine(Engine):
     # Other methods converge linearly, and PGS with elliptic cones not at all: docs/issues/mujoco-pgs-elliptic-cones.md.
     endings = (
         Ending(SolverSettings("Newton", 100, 0.0), 'set <option solver="Newton" iterations="100" tolerance="0"/>'),
+        # Files for MJX search along a line in few iterations, and Newton's method ends where such a search finds nothing.
+        Ending(
+            SolverSettings("Newton", 100, 0.0, line_search=50),
+            'set <option solver="Newton" iterations="100" ls_iterations="50" tolerance="0"/>',
+        ),
         # docs/issues/mujoco-sparse-newton.md
         Ending(
             SolverSettings("Newton", 100, 0.0, jacobian="dense"),

@@ -115,3 +115,5 @@ def _solve_by(model: Any, solver: SolverSettings) -> None:
         model.opt.iterations = solver.iterations
     if solver.tolerance is not None:
         model.opt.tolerance = solver.tolerance
+    if solver.line_search is not None:
+        model.opt.ls_iterations = solver.line_search
