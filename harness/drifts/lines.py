@@ -103,8 +103,12 @@ def _difference(
     is_set_by_side = prefix == "opt" and any(getattr(side, {"timestep": "length"}.get(name, name), None) for side in sides)
     if is_set_by_side or sides[0].path == sides[1].path:
         return difference, None
-    # A number alone is written alike in both formats, under other names.
-    wanted = said[0] if files[0].is_urdf == files[1].is_urdf else replace(said[0], attribute=said[1].attribute, otherwise=())
+    wanted = said[0]
+    if files[0].is_urdf != files[1].is_urdf:
+        # As many numbers are written alike in both formats, under other names.
+        if len(wanted.text.split()) != max(1, len(said[1].text.split())):
+            return difference, None
+        wanted = replace(wanted, attribute=said[1].attribute, otherwise=())
     change = change_to(cause.value, f"{difference.what} of {difference.owner}", said[1], wanted)
     if change is None:
         return difference, None

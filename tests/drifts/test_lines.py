@@ -172,3 +172,18 @@ def test_elements_without_names_are_counted_body_by_body(tmp_path: Path) -> None
     file = HeldFile(tmp_path / "a.xml")
     assert [file.says("geom_size", f"geom {number} of anything")[0].told(file.path) for number in range(2)] == ["line 15", "line 11"]
     assert [file.says("body_pos", name)[0].told(file.path) for name in ("upper", "body 2", "body 3")] == ["line 8", "line 9", ""]
+
+
+def test_files_of_two_formats_are_set_by_their_own_words(tmp_path: Path) -> None:
+    """A coefficient has another name in each; moments and ranges are written otherwise."""
+    words = {"mass": "1", "izz": "0.002", "lower": "-1.5", "dynamics": '<dynamics damping="0.3" friction="0.2"/>'}
+    (tmp_path / "b.urdf").write_text(URDF.format(**words))
+    (tmp_path / "a.xml").write_text(
+        """<mujoco><worldbody><body name="rod"><joint name="pin" axis="0 1 0" range="-60 60" damping="0.3" frictionloss="0.5"/>
+        <inertial pos="0 0 -0.2" mass="1" diaginertia="0.01 0.01 0.003"/></body></worldbody></mujoco>"""
+    )
+    made = prepare(DriftSettings((MovingSide(tmp_path / "a.xml"), MovingSide(tmp_path / "b.urdf")), 0.1), here=True)
+    assert {DriftCause.TREE, DriftCause.FRICTION, DriftCause.LIMITS} <= set(made.plan.causes)
+    [[change]] = made.changes.values()
+    assert (change.kind, change.place.attribute) == (DriftCause.FRICTION, "friction")
+    assert 'friction="0.5"' in change.text(0.0)
