@@ -92,7 +92,7 @@ def _difference(
         # Each file has another attribute for it.
         texts = [f"{own.attribute} {text}" for own, text in zip(said, texts, strict=True)]
     difference = SideDifference(
-        owner=_named(array, owner),
+        owner=_named(array, said[1].owner or owner),
         what="" if len(set(written)) > 1 else (written or [said[0].attribute])[0],
         first=texts[0],
         second=texts[1],

@@ -205,7 +205,8 @@ def _clause(share: CauseShare, labels: tuple[str, str], over: str) -> str:
     size = " ".join(filter(None, [_words(share.whole or 0.0), over]))
     switched = [difference for difference in differences if {difference.first, difference.second} == {"on", "off"}]
     absent = [all(difference.is_absent[side] for difference in switched or differences) and bool(differences) for side in range(2)]
-    differences = (*switched, *(one for one in differences if one not in switched))
+    # What follows from others, as the centre of a body of two links, comes behind what is set.
+    differences = (*switched, *sorted((one for one in differences if one not in switched), key=lambda one: not one.remedy))
     name = _SWITCHED.get(switched[0].what, share.name) if switched else share.name
     if share.name == ENGINE:
         return f"{size} is left to the engines; no number of the files explains it."

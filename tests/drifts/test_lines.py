@@ -187,3 +187,22 @@ def test_files_of_two_formats_are_set_by_their_own_words(tmp_path: Path) -> None
     [[change]] = made.changes.values()
     assert (change.kind, change.place.attribute) == (DriftCause.FRICTION, "friction")
     assert 'friction="0.5"' in change.text(0.0)
+
+
+def test_a_link_that_is_fixed_to_another_is_told_by_its_own_line(tmp_path: Path) -> None:
+    """Of both MuJoCo makes one body, whose numbers no element has."""
+    tool = """<link name="tool">
+  <inertial><mass value="{mass}"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="flange" type="fixed"><parent link="rod"/><child link="tool"/><origin xyz="0.1 0 -0.3"/></joint>
+</robot>"""
+    words = {"mass": "1", "izz": "0.002", "lower": "-1.5", "dynamics": ""}
+    for name, mass in (("a.urdf", "0.2"), ("b.urdf", "0.6")):
+        (tmp_path / name).write_text(URDF.format(**words).replace("</robot>", tool.format(mass=mass)))
+    sides = MovingSide(tmp_path / "a.urdf"), MovingSide(tmp_path / "b.urdf")
+    made = prepare(DriftSettings(sides, 0.1), here=True)
+    [change] = made.changes[DriftCause.TREE]
+    assert (change.place.attribute, change.place.found) == ("value", "0.6")
+    record = drift_here(made.settings)
+    assert "(b.urdf line 11: value 0.6; a.urdf line 11: value 0.2" in record.sentence and "body tool" in " ".join(record.lines)
+    (tmp_path / "b.urdf").write_text(change.text(0.0))
+    assert not any(drift_here(made.settings).of_positions)

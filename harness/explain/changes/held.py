@@ -79,6 +79,7 @@ class Said:
         attribute: its name. text: what is written, "" for nothing. place: where, of the owner's element where nothing is; None without one.
         own: the element into which it may be written for this owner alone, behind the ``missing`` elements around it; None for none.
         unit: of its angles, "" of one that holds none. otherwise: attributes beside which it may not stand.
+        owner: whose it is where that is a link fixed to the number's owner, of which the engine makes one body; "" for the owner itself.
     """
 
     attribute: str
@@ -88,6 +89,7 @@ class Said:
     missing: tuple[str, ...] = ()
     unit: str = ""
     otherwise: tuple[str, ...] = ()
+    owner: str = ""
 
     @property
     def is_of_class(self) -> bool:
@@ -126,23 +128,26 @@ class HeldFile:
         """The attributes that make up a number: the one of an MJCF that is written, or would be; all of a URDF."""
         element = self._element(section_of(array), owner)
         if self.is_urdf:
-            return list(self._in_urdf(array, element))
+            found = list(self._in_urdf(array, element))
+            for link in self._fixed_to(owner, {owner}) if section_of(array) == "body" else ():
+                found += [replace(said, owner=str(link.get("name"))) for said in self._in_urdf(array, link)]
+            return found
         own = None if element is None else self._source.place(element)
-        found = Said("", place=own, own=own)
+        said = Said("", place=own, own=own)
         if array in _INERTIAL and element is not None:
             element = element.find("inertial")
-            found = replace(found, own=None if element is None else self._source.place(element))
+            said = replace(said, own=None if element is None else self._source.place(element))
         elif section_of(array) in ("opt", "flag"):
-            element, found = self._setting(*array.split("_", 1))
+            element, said = self._setting(*array.split("_", 1))
         by_tag = _OF_MJCF.get(array, {})
         names = by_tag.get("" if element is None else str(element.tag)) or by_tag.get("") or (_plain(array),)
         for name in names if element is not None else ():
             if (written := resolved(element, name)) is not None:
-                found = replace(found, text=" ".join(written.text.split()), place=self._source.place(written.owner), attribute=name)
+                said = replace(said, text=" ".join(written.text.split()), place=self._source.place(written.owner), attribute=name)
                 break
-        found = found if found.attribute else replace(found, attribute=names[0])
-        otherwise = tuple(name for name in names if name != found.attribute)
-        return [replace(found, unit=self._unit(found.attribute), otherwise=otherwise)]
+        said = said if said.attribute else replace(said, attribute=names[0])
+        otherwise = tuple(name for name in names if name != said.attribute)
+        return [replace(said, unit=self._unit(said.attribute), otherwise=otherwise)]
 
     def _in_urdf(self, array: str, element: etree._Element | None) -> Iterator[Said]:
         part, attributes = _OF_URDF.get(array, ("", _plain(array)))
@@ -154,6 +159,18 @@ class HeldFile:
             else:
                 own = self._source.place(holder)
                 yield Said(name, " ".join(str(holder.get(name, "")).split()), own, own)
+
+    def _fixed_to(self, owner: str, known: set[str]) -> Iterator[etree._Element]:
+        """The links that are fixed to a link, and to these."""
+        for joint in self._source.root.iterchildren("joint"):
+            parent, child = joint.find("parent"), joint.find("child")
+            if joint.get("type") == "fixed" and parent is not None and child is not None and parent.get("link") == owner:
+                name = str(child.get("link"))
+                link = self._element("body", name)
+                if link is not None and name not in known:
+                    known.add(name)
+                    yield link
+                    yield from self._fixed_to(name, known)
 
     def _setting(self, prefix: str, name: str) -> tuple[etree._Element | None, Said]:
         """The last element that has a setting or flag; where none has, a further one may."""
