@@ -4,10 +4,10 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 
-from harness.explain.changes.readings import _left_out, element_at, law, readings_of, with_bodies, with_joints
+from harness.explain.changes.readings import _left_out, element_at, law, readings_of, with_bodies, with_inertias, with_joints
 from harness.files.given import vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Joint
+from harness.files.tree import Body, Inertia, Joint
 
 _BOTH, _URDF, _MJCF = ("urdf", "mjcf"), ("urdf",), ("mjcf",)
 _NO_FORCE = "and aba.hxx, which has no such force"
@@ -15,6 +15,7 @@ _UPWARD = vector((0, 0, 1))
 # Distance up to which an axis is one of the frame's, of the shorter of both; as Eigen's isApprox.
 _ALIGNED = 1e-12
 
+_NOTHING = (Fraction(0),) * 6
 # pinocchio::Model::gravity981.
 _gravity = _left_out.gravity_along_z(-9.81, "Pinocchio")
 
@@ -46,6 +47,21 @@ def _is_unaligned(joint: Joint) -> bool:
     axis = [float(part) for part in joint.axis]
     shorter = min(1.0, math.hypot(*axis))
     return all(math.dist(axis, along) > _ALIGNED * shorter for along in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+
+
+@law("blanks after a number", "links", each=with_inertias)
+def _without_blanks(body: Body) -> Inertia | None:
+    """No moments of a link one of whose numbers has blanks or a line break behind it, and no mass either where the mass has."""
+    inertia, element = body.inertia, element_at(body.place)
+    inertial = None if element is None else element.find("inertial")
+    if inertia is None or inertial is None:
+        return inertia
+    are_blank = [
+        any(text != text.rstrip() for text in part.attrib.values()) for tag in ("mass", "inertia") for part in inertial.iterfind(tag)
+    ]
+    if not any(are_blank):
+        return inertia
+    return replace(inertia, moments=_NOTHING, mass=Fraction(0) if are_blank[0] else inertia.mass)
 
 
 @law(
@@ -156,6 +172,14 @@ READINGS = readings_of(
                 ),
                 'write <freejoint/>, or armature="0" on the free joint, which has no rotor',
                 "Pinocchio 4.1, multibody/joint/joint-free-flyer.hpp: its velocity is along the axes of the body, as armature is in aba",
+            ),
+        },
+        _URDF: {
+            _without_blanks: (
+                "Pinocchio's reader of URDF takes none of the moments of a link of which one has blanks behind it, and goes on with 0, "
+                "and so of its mass",
+                "write the numbers of <mass> and <inertia> without blanks or line breaks behind them",
+                "urdfdom, urdf_parser/src/link.cpp, parseInertial, and strToDouble, which wants the end of the text behind a number",
             ),
         },
     },
