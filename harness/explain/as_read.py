@@ -173,6 +173,15 @@ class FileAsRead:
         """Why states of the file have no accelerations in what is read; "" where they have."""
         return why_unread(self.folded.robot, self.robot) or undetermined(self.folded.robot)
 
+    @property
+    def _because(self) -> str:
+        """The first reading by which that is so, with what the engine's user can do about it, in brackets."""
+        for reading, before in self.folded.applied:
+            after = reading.read(before)
+            if why_unread(after, self.robot) or undetermined(after):
+                return f" ({reading.sentence}: {reading.remedy})"
+        return ""
+
     def into(self, states: States) -> States:
         """States of the mechanism, over the joints of what is read."""
         sizes, read = self.mechanism.joint_sizes, self.folded.robot
@@ -192,7 +201,7 @@ class FileAsRead:
         if not isinstance(own, RobotMechanism) or own.reader or not self.folded.applied:
             return own
         if self.why_not:
-            raise Unsupported(f"as {engine} reads the file, {self.why_not}")
+            raise Unsupported(f"as {engine} reads the file, {self.why_not}{self._because}")
 
         def asked() -> RobotMechanism:
             request = request_of(self.robot, self.library.stance, read)
