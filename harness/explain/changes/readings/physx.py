@@ -34,9 +34,7 @@ _MOMENT = 0.004
 _ROOTS = {"PhysicsArticulationRootAPI", "NewtonArticulationRootAPI"}
 _TENDONS = "ovphysx documentation, Articulations: tendons"
 _ARTICULATIONS = "ovphysx documentation, Articulations: articulation root"
-_BASE_OF_ITS_OWN = (
-    "give the robot a base: a body with a mass that a PhysicsFixedJoint holds on the world, with PhysicsArticulationRootAPI on that joint"
-)
+_BASE_OF_ITS_OWN = "put a base with mass on the world by a PhysicsFixedJoint with PhysicsArticulationRootAPI"
 
 
 def _hangs(body: Body) -> bool:
@@ -145,7 +143,7 @@ READINGS = readings_of(
             ),
             _unread: (
                 "PhysX reads springs, dampers and rotor inertias of joints in no attribute of the namespace mjc",
-                "write newton:armature and newton:damping; a spring is a drive whose target is its reference",
+                "write newton:armature and newton:damping; make a spring a drive to its reference",
                 "ovphysx documentation, Population, PhysxJointAxisAPI",
             ),
             _left_out.point_springs: ("PhysX reads no tendon of the namespace mjc", _left_out.ADD_POINT_SPRINGS, _TENDONS),
@@ -188,7 +186,7 @@ READINGS = readings_of(
         _USD: {
             _defaulted: (
                 "PhysX takes 9.81 along -z for the gravity of a scene with NewtonSceneAPI where the schemas of Newton are registered",
-                "take NewtonSceneAPI off the scene; newton:gravityEnabled works without",
+                "leave NewtonSceneAPI out; newton:gravityEnabled works without",
                 "ovphysx documentation, Population, PhysicsScene, which says that the authored gravity is taken",
             ),
         },
