@@ -97,9 +97,7 @@ def aid_of(tree: Tree, joints: Sequence[AskedJoint]) -> Aid:
             spring = JointSpring(joint.name, float(joint.stiffness), in_radians(joint, "spring_reference"), asked.line)
             springs.append((spring, asked.positions[0], asked.velocities[0]))
     forces = JointForces(damping, tuple(springs))
-    return Aid(
-        _floats(tree.gravity), forces, armature, springs=tuple(_point_spring(spring) for spring in tree.springs if spring.slack_to is None)
-    )
+    return Aid(_floats(tree.gravity), forces, armature, springs=tuple(_point_spring(spring) for spring in tree.springs if spring.is_plain))
 
 
 def _point_spring(spring: Spring) -> PointSpring:

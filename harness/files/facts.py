@@ -85,6 +85,9 @@ def point_springs(tree: Tree) -> Iterator[PointSpring | Unread]:
             yield Unread(spring.place, "<fixed> does not run straight from one site to another", "lead it through two sites")
         elif spring.slack_to is not None:
             yield Unread(spring.place, "<spatial> is slack between two lengths", "write one springlength")
+        elif spring.armature:
+            place = spring.places.get("armature", spring.place)
+            yield Unread(place, f'<spatial> armature="{float(spring.armature):g}" is an inertia in a tendon', "remove it")
         elif any(len(pose) > 1 or (body not in authored and body != WORLD) for body, pose in spring.ends):
             yield Unread(spring.place, "<site> is not the name of a site right inside a named body", "put the site there")
         else:

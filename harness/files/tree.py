@@ -168,10 +168,10 @@ class Coupling(Placed):
 
 @dataclass(frozen=True)
 class Spring(Placed):
-    """A spring and damper between two points, each a body's name and a frame in that body, whose origin the point is.
+    """A spring, damper and inertia between two points, each a body's name and a frame in that body, whose origin the point is.
 
     ``stiffness`` [N/m] acts on the length beyond ``free_length`` [m], ``damping`` [N s/m] on its rate. A spring is slack from there up to
-    the length ``slack_to`` [m], if any, from which on it acts on the length beyond that.
+    the length ``slack_to`` [m], if any, from which on it acts on the length beyond that. ``armature`` [kg] is an inertia of that rate.
     """
 
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
@@ -180,6 +180,12 @@ class Spring(Placed):
     damping: Fraction
     place: Place | None = None
     slack_to: Fraction | None = None
+    armature: Fraction = Fraction(0)
+
+    @property
+    def is_plain(self) -> bool:
+        """True for a spring and damper alone, which are never slack."""
+        return self.slack_to is None and not self.armature
 
 
 @dataclass(frozen=True)
@@ -312,6 +318,8 @@ class Tree(Placed):
     ``tendons`` are those with dry friction or limits, ``actuators`` those that act, and ``force_limits`` the ranges [N or N m] of what they
     do together on joints. ``sensors`` are those at sites and of actuators.
 
+    With ``inertias_along_branches`` the inertia of a tendon couples no velocities of joints on different branches.
+
     With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
     factor, so that the masses of all bodies sum to it.
     """
@@ -327,6 +335,7 @@ class Tree(Placed):
     force_limits: ForceLimits = ()
     tendons: tuple[BoundTendon, ...] = ()
     sensors: tuple[Sensor, ...] = ()
+    inertias_along_branches: bool = False
 
     @property
     def joints(self) -> tuple[Joint, ...]:

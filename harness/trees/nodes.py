@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.files.given import Direction, Placement
+from harness.files.given import Direction, Placement, Pose
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import WORLD, Body, Coupling, Joint, Tree
-from harness.programs.terms import Term, Vector, cross, vector
+from harness.files.tree import WORLD, Body, Coupling, Joint, Spring, Tree
+from harness.programs.terms import Matrix, Term, Vector, cross, length, vector
 from harness.trees.bodies.inertias import bounded
 from harness.trees.bodies.rigid import Rigid, Spatial, Weights, joined, power, spatial
 from harness.trees.bodies.spatial import FileBuilder, Frame, about, angle, direction, of_quaternion, placed, rotation
@@ -50,6 +50,39 @@ class Node:
         builder = self.rigid.mass.builder
         multiplier = builder.number(self.joint.multiplier)
         return (multiplier * multiplier) * builder.number(getattr(self.joint, coefficient))
+
+    def up(self, force: Spatial) -> Spatial:
+        """A force on the node's frame, as one on the parent's."""
+        moment, linear = self.frame.turn @ force[0], self.frame.turn @ force[1]
+        return spatial(moment + cross(self.frame.shift, linear), linear)
+
+
+@dataclass(frozen=True)
+class Reflected:
+    """An inertia of a rate that is no velocity of a body.
+
+    Attributes:
+        inertia: [kg m^2 or kg]. slopes: (place in v, by how much that velocity changes the rate).
+        spring: whose length has the rate; None for a sum of velocities.
+    """
+
+    inertia: Term
+    slopes: Sequence[tuple[int, Term]]
+    spring: Spring | None = None
+
+    def rate(self, velocities: Sequence[Term]) -> Term:
+        """The rate at these velocities, or the part of its own rate that these accelerations make."""
+        return sum((slope * velocities[column] for column, slope in self.slopes), self.inertia.builder.number(0))
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a body: the number of its node, the point in its frame and in the world, and the frame's orientation there."""
+
+    number: int
+    arm: Vector
+    position: Vector
+    orientation: Matrix
 
 
 @dataclass(frozen=True)
@@ -138,20 +171,60 @@ class Kinematics:
                 found.append((number, self.builder.number(body.gravity_compensation) * lump.mass, lump.in_frame(frame).centre))
         return found
 
+    @property
+    def related(self) -> frozenset[tuple[int, int]]:
+        """Pairs (i, j), i <= j, of velocities one of which moves all that the other moves."""
+        return frozenset(
+            (min(i, j), max(i, j))
+            for number, node in enumerate(self.nodes)
+            for at in self.up_from(number)
+            for i in node.columns
+            for j in self.nodes[at].columns
+        )
+
     def slopes(self, coupling: Coupling) -> list[tuple[int, Term]]:
         """The velocities of a coupling's joints by their places in v, and the multiple of each in the rate of its sum."""
         joints = {node.joint.name: node for node in self.nodes}
         own = [(joints[name], self.builder.number(multiple)) for name, multiple in coupling.joints]
         return [(node.columns[0], multiple * self.builder.number(node.joint.multiplier)) for node, multiple in own]
 
-    def reflected(self) -> Iterator[tuple[Term, list[tuple[int, Term]]]]:
-        """The inertias of rotors: each with the places in v of what turns it, and how many times as fast as that it turns."""
+    def point(self, body: str, pose: Pose) -> Point:
+        """The origin of a frame in a body."""
+        number, frame = self.frames[body]
+        arm = position = placed(self.builder, pose, frame).shift
+        orientation = self.builder.identity
+        for at in self.up_from(number):
+            frame = self.nodes[at].frame
+            position, orientation = frame.at(position), frame.turn @ orientation
+        return Point(number, arm, position, orientation)
+
+    def slopes_along(self, spring: Spring) -> list[tuple[int, Term]]:
+        """The velocities that change the length of a spring by their places in v, and by how much each does."""
+        ends = [self.point(body, pose) for body, pose in spring.ends]
+        between = ends[1].position + -ends[0].position
+        along, found = between / length(between), dict[int, Term]()
+        branches = [list(self.up_from(end.number)) for end in ends]
+        for own, other, end, sense in zip(branches, reversed(branches), ends, (-along, along), strict=True):
+            force = end.orientation.T @ sense
+            pull = spatial(cross(end.arm, force), force)
+            # A joint that moves both ends changes no length.
+            for node in (self.nodes[at] for at in own if at not in other):
+                for motion, column in node.rates:
+                    found[column] = found.get(column, self.builder.zero) + power(motion, pull)
+                pull = node.up(pull)
+        return list(found.items())
+
+    def reflected(self) -> Iterator[Reflected]:
+        """The inertias of rotors, and those of tendons."""
         for node in self.nodes:
             for column in node.columns if node.joint.armature else ():
-                yield self.builder.number(node.joint.armature), [(column, self.builder.number(node.joint.multiplier))]
+                yield Reflected(self.builder.number(node.joint.armature), [(column, self.builder.number(node.joint.multiplier))])
         for coupling in self.tree.couplings:
             if coupling.armature:
-                yield self.of_gear(coupling, coupling.armature), self.slopes(coupling)
+                yield Reflected(self.of_gear(coupling, coupling.armature), self.slopes(coupling))
+        for spring in self.tree.springs:
+            if spring.armature:
+                yield Reflected(self.builder.number(spring.armature), self.slopes_along(spring), spring)
 
     def of_gear(self, coupling: Coupling, coefficient: Fraction) -> Term:
         """A coefficient of what turns ``gear`` times as fast as the sum of a coupling, as that of the sum."""
@@ -303,10 +376,13 @@ def composite_inertias(
                     times = builder.number(2 if row == column and at != number else 1)
                     entry = min(row, column), max(row, column)
                     entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
-    for inertia, slopes in nodes.reflected():
-        for at, (column, slope) in enumerate(slopes):
-            for before, (row, other) in enumerate(slopes[: at + 1]):
+    related = nodes.related if nodes.tree.inertias_along_branches else None
+    for one in nodes.reflected():
+        for at, (column, slope) in enumerate(one.slopes):
+            for before, (row, other) in enumerate(one.slopes[: at + 1]):
                 times = builder.number(2 if row == column and before != at else 1)
                 entry = min(row, column), max(row, column)
-                entries[entry] = entries.get(entry, builder.zero) + inertia * (times * (slope * other))
+                if related is not None and entry not in related:
+                    continue
+                entries[entry] = entries.get(entry, builder.zero) + one.inertia * (times * (slope * other))
     return entries

@@ -2,11 +2,12 @@
 
 Everything is written in the frames of the bodies, with motions as (angular velocity, velocity of the frame's origin) and
 forces as (moment about it, force). It shares no expression with Lagrange's equations: no energy, no derivative. Beside them stand
-springs and dampers, of joints, between points, and of what couples joints, the forces that carry the weights of bodies with gravity
-compensation, and the parts of forces that an integrator takes implicitly.
+springs, dampers and inertias, of joints, between points, and of what couples joints, the forces that carry the weights of bodies with
+gravity compensation, and the parts of forces that an integrator takes implicitly.
 
 Sources: Featherstone, Rigid Body Dynamics Algorithms, sections 5.3 (recursive Newton-Euler), 6.2 (composite rigid bodies) and
-2.8 to 2.13 (the vectors and their products); MuJoCo documentation, XML reference, joint, body/gravcomp and tendon/fixed;
+2.8 to 2.13 (the vectors and their products); MuJoCo documentation, XML reference, joint, body/gravcomp, tendon/fixed and
+tendon/spatial;
 http://wiki.ros.org/urdf/XML/joint, dynamics.
 """
 
@@ -24,10 +25,10 @@ from harness.files.joint_kinds import JointKind
 from harness.files.tree import Coupling, Joint, Spring, Tree
 from harness.programs.derivatives import along
 from harness.programs.program import upper_triangle
-from harness.programs.terms import Matrix, Term, Vector, cross, length, vector
+from harness.programs.terms import Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Spatial, power, spatial
 from harness.trees.bodies.spatial import FileBuilder, FileProgram, angle, of_quaternion, placed, quaternion_of, rotation_vector, sign_of
-from harness.trees.nodes import Kinematics, Node, composite_inertias, kinematics
+from harness.trees.nodes import Kinematics, Node, Point, composite_inertias, kinematics
 
 if TYPE_CHECKING:
     from harness.programs.mechanisms.actuation import Actuation
@@ -92,12 +93,6 @@ def _down(node: Node, motion: Spatial) -> Spatial:
     return spatial(back @ angular, back @ (linear + cross(angular, node.frame.shift)))
 
 
-def _up(node: Node, force: Spatial) -> Spatial:
-    """A force on the node's frame, as one on the parent's."""
-    moment, linear = node.frame.turn @ force[0], node.frame.turn @ force[1]
-    return spatial(moment + cross(node.frame.shift, linear), linear)
-
-
 def _of_joint(nodes: Kinematics, node: Node) -> Spatial:
     """The motion that the joint's velocities give its frame."""
     found = nodes.still
@@ -123,31 +118,66 @@ def generalised(nodes: Kinematics, forces: Sequence[Spatial]) -> Vector:
             # A joint and those that mimic it share a column.
             found[column] = found[column] + power(motion, carried[number])
         if node.parent >= 0:
-            carried[node.parent] = carried[node.parent] + _up(node, carried[number])
+            carried[node.parent] = carried[node.parent] + node.up(carried[number])
     return found
 
 
 def _velocity_terms(nodes: Kinematics, velocities: Sequence[Spatial]) -> Vector:
-    accelerations: list[Spatial] = []
     forces = []
-    for node, (angular, linear) in zip(nodes.nodes, velocities, strict=True):
-        of_joint = _of_joint(nodes, node)
-        before = accelerations[node.parent] if node.parent >= 0 else nodes.still
-        turning = spatial(cross(angular, of_joint[0]), cross(angular, of_joint[1]) + cross(linear, of_joint[0]))
-        accelerations.append((_down(node, before) + turning) + node.bias)
+    for node, (angular, linear), acceleration in zip(nodes.nodes, velocities, _drawn(nodes, velocities), strict=True):
         moment, momentum = node.rigid.momentum((angular, linear))
         gyroscopic = spatial(cross(angular, moment) + cross(linear, momentum), cross(angular, momentum))
-        forces.append(node.rigid.momentum(accelerations[-1]) + gyroscopic)
-    return generalised(nodes, forces) + of_turning_rotors(nodes)
+        forces.append(node.rigid.momentum(acceleration) + gyroscopic)
+    return generalised(nodes, forces) + of_reflected_inertias(nodes)
 
 
-def of_turning_rotors(nodes: Kinematics) -> Vector:
-    """Velocity terms of the rotors of free joints, whose inertia is of components of the linear velocity along other axes than v has.
+def _drawn(nodes: Kinematics, velocities: Sequence[Spatial]) -> list[Spatial]:
+    """The acceleration of each node where no velocity of a joint changes."""
+    found: list[Spatial] = []
+    for node, (angular, linear) in zip(nodes.nodes, velocities, strict=True):
+        of_joint = _of_joint(nodes, node)
+        before = found[node.parent] if node.parent >= 0 else nodes.still
+        turning = spatial(cross(angular, of_joint[0]), cross(angular, of_joint[1]) + cross(linear, of_joint[0]))
+        found.append((_down(node, before) + turning) + node.bias)
+    return found
 
-    Where the axes of v turn at w in those of u, the force J u' is J (v' + w x v) along the axes of v.
+
+def drift(nodes: Kinematics, spring: Spring) -> Term:
+    """The second derivative of a spring's length where no velocity changes: J' v, with J the Jacobian of the length.
+
+    With e the direction of the line, u the velocity and a the acceleration of its end beside its start: e . a + (u^2 - (e . u)^2) / length.
+    """
+    velocities, moved = _velocities(nodes), list[tuple[Vector, Vector, Vector]]()
+    accelerations = _drawn(nodes, velocities)
+    for point in (nodes.point(body, pose) for body, pose in spring.ends):
+        (angular, linear), (turning, drawn) = (
+            (own[point.number] if point.number >= 0 else nodes.still) for own in (velocities, accelerations)
+        )
+        rate = linear + cross(angular, point.arm)
+        # Of a point, whose velocity is in axes that turn.
+        acceleration = drawn + cross(turning, point.arm) + cross(angular, rate)
+        moved.append((point.position, point.orientation @ rate, point.orientation @ acceleration))
+    between, relative, apart = (second + -first for first, second in zip(*moved, strict=True))
+    distance = length(between)
+    along = between / distance
+    rate_of_length = along @ relative
+    found: Term = along @ apart + (relative @ relative - rate_of_length * rate_of_length) / distance
+    return found
+
+
+def of_reflected_inertias(nodes: Kinematics) -> Vector:
+    """Velocity terms of inertias of what v has no constant share in: tendons between points, and rotors of free joints.
+
+    A rotor is an inertia of components u of the linear velocity, which may be along other axes than v has. Where the axes of v turn at w in
+    those of u, the force J u' is J (v' + w x v) along the axes of v.
     """
     builder, coordinates = nodes.builder, nodes.coordinates
     found = builder.zeros(nodes.nv)
+    for one in nodes.reflected():
+        if one.spring is not None:
+            force = one.inertia * drift(nodes, one.spring)
+            for column, slope in one.slopes:
+                found[column] = found[column] + slope * force
     for node in nodes.nodes:
         joint = node.joint
         if joint.kind != JointKind.FREE or not joint.armature or joint.rotors_in_body is coordinates.is_in_body:
@@ -178,7 +208,7 @@ def mass_matrix(nodes: Kinematics) -> list[Term]:
     def carried(number: int, force: Spatial) -> Iterator[tuple[int, Spatial]]:
         for at in nodes.up_from(number):
             yield at, force
-            force = _up(nodes.nodes[at], force)
+            force = nodes.nodes[at].up(force)
 
     rigids = [node.rigid for node in nodes.nodes]
     entries = composite_inertias(nodes, [node.rates for node in nodes.nodes], rigids, [node.frame for node in nodes.nodes], carried)
@@ -191,12 +221,12 @@ def _passive_forces(nodes: Kinematics, velocities: Sequence[Spatial], lines: lis
     on_nodes = _upwards(nodes, nodes.compensated())
     for spring in nodes.tree.springs:
         ends = [_end(nodes, body, pose, velocities) for body, pose in spring.ends]
-        tension, along, line = tension_between(builder, spring, [(position, rate) for _, _, position, rate, _ in ends])
+        tension, along, line = tension_between(builder, spring, [(point.position, rate) for point, rate in ends])
         lines.append(line)
-        for sign, (node, arm, _, _, turn) in zip((1, -1), ends, strict=True):
-            if node >= 0:
-                force = turn.T @ ((builder.number(sign) * tension) * along)
-                on_nodes[node] = on_nodes[node] + spatial(cross(arm, force), force)
+        for sign, (point, _) in zip((1, -1), ends, strict=True):
+            if point.number >= 0:
+                force = point.orientation.T @ ((builder.number(sign) * tension) * along)
+                on_nodes[point.number] = on_nodes[point.number] + spatial(cross(point.arm, force), force)
     return found + generalised(nodes, on_nodes)
 
 
@@ -219,18 +249,13 @@ def _carried(nodes: Kinematics, by_actuators: bool) -> Vector:
     return found
 
 
-def _end(nodes: Kinematics, body: str, pose: Pose, velocities: Sequence[Spatial]) -> tuple[int, Vector, Vector, Vector, Matrix]:
-    """Node of a point, the point in its frame, its position and velocity in the world, and the frame's orientation there."""
-    number, frame = nodes.frames[body]
-    arm = placed(nodes.builder, pose, frame).shift
-    if number < 0:
-        return number, arm, arm, nodes.builder.still, nodes.builder.identity
-    angular, linear = velocities[number]
-    rate, position, orientation = linear + cross(angular, arm), arm, nodes.builder.identity
-    for at in nodes.up_from(number):
-        frame = nodes.nodes[at].frame
-        position, orientation = frame.at(position), frame.turn @ orientation
-    return number, arm, position, orientation @ rate, orientation
+def _end(nodes: Kinematics, body: str, pose: Pose, velocities: Sequence[Spatial]) -> tuple[Point, Vector]:
+    """A point of a body, and its velocity in the world."""
+    point = nodes.point(body, pose)
+    if point.number < 0:
+        return point, nodes.builder.still
+    angular, linear = velocities[point.number]
+    return point, point.orientation @ (linear + cross(angular, point.arm))
 
 
 # Steps.
@@ -275,14 +300,7 @@ def step_forces(tree: Tree, joints: Sequence[str]) -> StepForces:
     alone = [node for number, node in enumerate(nodes.nodes) if node.joint.kind == JointKind.FREE and number not in carrying]
     floating = tuple(node.columns[0] for node in alone)
     own = builder.written(outputs)
-    related = frozenset(
-        (min(i, j), max(i, j))
-        for number, node in enumerate(nodes.nodes)
-        for at in nodes.up_from(number)
-        for i in node.columns
-        for j in nodes.nodes[at].columns
-    )
-    return StepForces(own.program, own.parameters, related, floating)
+    return StepForces(own.program, own.parameters, nodes.related, floating)
 
 
 def _of_joints(nodes: Kinematics, coefficient: str) -> Vector:

@@ -346,7 +346,8 @@ def test_newton_feels_an_inertia_that_is_off_by_a_ten_thousandth(
     ("dampers-and-rotors-of-free-joints.xml", "dampers and rotors of free joints"), ("tendons-on-joints.xml", "tendons on joints"),
     ("mass-of-collision-geometry.urdf", "mass of collision geometry"), ("rotor-inertias.urdf", "rotor inertias"),
     ("springs.urdf", "springs"), ("actuators.xml", "actuators"), ("gravity-compensation.xml", "gravity compensation"),
-    ("tendons.urdf", "tendons"), ("armature-and-damping-of-actuators.xml", "armature and damping of actuators"),
+    ("tendons.urdf", "tendons"), ("tendons-with-armature.xml", "tendons with armature"),
+    ("armature-and-damping-of-actuators.xml", "armature and damping of actuators"),
 ])  # fmt: skip
 def test_an_example_is_what_newton_makes_of_it(example: str, reading: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
     path = Path(__file__).parents[2] / "docs" / "examples" / example

@@ -299,7 +299,7 @@ MJCF_VARIANTS: dict[str, list[Variant]] = {
         ),
     ],
     **added("spatial", CORD, {"frictionloss": ("0", UNFELT), "class": ("other", UNFELT)}),
-    "spatial@armature": [one(CORD, f'{CORD} armature="0.1"', f'line 21: <spatial name="cord"> armature="0.1" {INERTIA}')],
+    "spatial@armature": [one(CORD, f'{CORD} armature="0.1"', f'line 21: <spatial> armature="0.1" {INERTIA}')],
     "spatial@name": [one('name="cord"', 'name="rope"', UNFELT)],
     "spatial@stiffness": [
         one('stiffness="30"', 'stiffness="60"'),

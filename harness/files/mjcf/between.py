@@ -87,9 +87,6 @@ class ElementsBetween:
     def _spring(self, tendon: etree._Element) -> Spring | Coupling | None:
         attributes, place, path = self._attributes, self._source.place(tendon), list(tendon.iterchildren("*"))
         armature = attributes.number(tendon, "armature", 0.0)
-        if armature and tendon.tag != "fixed":
-            attributes.leave_unread(tendon, "armature", armature, "is an inertia in a tendon", "remove it")
-            return None
         stiffness, damping = attributes.coefficient(tendon, "stiffness", "spring"), attributes.coefficient(tendon, "damping", "damper")
         if not stiffness and not damping and not armature:
             return None
@@ -108,7 +105,7 @@ class ElementsBetween:
             what, advice = "leaves its springlength to the reader", "write it"
         else:
             first, second = (self.at(self.sites[self._source.resolve(part, "site", self.sites)]) for part in path)
-            return Spring((first, second), lower, stiffness, damping, place, slack_to)
+            return Spring((first, second), lower, stiffness, damping, place, slack_to, armature)
         self._source.unread.append(Unread(place, f"{describe(tendon)} {what}", advice))
         return None
 

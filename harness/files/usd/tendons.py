@@ -1,4 +1,4 @@
-"""The tendons of MuJoCo's schema that are springs and dampers: on sums of joint positions, and straight from one site to another.
+"""The tendons of MuJoCo's schema that are springs, dampers and inertias: on sums of joint positions, and straight from one site to another.
 
 Source: MuJoCo documentation, OpenUSD, MjcTendon, and XML reference, ``tendon``.
 """
@@ -45,15 +45,13 @@ def spring_of(prim: Prim, names: Mapping[str, str], prims: Mapping[str, Prim], p
         what, advice = "is slack between two lengths", "write one mjc:springlength twice"
     elif prim.word("mjc:type", "spatial") == "fixed":
         return Coupling(terms_of(prim, names), stiffness, damping, None if lower < 0 else lower, prim.place, armature)
-    elif armature:
-        what, advice = "is an inertia in a tendon", "remove it"
     elif len(prim.words("mjc:path")) != 2 or any("MjcSiteAPI" not in prims[one].schemas for one in prim.words("mjc:path") if one in prims):
         what, advice = "does not run straight from one site to another", "lead it through two sites"
     elif stiffness and lower < 0:
         what, advice = "leaves its mjc:springlength to the reader", "write it"
     else:
         first, second = (placed(prims[path]) for path in prim.words("mjc:path"))
-        return Spring((first, second), lower if stiffness else Fraction(0), stiffness, damping, prim.place)
+        return Spring((first, second), lower if stiffness else Fraction(0), stiffness, damping, prim.place, armature=armature)
     return Unread(prim.place, f"<{prim.path}> {what}", advice)
 
 

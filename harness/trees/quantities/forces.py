@@ -22,7 +22,7 @@ from harness.trees.bodies.rigid import Lump, Spatial, joined, power, spatial
 from harness.trees.bodies.spatial import Frame
 from harness.trees.nodes import composite_inertias, joints_by_themselves
 from harness.trees.quantities.motion import Block, TreeMotion, size_of
-from harness.trees.recursion import forces_of_joints, of_turning_rotors
+from harness.trees.recursion import drift, forces_of_joints, of_reflected_inertias
 from harness.trees.rows import rows_in, rows_of
 from harness.trees.world_motion import (
     Parts,
@@ -56,15 +56,15 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
         parts[number].append(-pull)
     values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
     of_joints = forces_of_joints(nodes)
-    for inertia, slopes in nodes.reflected():
-        spin = sum((slope * nodes.coordinates.third[column] for column, slope in slopes), nodes.builder.zero)
-        for column, slope in slopes:
-            force = slope * (inertia * spin)
-            values[column] = values[column] + force
-            sizes[column] = sizes[column] + size_of(force)
-    turning = of_turning_rotors(nodes)
+    for own in nodes.reflected():
+        rate, felt = own.rate(nodes.coordinates.third), motion.size_of_rate(own, nodes.coordinates.third)
+        for column, slope in own.slopes:
+            values[column] = values[column] + slope * (own.inertia * rate)
+        for column, size in motion.sizes_of_slopes(own).items():
+            sizes[column] = sizes[column] + size * (own.inertia * felt)
+    turning, of_turning = of_reflected_inertias(nodes), _sizes_of_reflected_inertias(motion)
     for column, name in enumerate(motion.columns):
-        size = sizes[column] + size_of(of_joints[column]) + size_of(turning[column])
+        size = sizes[column] + size_of(of_joints[column]) + (size_of(turning[column]) + of_turning[column])
         values[column] = values[column] + turning[column]
         yield Block(f"generalised force on {name}", (values[column] - of_joints[column],), size)
 
@@ -81,19 +81,39 @@ def power_of_forces(motion: TreeMotion) -> Iterator[Block]:
 def bias(motion: TreeMotion) -> Iterator[Block]:
     """Velocity terms and gravity: what inverse dynamics without springs, dampers and accelerations ask for."""
     still = motion.kinematics.builder.zeros(motion.kinematics.nv)
-    return _forces_of(motion, parts_of_motion(motion, still), "bias force", of_turning_rotors(motion.kinematics))
+    further, sizes = of_reflected_inertias(motion.kinematics), _sizes_of_reflected_inertias(motion)
+    return _forces_of(motion, parts_of_motion(motion, still), "bias force", further, sizes)
 
 
 def gravity(motion: TreeMotion) -> Iterator[Block]:
     """Forces that hold the tree at rest against its weight."""
-    return _forces_of(motion, weights(motion), "gravity force", motion.kinematics.builder.zeros(motion.kinematics.nv))
+    nothing = motion.kinematics.builder.zeros(motion.kinematics.nv)
+    return _forces_of(motion, weights(motion), "gravity force", nothing, nothing)
 
 
-def _forces_of(motion: TreeMotion, parts: Parts, kind: str, further: Vector) -> Iterator[Block]:
+def _forces_of(motion: TreeMotion, parts: Parts, kind: str, further: Vector, sizes_of_further: Vector) -> Iterator[Block]:
     """Those of ``parts``, and ``further`` ones."""
     values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
-    for name, value, size, more in zip(motion.columns, values, sizes, further, strict=True):
-        yield Block(f"{kind} on {name}", (value + more,), size + size_of(more))
+    for name, value, size, more, other in zip(motion.columns, values, sizes, further, sizes_of_further, strict=True):
+        yield Block(f"{kind} on {name}", (value + more,), size + (size_of(more) + other))
+
+
+def _sizes_of_reflected_inertias(motion: TreeMotion) -> Vector:
+    """Sizes of what cancels in ``of_reflected_inertias`` of tendons between points: the accelerations of either end, and its velocity."""
+    builder, found = motion.kinematics.builder, motion.kinematics.builder.zeros(motion.kinematics.nv)
+    for own in motion.kinematics.reflected():
+        if own.spring is None:
+            continue
+        ends = [motion.end(body, pose) for body, pose in own.spring.ends]
+        nothing = builder.zero, builder.zero
+        speeds = [motion.speeds(number, position) if number >= 0 else nothing for number, _, position, _ in ends]
+        # Twice for what turns in an end's frame, as of Coriolis.
+        drawn = sum((builder.number(2) * (spin * speed) for speed, spin in speeds), builder.zero)
+        relative = sum((speed for speed, _ in speeds), builder.zero)
+        drift = drawn + (relative * relative) / length(ends[1][2] + -ends[0][2])
+        for column, size in motion.sizes_of_slopes(own).items():
+            found[column] = found[column] + size * (own.inertia * drift)
+    return found
 
 
 def generalised(world: World, numbers: Iterable[int], parts: Parts, that_cancel: Parts) -> tuple[Vector, Vector]:
@@ -145,9 +165,9 @@ def _lengths_of_columns(motion: TreeMotion) -> Vector:
     for one in motion.moving:
         for (about, along), column in one.rates:
             found[column] = found[column] + (length(about) * turning + length(along) * sliding)
-    for rotor, slopes in motion.kinematics.reflected():
-        for column, slope in slopes:
-            found[column] = found[column] + size_of(slope * sqrt(rotor))
+    for own in motion.kinematics.reflected():
+        for column, size in motion.sizes_of_slopes(own).items():
+            found[column] = found[column] + size * sqrt(own.inertia)
     return found
 
 
@@ -183,6 +203,7 @@ def reactions(
             parts[number].append(multiplier * acts)
     for number, pull in enumerate(motion.pulls()):
         parts[number].append(-pull)
+    _add_inertias_of_tendons(motion, parts)
     of_points: World = motion if points_of is None else motion.of_other(points_of)
     points, numbers = of_points.points, {node.joint.name: number for number, node in enumerate(nodes.nodes)}
     blocks: dict[str, list[Block]] = {"force": [], "moment": []}
@@ -193,6 +214,21 @@ def reactions(
         blocks["force"].append(Block(f"force of joint {name!r}", force, size_of_force))
         blocks["moment"].append(Block(f"moment of joint {name!r}", moment, size_of_moment))
     yield from (*blocks["force"], *blocks["moment"])
+
+
+def _add_inertias_of_tendons(motion: TreeMotion, parts: Parts) -> None:
+    """Add to ``parts`` what the ends of tendons with inertia need, along their line, for the acceleration of its length."""
+    nodes = motion.kinematics
+    for own in nodes.reflected():
+        if own.spring is None:
+            continue
+        ends = [motion.end(body, pose) for body, pose in own.spring.ends]
+        between = ends[1][2] + -ends[0][2]
+        needed = own.inertia * (own.rate(nodes.coordinates.third) + drift(nodes, own.spring))
+        force = (needed / length(between)) * between
+        for (number, arm, _, _), one in zip(ends, (-force, force), strict=True):
+            if number >= 0:
+                parts[number].append(spatial(cross(arm, one), one))
 
 
 # The regressor.

@@ -25,7 +25,7 @@ from harness.programs.program import StraightLineProgram
 from harness.programs.terms import Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Spatial, spatial
 from harness.trees.bodies.spatial import FileProgram
-from harness.trees.nodes import kinematics
+from harness.trees.nodes import Reflected, kinematics
 from harness.trees.recursion import coupled, position_and_rest, stretched, taut
 from harness.trees.world_motion import World, in_world, root
 
@@ -128,6 +128,23 @@ class TreeMotion(World):
             speed, spin = speed + rate * linear, spin + rate * angular
         return speed, spin
 
+    def sizes_of_slopes(self, own: Reflected) -> dict[int, Term]:
+        """Sizes of what cancels in the slopes of a reflected inertia, by the places of velocities: either end moves by itself."""
+        zero, found = self.kinematics.builder.zero, dict[int, Term]()
+        if own.spring is None:
+            for column, slope in own.slopes:
+                found[column] = found.get(column, zero) + size_of(slope)
+            return found
+        for number, _, position, _ in (self.end(body, pose) for body, pose in own.spring.ends):
+            for column, (linear, _) in self.sizes_of_columns(number, position).items() if number >= 0 else ():
+                found[column] = found.get(column, zero) + linear
+        return found
+
+    def size_of_rate(self, own: Reflected, velocities: Sequence[Term]) -> Term:
+        """Size of what cancels in the rate of a reflected inertia."""
+        sizes = self.sizes_of_slopes(own)
+        return sum((size * size_of(velocities[column]) for column, size in sizes.items()), self.kinematics.builder.zero)
+
 
 def size_of(value: Term) -> Term:
     """|value|."""
@@ -195,10 +212,10 @@ def energy(motion: TreeMotion) -> Iterator[Block]:
             kinetic = kinetic + (lump.mass * (velocity @ velocity) + turning)
             speed, _ = motion.speeds(number, one.position + lump.centre)
             size = size + (lump.mass * (speed * speed) + turning)
-    for inertia, slopes in motion.kinematics.reflected():
-        spin = sum((slope * motion.kinematics.coordinates.velocities[column] for column, slope in slopes), motion.kinematics.builder.zero)
-        turning = inertia * (spin * spin)
-        kinetic, size = kinetic + turning, size + turning
+    velocities = motion.kinematics.coordinates.velocities
+    for own in motion.kinematics.reflected():
+        rate, felt = own.rate(velocities), motion.size_of_rate(own, velocities)
+        kinetic, size = kinetic + own.inertia * (rate * rate), size + own.inertia * (felt * felt)
     yield Block("kinetic energy", (half * kinetic,), half * size)
     potential, size = _potential(motion)
     at_zero, size_at_zero = _potential(in_world(motion.kinematics.at_zero()))

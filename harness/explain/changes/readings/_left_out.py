@@ -17,6 +17,7 @@ from harness.trees.robot import Robot
 # Remedies of several engines.
 ADD_DAMPING, ADD_SPRINGS, ADD_POINT_SPRINGS = "add -d v to tau", "add -k (q - q0) to tau", "add J' f of each spring to tau"
 ADD_TURNING_SPRINGS = "add -k times the position, and the rotation vector, from where they are relaxed to tau"
+ADD_TENDON_INERTIAS = "add armature J'J of the tendon's length to M, and armature J' (dJ/dt v) to the bias"
 ADD_TENDONS = "add coef times the force of the tendon to tau of each of its joints"
 ADD_ROTORS = "add the rotor inertias to the diagonal of M, and solve with that"
 ADD_TO_TARGET = "give gear^2 times both to the joint or tendon that the actuator drives"
@@ -44,10 +45,13 @@ springs_without_axis = law("springs of joints without axis", "joints", each=with
 rotors = law("rotor inertias", "joints", supplied=True, each=with_joints)(lambda joint: replace(joint, armature=_NOTHING))
 mimics = law("mimic joints", "joints", supplied=True, each=with_joints)(freed)
 point_springs = law("tendons", "tendons", supplied=True)(
-    lambda robot: replace(robot.tree, springs=tuple(one for one in robot.tree.springs if one.slack_to is not None))
+    lambda robot: replace(robot.tree, springs=tuple(one for one in robot.tree.springs if not one.is_plain))
 )
 slack_springs = law("slack tendons", "tendons")(
     lambda robot: replace(robot.tree, springs=tuple(one for one in robot.tree.springs if one.slack_to is None))
+)
+tendon_inertias = law("tendons with armature", "tendons")(
+    lambda robot: replace(robot.tree, springs=tuple(one for one in robot.tree.springs if not one.armature))
 )
 gravity_compensation = law("gravity compensation", "bodies", each=with_bodies)(lambda body: replace(body, gravity_compensation=_NOTHING))
 actuators = law("actuators", "actuators")(lambda robot: replace(robot.tree, actuators=(), force_limits=()))

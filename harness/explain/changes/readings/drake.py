@@ -126,6 +126,11 @@ READINGS = readings_of(
                 _PARSER,
             ),
             _left_out.slack_springs: ("Drake's parser passes over tendons, with a warning", _left_out.ADD_POINT_SPRINGS, _PARSER),
+            _left_out.tendon_inertias: (
+                "Drake's parser passes over tendons, with a warning",
+                _left_out.ADD_TENDON_INERTIAS,
+                _PARSER,
+            ),
             _left_out.linear_tendons: ("Drake's parser passes over tendons on joints, with a warning", _left_out.ADD_TENDONS, _PARSER),
         },
         _BOTH: {

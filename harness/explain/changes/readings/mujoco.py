@@ -1,6 +1,7 @@
 """Readings of MuJoCo's reader of URDF: of its own element ``<mujoco>``, and of links; one reading of its MJCF, and MJX's."""
 
 import contextlib
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
@@ -19,7 +20,7 @@ from harness.explain.changes.readings import (
 )
 from harness.files.given import Given, Pose, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Bounds, Inertia, Joint, Solid, Tree
+from harness.files.tree import Body, Bounds, Coupling, Inertia, Joint, Solid, Spring, Tree
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
@@ -113,8 +114,9 @@ def _without_passive_forces(robot: Robot) -> Tree:
         return robot.tree
     tree = with_joints(robot.tree, lambda joint: replace(joint, stiffness=nothing, damping=nothing))
     tree = with_bodies(tree, lambda body: replace(body, gravity_compensation=nothing))
-    couplings = (replace(one, stiffness=nothing, damping=nothing) for one in tree.couplings if one.armature)
-    return replace(tree, springs=(), couplings=tuple(couplings))
+    springs = tuple(replace(one, stiffness=nothing, damping=nothing) for one in tree.springs if one.armature)
+    couplings = tuple(replace(one, stiffness=nothing, damping=nothing) for one in tree.couplings if one.armature)
+    return replace(tree, springs=springs, couplings=couplings)
 
 
 @law("inertial frames near those of bodies", "bodies", after=("centre of a massless body",), each=with_bodies)
@@ -140,6 +142,32 @@ def _in_the_frame_of_the_body(body: Body) -> Body:
         return body
     own = replace(parts[0], pose=pose)
     return replace(body, inertia=own, solids=()) if isinstance(own, Inertia) else replace(body, solids=(own,))
+
+
+@law("inertias of tendons across branches", "tendons")
+def _along_branches(robot: Robot) -> Tree:
+    tree = robot.tree
+    parts: list[Spring | Coupling] = [*tree.springs, *tree.couplings]
+    is_across = any(_is_across(tree, part) for part in parts if part.armature)
+    return replace(tree, inertias_along_branches=True) if is_across else tree
+
+
+def _is_across(tree: Tree, part: Spring | Coupling) -> bool:
+    """True where a tendon is moved by two joints neither of which carries the other."""
+    before, carrying = tree.joints_before, {body.name: body for body in tree.bodies}
+
+    def way(joint: str) -> list[str]:
+        return [joint, *way(before[joint])] if joint else []
+
+    def last(body: str) -> str:
+        own = carrying.get(body)
+        return "" if own is None else own.joints[-1].name if own.joints else last(own.parent)
+
+    if isinstance(part, Spring):
+        first, second = (set(way(last(body))) for body, _ in part.ends)
+        return bool(first - second and second - first)
+    ways = [way(name) for name, _ in part.joints]
+    return any(one[0] not in other and other[0] not in one for one, other in itertools.combinations(ways, 2))
 
 
 MUJOCO = readings_of(
@@ -222,6 +250,11 @@ OF_PROGRAM = readings_of(
                 ),
                 "write the pose of the inertial as 0, or farther from it than 1e-6",
                 "MuJoCo 4.0, user/user_model.cc, CopyTree: body_sameframe, and kFrameEps of IsNullPose",
+            ),
+            _along_branches: (
+                "MuJoCo leaves the inertia of a tendon out of entries of M for joints on different branches",
+                "keep a tendon with armature on one branch",
+                "MuJoCo 4.0, engine/engine_core_smooth.c, mj_tendonArmature: to those entries of M that the tree makes nonzero",
             ),
         },
     },

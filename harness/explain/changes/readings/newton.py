@@ -115,6 +115,11 @@ READINGS = readings_of(
                 _left_out.ADD_POINT_SPRINGS,
                 f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
             ),
+            _left_out.tendon_inertias: (
+                "SolverFeatherstone has no spatial tendons, nor their inertia, which are of SolverMuJoCo",
+                _left_out.ADD_TENDON_INERTIAS,
+                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such inertia",
+            ),
             _left_out.linear_tendons: (
                 "SolverFeatherstone has no tendons on joints, which are of SolverMuJoCo",
                 _left_out.ADD_TENDONS,

@@ -147,6 +147,7 @@ READINGS = readings_of(
                 "ovphysx documentation, Population, PhysxJointAxisAPI",
             ),
             _left_out.point_springs: ("PhysX reads no tendon of the namespace mjc", _left_out.ADD_POINT_SPRINGS, _TENDONS),
+            _left_out.tendon_inertias: ("PhysX reads no tendon of the namespace mjc", _left_out.ADD_TENDON_INERTIAS, _TENDONS),
             _left_out.linear_tendons: ("PhysX reads no tendon of the namespace mjc", _left_out.ADD_TENDONS, _TENDONS),
             _left_out.actuators: (
                 "PhysX makes drives of DriveAPI alone, whose targets are the user's; they are off here",

@@ -147,6 +147,11 @@ READINGS = readings_of(
                 _left_out.ADD_POINT_SPRINGS,
                 f"Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no <tendon>, {_NO_FORCE}",
             ),
+            _left_out.tendon_inertias: (
+                "Pinocchio has no tendons, nor their inertia",
+                _left_out.ADD_TENDON_INERTIAS,
+                "Pinocchio 4.1, parsers/mjcf/mjcf-graph.cpp, which reads no <tendon>",
+            ),
             _left_out.linear_tendons: (
                 "Pinocchio has no tendons on joints",
                 _left_out.ADD_TENDONS,
