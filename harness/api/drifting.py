@@ -138,6 +138,14 @@ def drift_from_log(
     Raises:
         harness.errors.InvalidInput: the model cannot be read.
         harness.errors.InvalidRequest: as ``drift``, or the log is none of this model.
+
+    Example:
+        >>> import harness
+        >>> from pathlib import Path
+        >>> lines = Path("log.csv").write_text("time,pin\\n0,1\\n0.01,0.9995\\n0.02,0.998\\n")
+        >>> pendulum = harness.Library.built_in().model_path("simple_pendulum", "mjcf")
+        >>> harness.drift_from_log(pendulum, "log.csv").joints
+        ['pin']
     """
     side = replace(MovingSide(Path(model)).by(by), delay=delay)
     if callable(control):
