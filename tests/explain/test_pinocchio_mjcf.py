@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pinocchio
 import pytest
 from comparison.robots import record_of
 
+from harness.explain.changes.readings import find_readings
+from harness.trees.robot import read_robot
 from harness.verdict import AGREEMENT
 
 INERTIA = '<inertial pos="0.1 0.2 0.3" mass="2" diaginertia="0.3 0.4 0.5"/>'
@@ -109,6 +112,33 @@ def test_the_second_of_two_bodies_without_names_moves_nothing(second: str, tmp_p
     record = record_of(written(tmp_path, COMPILER, inside, ""), "pinocchio")
     assert record.explained and [one.name for one in record.readings] == ["bodies without names"]
     assert record.left is None and "as it reads the file" in record.left_nothing
+
+
+WORLD = '<worldbody><light pos="1 0 3"/></worldbody>'
+
+
+@pytest.mark.parametrize("further", [1, 2])
+def test_further_worlds_are_the_first_one_again(further: int, tmp_path: Path) -> None:
+    """Joints stand there as often as there are worlds, and all masses in the first of them; Pinocchio's own answer is no number."""
+    inside = body("a", FIRST, body("b", 'name="j2" axis="1 0 0" armature="0.5"', body("c", "", about='pos="1 0 0"')))
+    path = written(tmp_path, COMPILER, inside, WORLD * further)
+    found = record_of(path, "pinocchio")
+    assert found.explained and [one.name for one in found.readings] == ["further worlds"]
+    assert "it has joints that the file does not have: j1 (world 2), j2 (world 2)" in found.left_nothing
+    assert record_of(path, "mujoco").verdict == "agrees"
+    (reading,) = [one for one in find_readings("pinocchio", "mjcf") if one.name == "further worlds"]
+    tree, model = reading.read(read_robot(path)).tree, pinocchio.buildModelFromMJCF(path)
+    assert sorted(joint.name.split()[0] for joint in tree.joints) == sorted([*model.names][1:])
+    assert sorted(float(joint.armature) for joint in tree.joints) == sorted(model.armature.tolist())
+    masses = {one.name: float(one.inertia.mass) if one.inertia else 0.0 for one in tree.bodies}
+    assert sum(masses.values()) == sum(one.mass for one in model.inertias)
+    assert masses["a"] == model.inertias[1].mass and masses["b"] + masses["c"] == model.inertias[2].mass
+
+
+def test_a_world_that_is_included_is_no_further_one(tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text(f"<mujoco>{WORLD}</mujoco>")
+    record = record_of(written(tmp_path, COMPILER, ARM, '<include file="scene.xml"/>'), "pinocchio")
+    assert record.verdict == "agrees" and "further worlds" not in [one.name for one in record.readings]
 
 
 GEOM = '<geom size="0.1" pos="0.2 0 0"/>'

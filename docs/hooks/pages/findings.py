@@ -87,7 +87,9 @@ def effect_of(readings: Sequence[Reading]) -> Effect:
 
 def moves(effect: Effect) -> str:
     """The effect on the example in a sentence."""
-    if effect.alone is not None and math.isinf(effect.alone):
+    if effect.alone is None:
+        return "no acceleration is left that the file's could be held against."
+    if math.isinf(effect.alone):
         return "joints are lost, so that their accelerations are missing."
     if effect.quantity:
         return f"the {effect.quantity} changes by up to {felt_text(effect.alone)} over 16 sampled states; accelerations are right."

@@ -235,6 +235,32 @@ def _of_the_first_tree(robot: Robot) -> Tree:
     return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
 
 
+@law("further worlds", "bodies", after=("bodies without names", "further trees", "pose of a body fixed to the world"))
+def _with_the_first_world_again(robot: Robot) -> Tree:
+    """For each further <worldbody> the bodies of the first one once more, each on its parent there, as its name is that of the first.
+
+    A body that moves has all its masses in the first, so that joints of the others move nothing.
+    """
+    # The file itself: worlds that it includes are not read.
+    times = len(read_any(robot.path, EXPECTED).root.findall("worldbody"))
+    moving = [body for body in robot.tree.bodies if body.joints]
+    if times < 2 or not moving:
+        return robot.tree
+
+    def heavy(body: Body) -> Body:
+        inertia = body.inertia
+        if inertia is not None:
+            inertia = replace(inertia, mass=inertia.mass * times, moments=tuple(moment * times for moment in inertia.moments))
+        return replace(body, inertia=inertia, solids=body.solids * times) if body.joints else body
+
+    def again(body: Body, name: str) -> Body:
+        joints = (replace(joint, name=f"{joint.name} ({name})", armature=Fraction(0)) for joint in body.joints)
+        return replace(body, name=f"{body.name} ({name})", joints=tuple(joints), inertia=None, solids=())
+
+    copies = (again(body, f"world {number}") for number in range(2, times + 1) for body in moving)
+    return replace(robot.tree, bodies=(*map(heavy, robot.tree.bodies), *copies))
+
+
 @law("inertia of meshes", "geoms", after=("geoms that cannot collide", "frames"), each=with_solids)
 def _with_unit_meshes(solid: Solid) -> Solid:
     """In the geom's own position, wherever the centre of the mesh is; a box that has its size from a mesh is a box."""
@@ -323,6 +349,11 @@ READINGS = readings_of(
                 "Pinocchio's MJCF reader reads the first body in <worldbody> with what it carries, and passes over the others",
                 "put all trees under one body without joint and pose",
                 f"{_GRAPH}, parseGraph: get_child(worldbody).get_child(body), of which there is one",
+            ),
+            _with_the_first_world_again: (
+                "Pinocchio's MJCF reader reads the first <worldbody> once more for each further one, with joints that carry no mass",
+                "write one <worldbody>",
+                f"{_GRAPH}, parseGraph: get_child(worldbody), the first, for each; frames of one name are one, that of the first",
             ),
             _left_out.frames: (
                 "Pinocchio's MJCF reader passes over <frame> and <replicate> with all that they hold",
