@@ -152,6 +152,7 @@ class Coupling(Placed):
             that sum; None for a spring that is never slack.
         armature: inertia [kg m^2 or kg]. gear: damper and inertia turn so many times as fast as the sum, and count gear^2 times.
         of_actuator: whether an actuator brings them. in_joint: whether that to a joint, and not to a tendon.
+        along_branches: whether the inertia couples no velocities of joints on different branches.
     """
 
     joints: tuple[tuple[str, Fraction], ...]
@@ -164,6 +165,7 @@ class Coupling(Placed):
     slack_to: Fraction | None = None
     of_actuator: bool = False
     in_joint: bool = False
+    along_branches: bool = False
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,8 @@ class Spring(Placed):
     """A spring, damper and inertia between two points, each a body's name and a frame in that body, whose origin the point is.
 
     ``stiffness`` [N/m] acts on the length beyond ``free_length`` [m], ``damping`` [N s/m] on its rate. A spring is slack from there up to
-    the length ``slack_to`` [m], if any, from which on it acts on the length beyond that. ``armature`` [kg] is an inertia of that rate.
+    the length ``slack_to`` [m], if any, from which on it acts on the length beyond that. ``armature`` [kg] is an inertia of that rate,
+    ``along_branches`` as of a ``Coupling``.
     """
 
     ends: tuple[tuple[str, Pose], tuple[str, Pose]]
@@ -181,6 +184,7 @@ class Spring(Placed):
     place: Place | None = None
     slack_to: Fraction | None = None
     armature: Fraction = Fraction(0)
+    along_branches: bool = False
 
     @property
     def is_plain(self) -> bool:
@@ -318,8 +322,6 @@ class Tree(Placed):
     ``tendons`` are those with dry friction or limits, ``actuators`` those that act, and ``force_limits`` the ranges [N or N m] of what they
     do together on joints. ``sensors`` are those at sites and of actuators.
 
-    With ``inertias_along_branches`` the inertia of a tendon couples no velocities of joints on different branches.
-
     With ``bounds`` each body weighs what these make of it. With ``total_mass`` [kg] all masses and inertias are then scaled by one
     factor, so that the masses of all bodies sum to it.
     """
@@ -335,7 +337,6 @@ class Tree(Placed):
     force_limits: ForceLimits = ()
     tendons: tuple[BoundTendon, ...] = ()
     sensors: tuple[Sensor, ...] = ()
-    inertias_along_branches: bool = False
 
     @property
     def joints(self) -> tuple[Joint, ...]:

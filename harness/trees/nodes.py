@@ -64,11 +64,23 @@ class Reflected:
     Attributes:
         inertia: [kg m^2 or kg]. slopes: (place in v, by how much that velocity changes the rate).
         spring: whose length has the rate; None for a sum of velocities.
+        related: pairs of places in v, smaller first, that the inertia couples; None for all.
     """
 
     inertia: Term
     slopes: Sequence[tuple[int, Term]]
     spring: Spring | None = None
+    related: frozenset[tuple[int, int]] | None = None
+
+    def couples(self, row: int, column: int) -> bool:
+        """True where the entry of M of these places has a share of the inertia."""
+        return self.related is None or (min(row, column), max(row, column)) in self.related
+
+    def forces(self, rates: Sequence[Term]) -> Iterator[tuple[int, Term]]:
+        """The share of M times these velocities or accelerations, by places in v."""
+        for row, slope in self.slopes:
+            felt = replace(self, slopes=[one for one in self.slopes if self.couples(row, one[0])])
+            yield row, slope * (self.inertia * felt.rate(rates))
 
     def rate(self, velocities: Sequence[Term]) -> Term:
         """The rate at these velocities, or the part of its own rate that these accelerations make."""
@@ -221,10 +233,13 @@ class Kinematics:
                 yield Reflected(self.builder.number(node.joint.armature), [(column, self.builder.number(node.joint.multiplier))])
         for coupling in self.tree.couplings:
             if coupling.armature:
-                yield Reflected(self.of_gear(coupling, coupling.armature), self.slopes(coupling))
+                yield Reflected(self.of_gear(coupling, coupling.armature), self.slopes(coupling), None, self._related_by(coupling))
         for spring in self.tree.springs:
             if spring.armature:
-                yield Reflected(self.builder.number(spring.armature), self.slopes_along(spring), spring)
+                yield Reflected(self.builder.number(spring.armature), self.slopes_along(spring), spring, self._related_by(spring))
+
+    def _related_by(self, part: Spring | Coupling) -> frozenset[tuple[int, int]] | None:
+        return self.related if part.along_branches else None
 
     def of_gear(self, coupling: Coupling, coefficient: Fraction) -> Term:
         """A coefficient of what turns ``gear`` times as fast as the sum of a coupling, as that of the sum."""
@@ -376,13 +391,12 @@ def composite_inertias(
                     times = builder.number(2 if row == column and at != number else 1)
                     entry = min(row, column), max(row, column)
                     entries[entry] = entries.get(entry, builder.zero) + times * power(other, force)
-    related = nodes.related if nodes.tree.inertias_along_branches else None
     for one in nodes.reflected():
         for at, (column, slope) in enumerate(one.slopes):
             for before, (row, other) in enumerate(one.slopes[: at + 1]):
                 times = builder.number(2 if row == column and before != at else 1)
                 entry = min(row, column), max(row, column)
-                if related is not None and entry not in related:
+                if not one.couples(row, column):
                     continue
                 entries[entry] = entries.get(entry, builder.zero) + one.inertia * (times * (slope * other))
     return entries

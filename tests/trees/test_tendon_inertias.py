@@ -11,6 +11,7 @@ import pytest
 from comparison.robots import record_of
 from support_robots import by_mujoco
 
+from harness.explain.changes.readings import find_readings
 from harness.programs.evaluation import values as evaluated
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
@@ -84,26 +85,29 @@ def test_the_inertia_is_that_of_a_pendulum_on_a_cord(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.high[0, 0], (1 - 5 * slope * curvature * 49) / (2 + 5 * slope**2), rtol=1e-15)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", FILES | ACROSS)
 def test_every_quantity_has_its_share(name: str, tmp_path: Path) -> None:
     """Each value is MuJoCo's within roundings of its parts, which a share of the armature is beyond."""
     path = written(tmp_path, name)
     robot, model = read_robot(path), mujoco.MjModel.from_xml_path(str(path))
     data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
-    values = np.random.default_rng(5).normal(size=(3, 9))[:, : model.nv]
-    data.qpos[:], data.qvel[:] = values[:2]
+    (reading,) = [one for one in find_readings("mujoco", "mjcf") if one.name == "inertias of tendons across branches"]
+    tree, (q, v, qdd) = reading.read(robot).tree, np.random.default_rng(5).normal(size=(3, 20))
+    assert (tree is robot.tree) == (name in FILES)
+    data.qpos[:], data.qvel[:] = q[: model.nq], v[: model.nv]
+    mujoco.mj_normalizeQuat(model, data.qpos)
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, mass)
-    forces = mass @ values[2] + data.qfrc_bias
-    kinetic = values[1] @ mass @ values[1] / 2
+    forces = mass @ qdd[: model.nv] + data.qfrc_bias
+    kinetic = data.qvel @ mass @ data.qvel / 2
     for blocks, expected in (
         (mass_matrix, mass.ravel()),
         (bias, data.qfrc_bias),
         (inverse_dynamics, forces),
         (energy, [kinetic]),
     ):
-        own = computed(tree_motion(robot.tree, robot.joints, False), blocks)
-        inputs = np.array([*values.ravel(), 0.0, *own.numbers])[:, None]
+        own = computed(tree_motion(tree, robot.joints, False), blocks)
+        inputs = np.array([*data.qpos, *data.qvel, *qdd[: model.nv], 0.0, *own.numbers])[:, None]
         found, sizes = (evaluated(program, inputs)[name][:, 0] for program, name in ((own.program, "values"), (own.sizes, "sizes")))
         error = np.abs(found[: len(expected)] - expected) / sizes[: len(expected)]
         assert error.max() < AGREEMENT * UNIT_ROUNDOFF, blocks
@@ -144,6 +148,7 @@ def test_engines_without_tendons_are_explained(tmp_path: Path) -> None:
 def test_mujoco_leaves_out_what_joints_of_two_branches_have_in_common(name: str, tmp_path: Path) -> None:
     record = record_of(written(tmp_path, name), "mujoco")
     assert record.explained and [one.name for one in record.readings] == ["inertias of tendons across branches"]
+    assert record.readings[0].lines == (3,)
     assert record.left is not None and record.left <= AGREEMENT < (record.backward_error or 0.0)
 
 

@@ -57,9 +57,9 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
     values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
     of_joints = forces_of_joints(nodes)
     for own in nodes.reflected():
-        rate, felt = own.rate(nodes.coordinates.third), motion.size_of_rate(own, nodes.coordinates.third)
-        for column, slope in own.slopes:
-            values[column] = values[column] + slope * (own.inertia * rate)
+        felt = motion.size_of_rate(own, nodes.coordinates.third)
+        for column, force in own.forces(nodes.coordinates.third):
+            values[column] = values[column] + force
         for column, size in motion.sizes_of_slopes(own).items():
             sizes[column] = sizes[column] + size * (own.inertia * felt)
     turning, of_turning = of_reflected_inertias(nodes), _sizes_of_reflected_inertias(motion)

@@ -214,8 +214,10 @@ def energy(motion: TreeMotion) -> Iterator[Block]:
             size = size + (lump.mass * (speed * speed) + turning)
     velocities = motion.kinematics.coordinates.velocities
     for own in motion.kinematics.reflected():
-        rate, felt = own.rate(velocities), motion.size_of_rate(own, velocities)
-        kinetic, size = kinetic + own.inertia * (rate * rate), size + own.inertia * (felt * felt)
+        for column, force in own.forces(velocities):
+            kinetic = kinetic + velocities[column] * force
+        felt = motion.size_of_rate(own, velocities)
+        size = size + own.inertia * (felt * felt)
     yield Block("kinetic energy", (half * kinetic,), half * size)
     potential, size = _potential(motion)
     at_zero, size_at_zero = _potential(in_world(motion.kinematics.at_zero()))

@@ -147,9 +147,9 @@ def _in_the_frame_of_the_body(body: Body) -> Body:
 @law("inertias of tendons across branches", "tendons")
 def _along_branches(robot: Robot) -> Tree:
     tree = robot.tree
-    parts: list[Spring | Coupling] = [*tree.springs, *tree.couplings]
-    is_across = any(_is_across(tree, part) for part in parts if part.armature)
-    return replace(tree, inertias_along_branches=True) if is_across else tree
+    springs = tuple(replace(one, along_branches=bool(one.armature) and _is_across(tree, one)) for one in tree.springs)
+    couplings = tuple(replace(one, along_branches=bool(one.armature) and _is_across(tree, one)) for one in tree.couplings)
+    return replace(tree, springs=springs, couplings=couplings)
 
 
 def _is_across(tree: Tree, part: Spring | Coupling) -> bool:
