@@ -348,10 +348,13 @@ def test_newton_feels_an_inertia_that_is_off_by_a_ten_thousandth(
     ("springs.urdf", "springs"), ("actuators.xml", "actuators"), ("gravity-compensation.xml", "gravity compensation"),
     ("tendons.urdf", "tendons"), ("tendons-with-armature.xml", "tendons with armature"),
     ("armature-and-damping-of-actuators.xml", "armature and damping of actuators"),
+    ("sequence-of-joints-of-a-body.usda", "sequence of joints of a body"), ("attributes-of-mujoco.usda", "attributes of MuJoCo"),
+    ("gravity-compensation.usda", "gravity compensation"), ("tendons-on-joints.usda", "tendons on joints"), ("tendons.usda", "tendons"),
+    ("settotalmass.usda", "settotalmass"), ("reference-positions.usda", "reference positions"), ("actuators.usda", "actuators"),
 ])  # fmt: skip
 def test_an_example_is_what_newton_makes_of_it(example: str, reading: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
     path = Path(__file__).parents[2] / "docs" / "examples" / example
-    model_format = "urdf" if path.suffix == ".urdf" else "mjcf"
+    model_format = {".urdf": "urdf", ".usda": "usd"}.get(path.suffix, "mjcf")
     found = found_by(environment("newton"), tmp_path, "compare", str(path), "--subject", f"newton/{model_format}")
     told = [next(one for one in found["subjects"] if not one["aided"]), *found["switched_on"]]
     assert all(one["explained"] for one in told) and reading in [name["name"] for one in told for name in one["readings"]]

@@ -31,6 +31,7 @@ from harness.files.given import ORIGIN, Given, Placement, Pose
 from harness.files.joint_kinds import JointKind
 from harness.files.left_out import Declared
 from harness.files.tree import WORLD, Actuator, Body, Bounds, Coupling, ForceLimits, Joint, Spring, SpringDampers, Tree
+from harness.files.usd import ROOTS
 from harness.files.usd.actuators import MUJOCO, actuator_of, drives_of, limited
 from harness.files.usd.beside import BesideTree
 from harness.files.usd.frames import Frames, joint_frame, reversed_placement
@@ -41,7 +42,7 @@ from harness.files.usd.tendons import TENDON, spring_of, terms_of
 FLOATING_BASE = "floating_base"
 # By the field of a joint, MuJoCo's flag that switches it off.
 _FLAGS = (("stiffness", "spring"), ("damping", "damper"))
-_ROOT, _SCENE = "PhysicsArticulationRootAPI", "PhysicsScene"
+_SCENE = "PhysicsScene"
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,7 @@ class StageReader:
                 if one in link.bodies and (other := link.other(one)) not in together:
                     together.add(other)
                     waiting.append(other)
-        roots = [one for one in self._bodies if one in together and _ROOT in self._bodies[one].schemas]
+        roots = [one for one in self._bodies if one in together and not ROOTS.isdisjoint(self._bodies[one].schemas)]
         seconds = {link.bodies[1] for link in tying}
         firsts = [one for one in self._bodies if one in together and one not in seconds]
         return next(iter([*roots, *firsts, path]))
@@ -254,7 +255,7 @@ class StageReader:
         self._add(found, other, Body(self._names[other], found.placed[body], (*near, *back), tuple(joints), None, place), moves)
 
     def _add_mobility(self, links: list[_Link]) -> bool:
-        roots = [one for link in links for body in link.bodies for one in applied(self._prims, body, _ROOT)]
+        roots = [one for link in links for body in link.bodies for name in ROOTS for one in applied(self._prims, body, name)]
         return any(one.is_on("newton:jointsAddMobility", False) for one in roots) or all(
             "MjcJointAPI" in link.prim.schemas for link in links
         )

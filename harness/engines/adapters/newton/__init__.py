@@ -1,10 +1,10 @@
-"""Newton's ``SolverFeatherstone`` on an MJCF or URDF: composite rigid bodies in many worlds at once, in float32.
+"""Newton's ``SolverFeatherstone`` on an MJCF, a URDF or a robot in USD: composite rigid bodies in many worlds at once, in float32.
 
 Its kernels are compiled at the first question of a cache, which takes minutes on a CPU, and kept there. A step's accelerations are those
 that it integrates, ``SolverFeatherstone.joint_qdd``. Newton's importers make no constraint of limits: a joint beyond one is pushed back by
 a spring, whose stiffness is set to zero here, as are the gains of drives; equalities are left out.
 
-Source: Newton documentation, ``ModelBuilder.add_mjcf``, ``ModelBuilder.add_urdf`` and ``SolverFeatherstone``; its sources of 1.8.
+Source: Newton documentation, ``ModelBuilder.add_mjcf``, ``add_urdf``, ``add_usd`` and ``SolverFeatherstone``; its sources of 1.8.
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ _CALL = (
 class NewtonEngine(Engine):
     title = "Newton"
     requires = ("newton", "newton")
-    formats = ("mjcf", "urdf")
+    formats = ("mjcf", "urdf", "usd")
     optional = True
+    companions: Mapping[str, tuple[str, ...]] = {">=1.8": ("usd-core", "newton-usd-schemas")}
     factorises_mass_matrix = True
     inertias_about = "world"
     unit_roundoff = 2.0**-24
     supplied: Mapping[str, str] = {
         "mjcf": "gravity and springs between points are supplied from the file, and inertias are taken as the file has them",
         "urdf": "gravity and springs are supplied from the file, and inertias are taken as the file has them",
+        "usd": "gravity, springs, dampers and rotor inertias of joints are supplied from the file, and inertias are taken as it has them",
     }
     why_off: Mapping[str, str] = {
         EQUALITIES: "SolverFeatherstone holds no equality but joints that mimic",
@@ -47,6 +49,7 @@ class NewtonEngine(Engine):
     call: Mapping[str, str] = {
         "mjcf": _CALL.format(read="add_mjcf(PATH, skip_equality_constraints=True)"),
         "urdf": _CALL.format(read="add_urdf(PATH)"),
+        "usd": _CALL.format(read="add_usd(PATH)"),
     }
 
     def read(self, request: Request) -> NewtonFile:

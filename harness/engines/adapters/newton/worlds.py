@@ -10,6 +10,7 @@ Source: Newton documentation, Conventions; ``newton/_src/solvers/featherstone/ke
 from __future__ import annotations
 
 import itertools
+import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,7 @@ import numpy as np
 import warp
 
 from harness.arrays import Array
-from harness.engines.coordinates import BALL, FREE, cross_matrix, rotation, rotations
+from harness.engines.coordinates import BALL, FREE, cross_matrix, multiplied, rotation, rotations
 from harness.engines.interface import LoadedModel, Unsupported
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.reading import elements_of, text_of, without_shapes
@@ -30,7 +31,10 @@ from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD
 from harness.storage import cache_directory
 
+# By the number of a joint of Newton, the joints of the request that it is made of.
+Joined = Mapping[int, Sequence[AskedJoint]]
 BLOCK = 64
+_INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 # Length of a step [s], on which no acceleration depends.
 _STEP = 1e-3
 
@@ -42,12 +46,10 @@ class NewtonFile(LoadedFile):
         starts: the first position and the first velocity of each joint found, in its world.
     """
 
-    applies_dampers = True
-
-    def __init__(self, request: Request, robot: Any) -> None:
-        starts = _starts(robot, request)
+    def __init__(self, request: Request, robot: Any, joined: Joined) -> None:
+        starts = _starts(robot, joined)
         super().__init__(request, starts)
-        self.applies_springs = request.format == "mjcf"
+        self.applies_springs, self.applies_dampers = request.format == "mjcf", request.format != "usd"
         self.starts = starts
         self._links = {label.rpartition("/")[2]: number for number, label in enumerate(robot.body_label)}
         scene = newton.ModelBuilder()
@@ -58,8 +60,10 @@ class NewtonFile(LoadedFile):
             if request.aid is not None:
                 # Its importer passes over that of a file, docs/issues/newton-mjcf-gravity.md.
                 self._model.set_gravity(request.aid.gravity)
-                if request.format == "urdf":
+                if request.format != "mjcf":
                     self._model.joint_armature.assign(np.tile(self._armature(robot, starts), BLOCK))
+                if not self.applies_dampers:
+                    self._model.joint_damping.zero_()
             for gains in ("joint_limit_ke", "joint_limit_kd", "joint_target_ke", "joint_target_kd"):
                 getattr(self._model, gains).zero_()
             self._solver = newton.solvers.SolverFeatherstone(self._model)
@@ -67,7 +71,10 @@ class NewtonFile(LoadedFile):
         self._nq, self._nv = self._model.joint_coord_count // BLOCK, self._model.joint_dof_count // BLOCK
         children = self._model.joint_child.numpy()
         self._centres = self._model.body_com.numpy().astype(float)
-        self._carried = {name: children[number] for name, number in _numbers(robot, request).items()}
+        self._carried = {joint.name: children[number] for number, those in joined.items() for joint in those}
+        # The quaternion of the frame of each joint in its body, of a stage: of an MJCF and a URDF it is that of the body.
+        frames = np.array(robot.joint_X_c)[:, [6, 3, 4, 5]] if request.format == "usd" else ()
+        self._frames = {joint.name: frames[number] for number, those in joined.items() for joint in those if len(frames)}
         self._rows = _rows_of_jacobians(self._model)
         self._references = _references(self._model, self.starts, request)
 
@@ -92,7 +99,7 @@ class NewtonFile(LoadedFile):
         return LoadedModel(sizes, tuple(model.gravity.numpy()[0].tolist()), float(sum(masses[body] for body in moved)))
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        tau = tau if self.applies_springs else tau + self.aid.forces.of_springs(q)
+        tau = tau + self.supplied(q, v)
         answers = [self._of_block(*(one[start : start + BLOCK] for one in (q, v, tau))) for start in range(0, len(q), BLOCK)]
         found = np.concatenate([np.empty((0, len(self.v_columns))), *answers])
         return found if self.couplings is None else found[:, self._of_leaders]
@@ -125,8 +132,11 @@ class NewtonFile(LoadedFile):
             own_q, own_v, own_tau = q[:, list(joint.positions)], v[:, list(joint.velocities)], tau[:, list(joint.velocities)]
             own_q = own_q - self._references.get(joint.name, 0.0)
             if nq > nv:
-                turn = rotations(own_q[:, -4:])
-                own_q = np.hstack([own_q[:, :-4], own_q[:, -3:], own_q[:, -4:-3]])
+                turn, quaternions = rotations(own_q[:, -4:]), own_q[:, -4:]
+                if nv == BALL[1] and joint.name in self._frames:
+                    frame = self._frames[joint.name]
+                    turn, quaternions = rotation(frame).T @ turn, multiplied(multiplied(frame * _INVERSE, quaternions), frame)
+                own_q = np.hstack([own_q[:, :-4], quaternions[:, 1:], quaternions[:, :1]])
                 turning, moment = (np.einsum("nij,nj->ni", turn, one[:, -3:]) for one in (own_v, own_tau))
                 linear, force = own_v[:, :-3], own_tau[:, :-3]
                 if nv == FREE[1]:
@@ -147,7 +157,7 @@ class NewtonFile(LoadedFile):
         angular = own[:, -3:]
         turned: Array = np.einsum("nij,nj->ni", back, angular)
         if nv == BALL[1]:
-            return turned
+            return turned @ rotation(self._frames[joint.name]).T if joint.name in self._frames else turned
         place, turning = positions[:, at : at + 3], velocities[:, start + 3 : start + 6]
         arm = np.einsum("nji,j->ni", back, self._centres[self._carried[joint.name]])
         speed = velocities[:, start : start + 3] - np.cross(turning, arm)
@@ -211,7 +221,53 @@ def _sanitized(name: str, request: Request) -> str:
     return name.replace("-", "_") if request.format == "mjcf" else name
 
 
-def _joined(robot: Any, request: Request) -> dict[int, Sequence[AskedJoint]]:
+def _of_prims(robot: Any, request: Request, paths: Mapping[str, int]) -> Joined:
+    """The joints of the request that each joint of Newton is made of, in its order; ``paths`` of prims to its numbers, in this order.
+
+    It is not that of the file, docs/issues/newton-usd-sequence-of-joints.md. A free joint has no prim.
+    """
+    carried = {robot.body_label[child]: number for number, child in enumerate(robot.joint_child)}
+    by_path = {joint.tag: joint for joint in request.joints}
+    found: dict[int, list[AskedJoint]] = {}
+    for path, number in paths.items():
+        if path in by_path:
+            found.setdefault(number, []).append(by_path[path])
+    free = {carried[joint.tag]: [joint] for joint in request.joints if joint.kind == JointKind.FREE and joint.tag in carried}
+    return found | free
+
+
+def _with_stage(robot: Any, request: Request) -> Mapping[str, int]:
+    """Let a builder read a stage but for the joints that close loops; the numbers of its joints by the paths of prims.
+
+    An aided one has the first body of each tree that is in no articulation for the root of one.
+
+    Raises:
+        Refused: there is such a tree, and the request is not aided.
+    """
+    # Imported late: files of other formats are read where it is not.
+    from pxr import Usd, UsdPhysics
+
+    whole, source = newton.ModelBuilder(), Usd.Stage.Open(str(request.path))
+    found, tree = whole.add_usd(source)["path_joint_map"], {joint.tag for joint in request.joints}
+    moving = [path for path, number in found.items() if whole.joint_type[number] != newton.JointType.FIXED]
+    closing = [f"{re.escape(path)}$" for path in moving if path not in tree]
+    loose = [path for path in moving if path in tree and whole.joint_articulation[found[path]] < 0]
+    if loose and request.aid is None:
+        raise Refused(
+            f"{loose[0]} is in no articulation, and SolverFeatherstone moves nothing else; "
+            "apply PhysicsArticulationRootAPI to the root of the robot"
+        )
+    source.SetEditTarget(source.GetSessionLayer())
+    for number in {found[path] for path in loose if whole.joint_parent[found[path]] < 0}:
+        UsdPhysics.ArticulationRootAPI.Apply(source.GetPrimAtPath(whole.body_label[whole.joint_child[number]]))
+    paths: Mapping[str, int] = robot.add_usd(source, ignore_paths=closing)["path_joint_map"]
+    # A body by itself is none for the importer, whatever its schemas are.
+    for number in [number for number, articulation in enumerate(robot.joint_articulation) if articulation < 0]:
+        robot.add_articulation([number])
+    return paths
+
+
+def _joined(robot: Any, request: Request) -> Joined:
     """The joints of the request that each joint of Newton with velocities is made of, by its number.
 
     The importer of MJCF makes one joint of all that a body has, of whose names its own is made.
@@ -245,15 +301,10 @@ def _spelt(joined: str, names: Sequence[str], count: int) -> list[str] | None:
     return None
 
 
-def _numbers(robot: Any, request: Request) -> dict[str, int]:
-    """The number of the joint of Newton that each joint of the request is in."""
-    return {joint.name: number for number, those in _joined(robot, request).items() for joint in those}
-
-
-def _starts(robot: Any, request: Request) -> dict[str, tuple[int, int]]:
+def _starts(robot: Any, joined: Joined) -> dict[str, tuple[int, int]]:
     """The first position and the first velocity of each joint of the request; slides of a body go before its hinges."""
     found = {}
-    for number, those in _joined(robot, request).items():
+    for number, those in joined.items():
         at, start = robot.joint_q_start[number], robot.joint_qd_start[number]
         for joint in sorted(those, key=lambda one: one.kind != JointKind.SLIDE):
             found[joint.name] = at, start
@@ -274,23 +325,24 @@ def read(request: Request) -> NewtonFile:
         if joint.kind == JointKind.FREE and not joint.is_measured_in_the_world:
             raise Refused(f"free joint {joint.name!r} is measured in a frame of the file")
     try:
-        return NewtonFile(request, _imported(request, str(request.path) if request.text is None else request.text))
+        return _imported(request, str(request.path) if request.text is None else request.text)
     except Refused as refusal:
         # A mesh may be elsewhere, or of a kind that takes another package.
         if request.format != "urdf" or elements_of(request).find(".//geometry/mesh") is None:
             raise
-        without = NewtonFile(request, _imported(request, text_of(without_shapes(elements_of(request), meshes_alone=True))))
+        without = _imported(request, text_of(without_shapes(elements_of(request), meshes_alone=True)))
         without.notes = (f"refused with its meshes, and read without them: {refusal}",)
         return without
 
 
-def _imported(request: Request, source: str) -> Any:
-    """The builder with what the importer makes of a file, or of its text.
+def _imported(request: Request, source: str) -> NewtonFile:
+    """A file, or its text, as the importer reads it.
 
     Raises:
         Refused: in the importer's words.
     """
     robot = newton.ModelBuilder()
+    paths: Mapping[str, int] = {}
     if request.aid is not None and request.format == "urdf":
         robot.default_shape_cfg.density = 0.0
     try:
@@ -298,8 +350,14 @@ def _imported(request: Request, source: str) -> Any:
             warnings.simplefilter("ignore")
             if request.format == "mjcf":
                 robot.add_mjcf(source, skip_equality_constraints=True)
+            elif request.format == "usd":
+                paths = _with_stage(robot, request)
             else:
                 robot.add_urdf(source, floating=bool(request.floating_base) or None)
+    except Refused:
+        raise
     except Exception as error:
         raise Refused(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
-    return robot
+    if request.format != "usd":
+        return NewtonFile(request, robot, _joined(robot, request))
+    return NewtonFile(request, robot, _of_prims(robot, request, paths))

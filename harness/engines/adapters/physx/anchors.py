@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
-# The second brings the first with it.
-ROOTS = {"PhysicsArticulationRootAPI", "NewtonArticulationRootAPI"}
+from harness.files.usd import ROOTS
+
 _BASE, _ANCHOR, _BETWEEN = "/harness_base_{}", "/harness_anchor_{}", "/harness_between_{}"
 # Far below what float32 feels of a robot [kg, kg m^2].
 _HARDLY_ANY = 1e-12

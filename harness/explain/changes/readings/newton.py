@@ -1,4 +1,4 @@
-"""Elements that Newton's importers of MJCF and URDF leave out, correct or take otherwise, and forces that SolverFeatherstone lacks."""
+"""Elements that Newton's importers of MJCF, URDF and USD leave out, correct or take otherwise, and forces that SolverFeatherstone lacks."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -8,6 +8,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.explain.changes.readings import (
     _left_out,
+    _stages,
     computed,
     element_at,
     law,
@@ -17,13 +18,14 @@ from harness.explain.changes.readings import (
     with_inertias,
     with_joints,
 )
-from harness.files.given import Given, vector
+from harness.files.given import Given, Placement, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import Body, Inertia, Joint, Tree
 from harness.trees.robot import Robot
 
-_MJCF, _URDF, _BOTH = ("mjcf",), ("urdf",), ("mjcf", "urdf")
+_MJCF, _URDF, _USD, _ALL = ("mjcf",), ("urdf",), ("usd",), ("mjcf", "urdf", "usd")
 _IMPORTER, _URDF_IMPORTER = "Newton 1.8, newton/_src/utils/import_mjcf.py", "Newton 1.8, newton/_src/utils/import_urdf.py"
+_USD_IMPORTER = "Newton 1.8, newton/_src/utils/import_usd.py"
 _BUILDER = "Newton documentation, ModelBuilder"
 _SOLVER = "Newton 1.8, newton/_src/solvers/featherstone/kernels.py, jcalc_tau"
 _NOTHING = Fraction(0)
@@ -50,6 +52,22 @@ def _slides_first(body: Body) -> Body:
         return body
     joints = sorted(body.joints, key=lambda joint: joint.kind != JointKind.SLIDE)
     return replace(body, joints=tuple(replace(joint, anchor=body.joints[0].anchor) for joint in joints))
+
+
+@law("sequence of joints of a body", "bodies", each=with_bodies)
+def _by_name(body: Body) -> Body:
+    """One joint of all, in the order of the paths of their prims: slides first, in the position of the first."""
+    if len(body.joints) < 2:
+        return body
+    by_path = sorted(body.joints, key=lambda joint: joint.place.tag.split("/") if joint.place else [])
+    # The frame of a joint in its body is one placement.
+    first = next(iter(by_path[0].pose), Placement())
+
+    def moved(joint: Joint) -> Joint:
+        own = next(iter(joint.pose), Placement())
+        return joint if own.position == first.position else replace(joint, pose=(replace(own, position=first.position), *joint.pose[1:]))
+
+    return replace(body, joints=tuple(map(moved, sorted(by_path, key=lambda joint: joint.kind != JointKind.SLIDE))))
 
 
 def _raise(moments: Array) -> float:
@@ -149,7 +167,36 @@ READINGS = readings_of(
                 f"{_URDF_IMPORTER}, parse_shapes: density=default_shape_density",
             ),
         },
-        _BOTH: {
+        _USD: {
+            _stages.attributes_of_joints: (
+                "Newton's importer of USD reads springs, dampers and rotor inertias of joints in no attribute of the namespace mjc",
+                "write newton:armature and newton:damping, or pass SchemaResolverMjc to add_usd",
+                f"{_USD_IMPORTER}: schema_resolvers",
+            ),
+            _stages.gravity_compensation: (
+                "SolverFeatherstone carries no weights: mjc:gravcomp is an attribute of SolverMuJoCo",
+                _left_out.CARRY_WEIGHTS,
+                "Newton documentation, custom attributes: mujoco:gravcomp",
+            ),
+            _left_out.point_springs: ("SolverFeatherstone has no tendons", _left_out.ADD_POINT_SPRINGS, _SOLVER),
+            _left_out.linear_tendons: ("SolverFeatherstone has no tendons", _left_out.ADD_TENDONS, _SOLVER),
+            _left_out.actuators: (
+                "Newton makes drives of DriveAPI, whose targets are the user's; they are off here",
+                _left_out.DRIVE,
+                _USD_IMPORTER,
+            ),
+            _left_out.total_mass: (
+                "Newton's importer of USD reads no mjc:compiler:setTotalMass",
+                "write the masses that it gives",
+                _USD_IMPORTER,
+            ),
+            _stages.references: (
+                "Newton counts positions of joints from where their frames meet, and reads no mjc:ref",
+                "add the reference to its positions",
+                _USD_IMPORTER,
+            ),
+        },
+        _ALL: {
             _massless: (
                 "Newton drops the inertia of a body whose mass is 0 or less; it warns of it",
                 "call finalize(skip_validation_inertia=True) on the ModelBuilder",
@@ -168,6 +215,13 @@ READINGS = readings_of(
 ) + readings_of(
     "newton",
     {
+        _USD: {
+            _by_name: (
+                "Newton merges joints of a body by their names, slides first, where newton:jointsAddMobility says by traversal order",
+                "give the joints of a body names in their order, or bodies of their own",
+                "newton-usd-schemas 0.6, NewtonArticulationRootAPI; Newton 1.8, newton/_src/usd/_joints.py, parse_merged_joints",
+            ),
+        },
         _MJCF: {
             _downwards: (
                 "Newton's importer of MJCF takes 9.81 m/s^2 along -z for gravity, whatever <option gravity> says",

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 from harness.explain.changes.readings import (
     _left_out,
+    _stages,
     computed,
     element_at,
     law,
@@ -13,13 +13,13 @@ from harness.explain.changes.readings import (
     readings_of,
     with_bodies,
     with_inertias,
-    with_joints,
 )
 from harness.files.document.source import read_any
 from harness.files.document.stage import UsdDocument
 from harness.files.given import Given, vector
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD, Body, Inertia, Joint, Tree
+from harness.files.usd import ROOTS
 from harness.files.usd.reading import meaning_of_stage
 from harness.trees.robot import Robot
 
@@ -30,8 +30,6 @@ _FLAG, _NEWTON = "mjc:flag:gravity", "NewtonSceneAPI"
 _UNIT, _DOWN = 0.01, (0.0, 0.0, -9.81)
 # Of a sphere of 1 kg with a radius of 0.1 [kg m^2].
 _MOMENT = 0.004
-# The second brings the first with it.
-_ROOTS = {"PhysicsArticulationRootAPI", "NewtonArticulationRootAPI"}
 _TENDONS = "ovphysx documentation, Articulations: tendons"
 _ARTICULATIONS = "ovphysx documentation, Articulations: articulation root"
 _BASE_OF_ITS_OWN = "put a base with mass on the world by a PhysicsFixedJoint with PhysicsArticulationRootAPI"
@@ -44,7 +42,7 @@ def _hangs(body: Body) -> bool:
 
 def _is_root(body: Body) -> bool:
     element = element_at(body.place)
-    return element is not None and not _ROOTS.isdisjoint(element.get("schemas", "").split())
+    return element is not None and not ROOTS.isdisjoint(element.get("schemas", "").split())
 
 
 @law("joints to the world", "joints", supplied=True)
@@ -64,17 +62,6 @@ def _floating(robot: Robot) -> Tree:
     return with_bodies(robot.tree, read)
 
 
-def _is_mujocos(value: Fraction) -> bool:
-    return isinstance(value, Given) and value.attribute.startswith("mjc:")
-
-
-@law("attributes of MuJoCo", "joints", supplied=True, each=with_joints)
-def _unread(joint: Joint) -> Joint:
-    """Without springs, dampers and rotors that the namespace of MuJoCo alone gives."""
-    gone: dict[str, Any] = {name: _NOTHING for name in ("stiffness", "damping", "armature") if _is_mujocos(getattr(joint, name))}
-    return replace(joint, **gone)
-
-
 @law("links without mass", "links", supplied=True)
 def _massless(robot: Robot) -> Tree:
     moved = moving(robot.tree)
@@ -85,17 +72,6 @@ def _massless(robot: Robot) -> Tree:
         return Inertia((), Fraction(1), (*[computed(_MOMENT, body, "moment of PhysX")] * 3, *[_NOTHING] * 3), body.place)
 
     return with_inertias(robot.tree, read)
-
-
-@law("gravity compensation", "bodies", each=with_bodies)
-def _weightless(body: Body) -> Body:
-    return replace(body, gravity_compensation=_NOTHING) if _is_mujocos(body.gravity_compensation) else body
-
-
-@law("reference positions", "joints", each=with_joints)
-def _unreferenced(joint: Joint) -> Joint:
-    """Joints are at zero where their frames meet."""
-    return replace(joint, reference=_NOTHING) if _is_mujocos(joint.reference) else joint
 
 
 @law("gravity that a flag switches off", "files", supplied=True)
@@ -141,7 +117,7 @@ READINGS = readings_of(
                 _BASE_OF_ITS_OWN,
                 f"{_ARTICULATIONS}; Population, PhysicsArticulationRootAPI",
             ),
-            _unread: (
+            _stages.attributes_of_joints: (
                 "PhysX reads springs, dampers and rotor inertias of joints in no attribute of the namespace mjc",
                 "write newton:armature and newton:damping; make a spring a drive to its reference",
                 "ovphysx documentation, Population, PhysxJointAxisAPI",
@@ -169,12 +145,12 @@ READINGS = readings_of(
                 "write physics:mass and physics:diagonalInertia, as small as the robot bears",
                 "ovphysx documentation, Population, PhysicsRigidBodyAPI; PhysX, setMassAndUpdateInertia of a sphere",
             ),
-            _weightless: (
+            _stages.gravity_compensation: (
                 "PhysX reads no mjc:gravcomp",
                 _left_out.CARRY_WEIGHTS,
                 "ovphysx documentation, Population, PhysxRigidBodyAPI",
             ),
-            _unreferenced: (
+            _stages.references: (
                 "PhysX counts positions of joints from where their frames meet, and reads no mjc:ref",
                 "add the reference to its positions",
                 "ovphysx documentation, Joints",

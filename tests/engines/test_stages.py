@@ -1,11 +1,10 @@
-"""PhysX on robots in USD: the layer by which it is aided, and its answers in an environment of its own."""
+"""PhysX and Newton on robots in USD: the layer by which PhysX is aided, and answers in environments of their own."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,14 +15,16 @@ from stages import random_stage
 from harness.comparison.judgement import judge
 from harness.comparison.robot_library import ask_engine
 from harness.engines.adapters.physx.anchors import write_anchored
-from harness.engines.request import EngineAnswers
 from harness.explain.meant import columns_of, for_engine, meant, question_of, read_as, request_of
 from harness.files.joint_kinds import JointKind
 from harness.library import Stance
-from harness.trees.robot import read_robot
+from harness.results.comparison import SubjectRecord
+from harness.trees.robot import Robot, read_robot
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "docs" / "examples").glob("*.usda"))
 SINGLE_PRECISION = 2.0**-24
+# What is read there has no states of the file, or is Newton's alone.
+NOT_PLAIN = {"roots-on-bodies", "sequence-of-joints-of-a-body"}
 
 
 def written(folder: Path, text: str) -> Path:
@@ -60,23 +61,25 @@ def test_gravity_that_a_file_switches_off_is_off_in_the_layer(tmp_path: Path) ->
     assert scene.GetGravityMagnitudeAttr().Get() == 0.0 and not scene.GetPrim().GetMetadata("apiSchemas").ApplyOperations([])
 
 
-def judged(robot: Any, answers: EngineAnswers, states: int) -> Any:
-    return judge(meant(robot, states, 0), answers, "physx", Stance.AIDED)
-
-
-def answers_of(robot: Any, asked: Any, states: int) -> EngineAnswers:
-    """Those of PhysX on the file of ``asked``, at the states of ``robot``."""
+def judged(engine: str, robot: Robot, asked: Path, states: int) -> SubjectRecord:
+    """The record of an engine, aided, that answers on the file ``asked`` at sampled states of ``robot``."""
     question = question_of(for_engine(meant(robot, states, 0), SINGLE_PRECISION), Stance.AIDED)
-    return ask_engine("physx", replace(question, request=replace(question.request, path=asked)))
+    answers = ask_engine(engine, replace(question, request=replace(question.request, path=asked)))
+    return judge(meant(robot, states, 0), answers, engine, Stance.AIDED)
 
 
 @pytest.fixture
-def here(environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HARNESS_CACHE", str(environment("physx")))
+def engine(request: pytest.FixtureRequest, environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> str:
+    name: str = request.param
+    monkeypatch.setenv("HARNESS_CACHE", str(environment(name)))
+    return name
+
+
+BOTH = pytest.mark.parametrize("engine", ["physx", "newton"], indirect=True)
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("example", [path for path in EXAMPLES if path.stem != "roots-on-bodies"], ids=lambda path: path.stem)
+@pytest.mark.parametrize("example", [path for path in EXAMPLES if path.stem not in NOT_PLAIN], ids=lambda path: path.stem)
 def test_an_example_is_what_physx_makes_of_it(example: Path, environment: Callable[[str], Path], tmp_path: Path) -> None:
     found = found_by(environment("physx"), tmp_path, "compare", str(example), "--subject", "physx/usd")
     plain, aided = found["subjects"]
@@ -86,20 +89,22 @@ def test_an_example_is_what_physx_makes_of_it(example: Path, environment: Callab
 
 
 @pytest.mark.nightly
+@BOTH
 @pytest.mark.parametrize("seed", range(25))
-def test_physx_agrees_with_random_trees(seed: int, here: None, tmp_path: Path) -> None:
-    """4,000 states of each."""
+def test_random_trees_agree(engine: str, seed: int, tmp_path: Path) -> None:
+    """At 4,000 states of each."""
     robot = read_robot(written(tmp_path, random_stage(seed)))
-    record = judged(robot, answers_of(robot, robot.path, 4000), 4000)
+    record = judged(engine, robot, robot.path, 4000)
     assert record.verdict == "agrees", (record.backward_error, record.message, record.rest)
 
 
 @pytest.mark.nightly
+@BOTH
 @pytest.mark.parametrize("factor", [1.0, 1.0001])
-def test_physx_feels_an_inertia_that_is_off_by_a_ten_thousandth(factor: float, here: None, tmp_path: Path) -> None:
-    text = Path(EXAMPLES[0].with_name("joints-to-the-world.usda")).read_text()
+def test_an_inertia_that_is_off_by_a_ten_thousandth_is_felt(engine: str, factor: float, tmp_path: Path) -> None:
+    text = EXAMPLES[0].with_name("joints-to-the-world.usda").read_text()
     robot = read_robot(written(tmp_path, text))
     other = tmp_path / "other.usda"
     other.write_text(text.replace("0.01, 0.06, 0.06", f"0.01, {0.06 * factor!r}, 0.06"))
-    record = judged(robot, answers_of(robot, other, 400), 400)
+    record = judged(engine, robot, other, 400)
     assert (record.verdict == "agrees") == (factor == 1.0), record.backward_error
