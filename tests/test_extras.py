@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -18,9 +19,11 @@ from rooms import PACKAGE, REPOSITORY
 from support import harness
 
 from harness import load
+from harness.engines import describe_engines
 from harness.errors import DISTRIBUTION, EXTRAS, InvalidRequest
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
+from harness.workers import Workers
 
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 ROBOTS = PACKAGE / "robots"
@@ -38,9 +41,13 @@ sys.meta_path.insert(0, Blocked())
 
 
 @pytest.fixture
-def without_extras(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_extras(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for module in EXTRAS:
         monkeypatch.setitem(sys.modules, module, None)
+    yield
+    monkeypatch.undo()
+    # A process keeps what it has found of engines.
+    describe_engines(Library.built_in(), Workers)
 
 
 def in_a_base_install(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
