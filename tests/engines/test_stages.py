@@ -108,3 +108,25 @@ def test_an_inertia_that_is_off_by_a_ten_thousandth_is_felt(engine: str, factor:
     other.write_text(text.replace("0.01, 0.06, 0.06", f"0.01, {0.06 * factor!r}, 0.06"))
     record = judged(engine, robot, other, 400)
     assert (record.verdict == "agrees") == (factor == 1.0), record.backward_error
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("engine", ["newton"], indirect=True)
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_body_by_itself_is_asked_where_newton_numbers_it_as_its_joint(engine: str, is_first: bool, tmp_path: Path) -> None:
+    """SolverFeatherstone takes the inertia of body n for joint n, which the importer sees to in articulations alone."""
+    body = (
+        'def Xform "{}" (apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {{ float physics:mass = {}; float3 physics:diagonalInertia'
+    )
+    bodies = [
+        body.format("rod", 2) + " = (1, 1, 1); point3f physics:centerOfMass = (1, 0, 0); }",
+        body.format("post", 9) + " = (2, 2, 2); }",
+    ]
+    joints = [
+        'def PhysicsRevoluteJoint "pin" { rel physics:body1 = </rod>; uniform token physics:axis = "Y"; }',
+        'def PhysicsFixedJoint "bolt" { rel physics:body1 = </post>; }',
+    ]
+    text = "\n".join(['#usda 1.0\n( metersPerUnit = 1; upAxis = "Z" )', *(bodies if is_first else reversed(bodies)), *joints, ""])
+    robot = read_robot(written(tmp_path, text))
+    record = judged(engine, robot, robot.path, 20)
+    assert (record.verdict == "agrees") != is_first and ("takes the inertia of the body" in record.message) == is_first, record

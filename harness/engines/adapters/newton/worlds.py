@@ -242,7 +242,8 @@ def _with_stage(robot: Any, request: Request) -> Mapping[str, int]:
     An aided one has the first body of each tree that is in no articulation for the root of one.
 
     Raises:
-        Refused: there is such a tree, and the request is not aided.
+        Refused: there is such a tree, and the request is not aided; or one of a body by itself, of which the solver would take another
+            body's inertia.
     """
     # Imported late: files of other formats are read where it is not.
     from pxr import Usd, UsdPhysics
@@ -263,6 +264,11 @@ def _with_stage(robot: Any, request: Request) -> Mapping[str, int]:
     paths: Mapping[str, int] = robot.add_usd(source, ignore_paths=closing)["path_joint_map"]
     # A body by itself is none for the importer, whatever its schemas are.
     for number in [number for number, articulation in enumerate(robot.joint_articulation) if articulation < 0]:
+        if robot.joint_child[number] != number:
+            raise Refused(
+                f"{robot.joint_label[number]} is joint {number}, and moves body {robot.joint_child[number]}; SolverFeatherstone takes the "
+                "inertia of the body with the number of the joint"
+            )
         robot.add_articulation([number])
     return paths
 
