@@ -130,3 +130,16 @@ def test_a_body_by_itself_is_asked_where_newton_numbers_it_as_its_joint(engine: 
     robot = read_robot(written(tmp_path, text))
     record = judged(engine, robot, robot.path, 20)
     assert (record.verdict == "agrees") != is_first and ("takes the inertia of the body" in record.message) == is_first, record
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("engine", ["newton"], indirect=True)
+@pytest.mark.parametrize("is_alone", [True, False])
+def test_newton_takes_joints_by_name_but_those_of_a_body_by_itself(engine: str, is_alone: bool, tmp_path: Path) -> None:
+    text = EXAMPLES[0].with_name("sequence-of-joints-of-a-body.usda").read_text()
+    if is_alone:
+        lines = [line for line in text.splitlines(keepends=True) if '"torso"' not in line]
+        text = "".join(lines).replace("rel physics:body0 = </robot/torso>; ", "")
+    robot = read_robot(written(tmp_path, text))
+    record = judged(engine, robot, robot.path, 40)
+    assert record.explained and record.verdict == ("agrees" if is_alone else "disagrees") and len(record.readings) == (not is_alone), record

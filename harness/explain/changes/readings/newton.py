@@ -18,9 +18,9 @@ from harness.explain.changes.readings import (
     with_inertias,
     with_joints,
 )
-from harness.files.given import Given, Placement, vector
+from harness.files.given import Given, Placement, Vector, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Inertia, Joint, Tree
+from harness.files.tree import WORLD, Body, Inertia, Joint, Tree
 from harness.trees.robot import Robot
 
 _MJCF, _URDF, _USD, _ALL = ("mjcf",), ("urdf",), ("usd",), ("mjcf", "urdf", "usd")
@@ -54,20 +54,34 @@ def _slides_first(body: Body) -> Body:
     return replace(body, joints=tuple(replace(joint, anchor=body.joints[0].anchor) for joint in joints))
 
 
-@law("sequence of joints of a body", "bodies", each=with_bodies)
-def _by_name(body: Body) -> Body:
-    """One joint of all, in the order of the paths of their prims: slides first, in the position of the first."""
-    if len(body.joints) < 2:
-        return body
-    by_path = sorted(body.joints, key=lambda joint: joint.place.tag.split("/") if joint.place else [])
-    # The frame of a joint in its body is one placement.
-    first = next(iter(by_path[0].pose), Placement())
+@law("sequence of joints of a body", "bodies")
+def _by_name(robot: Robot) -> Tree:
+    """One joint of all that a body has: slides first, in the position of the first, by the paths of their prims.
 
-    def moved(joint: Joint) -> Joint:
-        own = next(iter(joint.pose), Placement())
-        return joint if own.position == first.position else replace(joint, pose=(replace(own, position=first.position), *joint.pose[1:]))
+    Those of a body by itself, which is in no articulation for the importer, are in the order of the file.
+    """
+    carrying = {body.parent for body in robot.tree.bodies}
 
-    return replace(body, joints=tuple(map(moved, sorted(by_path, key=lambda joint: joint.kind != JointKind.SLIDE))))
+    def read(body: Body) -> Body:
+        if len(body.joints) < 2:
+            return body
+        is_alone = body.parent == WORLD and body.name not in carrying
+        joints = body.joints if is_alone else sorted(body.joints, key=lambda joint: joint.place.tag.split("/") if joint.place else [])
+        # The frame of a joint in its body is one placement.
+        first = _position(joints[0])
+        joints = [joint if _position(joint) == first else _moved(joint, first) for joint in joints]
+        return replace(body, joints=tuple(sorted(joints, key=lambda joint: joint.kind != JointKind.SLIDE)))
+
+    return with_bodies(robot.tree, read)
+
+
+def _position(joint: Joint) -> Vector:
+    return next(iter(joint.pose), Placement()).position
+
+
+def _moved(joint: Joint, position: Vector) -> Joint:
+    """A joint whose frame in its body has another origin."""
+    return replace(joint, pose=(replace(next(iter(joint.pose), Placement()), position=position), *joint.pose[1:]))
 
 
 def _raise(moments: Array) -> float:
